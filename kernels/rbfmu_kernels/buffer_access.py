@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
+from typing import Any, Generic, NamedTuple, TypeVar, get_args, get_type_hints
 
 from .compile.decorator import kernel
 from .types import Buffer, Matrix, Quaternion, Vec3
@@ -13,6 +13,15 @@ def copy_numbers(z: Buffer, source: int, target: int, n: int) -> None:
     """Copy n numbers from z[source] on to z[target] on; the two do not overlap."""
     for i in range(n):
         z[target + i] = z[source + i]
+
+
+@kernel
+def are_finite(z: Buffer, first: int, end: int) -> bool:
+    """Return whether all numbers from z[first] to before z[end] are finite: 0 x is 0 then, else NaN; one sum asks."""
+    total = 0.0
+    for i in range(first, end):
+        total += 0.0 * z[i]
+    return total == 0.0
 
 
 @kernel
@@ -65,23 +74,23 @@ def put_matrix_at(z: Buffer, i: int, A: Matrix) -> None:
     put_vec3_at(z, i + 6, A[2])
 
 
-R = TypeVar("R")
+T = TypeVar("T", bound=tuple[object, ...])
 
 
-class Record(NamedTuple):
+class Record(NamedTuple, Generic[T]):
     """The kernels of one kind of named tuple: `size, put, read, flatten = record(Kind)`."""
 
     size: int
     """How many numbers it holds."""
-    put: Any
+    put: Callable[[Buffer, int, T], None]
     """`put(z, i, value)` stores the value from z[i] on."""
-    read: Any
+    read: Callable[[Buffer | tuple[float, ...]], T]
     """`read(numbers)` returns the value whose numbers a buffer's slice or a flat tuple holds."""
-    flatten: Any
+    flatten: Callable[[T], Any]
     """`flatten(value)` returns its numbers as one flat tuple."""
 
 
-def record(kind: type[tuple[Any, ...]], size: int = 0) -> Record:
+def record(kind: type[T], size: int = 0) -> Record[T]:
     """Return the kernels that store and read a named tuple of floats, tuples of floats, and named tuples of these.
 
     size: how many numbers `flatten` gives at least; it fills up with zeros.

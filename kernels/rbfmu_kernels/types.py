@@ -2,6 +2,9 @@
 
 from typing import Protocol, get_args, get_origin, overload
 
+import numpy as np
+from numpy.typing import NDArray
+
 __all__ = ["Matrix", "Quaternion", "Vec3"]
 
 Vec3 = tuple[float, float, float]
@@ -13,6 +16,8 @@ Transform = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
 """Rows of a homogeneous transform, of four numbers each: they are no quaternions, but Numba sees no difference."""
 Vec6 = tuple[float, float, float, float, float, float]
 Matrix6 = tuple[Vec6, Vec6, Vec6, Vec6, Vec6, Vec6]
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
 class Buffer(Protocol):

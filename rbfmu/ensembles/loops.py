@@ -15,7 +15,7 @@ from numba import config, float64, int64, njit, typeof, types
 
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.types import Array
-from rbfmu_kernels.body.members import Driving, Members, Room, begin, drive, note, pieces_before, record
+from rbfmu_kernels.body.members import Driving, Members, Room, Run, begin, drive, note, pieces_before, record
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes, widest
 from rbfmu_kernels.compile.tiered import has_code
@@ -54,20 +54,20 @@ def run_members(
 
     z (SIZE,), state (k,): room for one.
     """
-    steps = len(driving.time) - 1
+    run, steps = Run(control, members, driving, room), len(driving.time) - 1
     for i in range(len(members.values)):
-        begin(z, state, i, len(members.base), members, driving)
+        begin(z, state, i, len(members.base), run)
         members.ends[i, 0], k = initialize(z), 0
         fine = members.ends[i, 0] == 0
         while fine:
-            record(z, i, k, steps, members)
+            record(z, i, k, run)
             if k == steps:
                 break
             for piece in range(pieces_before(driving, i, k), pieces_before(driving, i, k + 1)):
-                fine = fine and drive(z, state, i, k, piece, control, members, driving, room)
+                fine = fine and drive(z, state, i, k, piece, run)
                 fine = fine and step(z, driving.lengths[piece]) == 0
             k += 1
-        note(z, i, members)
+        note(z, i, run)
     return 0
 
 

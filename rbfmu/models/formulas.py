@@ -295,7 +295,7 @@ class FormulaModel:
         inputs = [tuple(self.place(element) for element, _ in by_element(ports[end])) for end in _ENDS]
         numbers = (
             *("order", "tolerance", "span", "time", "longest", "sizes", "stands", "reach", "since", "begun"),
-            *("sides", "on", "flips", "kept", "last", "work"),
+            *("rest", "crept", "tried", "sides", "on", "flips", "kept", "last", "work"),
         )
         return {name.upper(): where[name] for name in numbers} | {
             "STATES": tuple(self.place("time" if s == "t" else s) for s in self.rates),

@@ -141,10 +141,7 @@ class BodyAtStart:
     """Whether two moments are equal."""
     symmetric_frame = _answer(principal.symmetric_frame, lambda start: (start.body.inertia,))
     """The moment that two axes share, that of the third, and the axes, of a body that is taken as symmetric."""
-    leaves_third_axis = _answer(
-        unturned.leads_astray,
-        lambda start: (start.rotation[0], start.symmetric_frame[2], start.body, start.loads),
-    )
+    leaves_third_axis = _answer(unturned.leads_astray, lambda start: (start.z, start.symmetric_frame[2]))
     """Whether the moments across an axis differ, or a torque or damping is not about that axis alone."""
 
     @cached_property
@@ -156,11 +153,9 @@ class BodyAtStart:
 
     # A body that turns about one axis
 
-    axis = _answer(fixed_axis.main_axis, lambda start: (*start.rotation, start.body, start.loads))
+    axis = _answer(fixed_axis.main_axis, lambda start: (start.z,))
     """The principal axis of most of the rate, in b."""
-    leaves_axis = _answer(
-        fixed_axis.leaves_axis, lambda start: (start.z, start.axis, *start.rotation, start.body, start.loads)
-    )
+    leaves_axis = _answer(fixed_axis.leaves_axis, lambda start: (start.z, start.axis))
     """Whether anything turns the body about another axis."""
 
     @property
@@ -172,8 +167,7 @@ class BodyAtStart:
     @property
     def is_driven_or_damped(self) -> bool:
         """Return whether anything else acts about the axis."""
-        q, _ = self.rotation
-        drive, damping = interpreted(fixed_axis.drive_and_damping_rate)(self.z, self.axis, q, self.body, self.loads)
+        drive, damping = interpreted(fixed_axis.drive_and_damping_rate)(self.z, self.axis)
         return drive != 0.0 or damping != 0.0
 
 

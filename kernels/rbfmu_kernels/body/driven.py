@@ -4,11 +4,12 @@ An input may change within a step as u + u_rate t + u_rate_2 t^2 / 2, where t co
 step the input keeps its last value, and its rates are 0 until they are set again.
 """
 
-from ..buffer import STEP_REJECTED, places
+from ..buffer import OK, STEP_REJECTED, places
 from ..buffer_access import copy_numbers
 from ..compile.decorator import kernel
 from ..integrators.rigid_body_state import RATE_ONLY, ROTATION, STATE_SIZE, WHOLE_STATE
-from ..mechanics.equations_of_motion import Body, LoadPolynomial, Loads, acting_loads, is_changing, steady_acceleration
+from ..mechanics import equations_of_motion as motion
+from ..mechanics.equations_of_motion import Body, LoadPolynomial, Loads
 from ..rotations.vec3 import add_scaled, is_nonzero
 from ..types import Buffer
 from . import memory
@@ -42,7 +43,7 @@ def load_polynomial_of(z: Buffer) -> LoadPolynomial:
 @kernel
 def part_to_integrate(z: Buffer, body: Body, loads: LoadPolynomial) -> int:
     """Return how many numbers of the state need integration: see `rigid_body_state`."""
-    acting = acting_loads(loads)
+    acting = motion.acting_loads(loads)
     if acting.force_b and memory.needs_translation(z) and not memory.has_pivot(z):
         return WHOLE_STATE
     levered = (acting.force_a or memory.is_set(z, _PORT_FORCE_A)) and is_nonzero(body.arm_b)
@@ -77,7 +78,7 @@ def keep(z: Buffer) -> None:
 def finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
     """Move the centre of mass as far as in closed form, set outputs; or return STEP_REJECTED with all as it was."""
     _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, body, loads.value)
-    changing = is_changing(loads)
+    changing = motion.is_changing(loads)
     if changing:
         _translate_further(z, h, body, loads)
     if status != 0 or not memory.is_finite(z):
@@ -92,11 +93,7 @@ def finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPoly
 @kernel
 def finish_steadily(z: Buffer, n: int, h: float) -> int:
     """Do what `finish` does where no input changes within the step."""
-    _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, memory.body_of(z), memory.loads_of(z))
-    if not memory.is_finite(z):
-        copy_numbers(z, _BEFORE, memory.STATE_START, STATE_SIZE)
-        return STEP_REJECTED
-    return outputs(z)
+    return finish(z, n, h, OK, memory.body_of(z), motion.constant_loads(memory.loads_of(z)))
 
 
 @kernel
@@ -104,7 +101,7 @@ def _translate(z: Buffer, h: float, drift: float, body: Body, loads: Loads) -> N
     """Move the centre of mass by h under its steady acceleration; drift: 0 where v_c h is added already, else 1."""
     if not memory.needs_translation(z):
         return
-    (r_c, v_c), a = memory.centre_of(z), steady_acceleration(body, loads)
+    (r_c, v_c), a = memory.centre_of(z), motion.steady_acceleration(body, loads)
     memory.put_centre(z, add_scaled(add_scaled(r_c, drift * h, v_c), 0.5 * h * h, a), add_scaled(v_c, h, a))
 
 
@@ -112,7 +109,7 @@ def _translate(z: Buffer, h: float, drift: float, body: Body, loads: Loads) -> N
 def _translate_further(z: Buffer, h: float, body: Body, loads: LoadPolynomial) -> None:
     """Add what the change of the steady acceleration within the step adds to the centre of mass's motion."""
     r, v = memory.centre_of(z)
-    first, second = steady_acceleration(body, loads.rate), steady_acceleration(body, loads.rate_2)
+    first, second = motion.steady_acceleration(body, loads.rate), motion.steady_acceleration(body, loads.rate_2)
     r = add_scaled(add_scaled(r, h * h * h / 6.0, first), h * h * h * h / 24.0, second)
     memory.put_centre(z, r, add_scaled(add_scaled(v, 0.5 * h * h, first), h * h * h / 6.0, second))
 

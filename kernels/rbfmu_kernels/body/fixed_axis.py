@@ -25,11 +25,12 @@ _PARALLEL = 8.0 * 2.0**-52
 
 
 @kernel
-def main_axis(q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> Vec3:
+def main_axis(z: Buffer) -> Vec3:
     """Return the principal axis of most of the rate, or of what begins to turn a body at rest.
 
     In equilibrium it is the axis about which the arm would swing. A sphere's axis may be oblique, as each is principal.
     """
+    (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
     v = omega if is_nonzero(omega) else angular_acceleration(q, omega, body, loads)
     if _may_be_oblique(body, loads) and is_nonzero(v):
         return scale(1.0 / norm(v), v)
@@ -56,13 +57,13 @@ def _clearance(moment: float, axis: Vec3, arm: Vec3) -> float:
 
 
 @kernel
-def leaves_axis(z: Buffer, axis: Vec3, q: Quaternion, omega: Vec3, body: Body, loads: Loads) -> bool:
+def leaves_axis(z: Buffer, axis: Vec3) -> bool:
     """Return whether anything, at any angle, turns the body about another axis, or a turning force bends its path.
 
     Loads that models with a closed form do not know count as well.
     """
-    arm = body.arm_b
-    q_ba = invert_quaternion(q)
+    (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
+    arm, q_ba = body.arm_b, invert_quaternion(q)
     force = rotate(q_ba, loads.force_a)
     start = add(omega, angular_acceleration(q, omega, body, loads))
     slack = _PARALLEL if _may_be_oblique(body, loads) else 0.0
@@ -104,9 +105,10 @@ def swing(z: Buffer, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
 
 
 @kernel
-def drive_and_damping_rate(z: Buffer, axis: Vec3, q: Quaternion, body: Body, loads: Loads) -> tuple[float, float]:
+def drive_and_damping_rate(z: Buffer, axis: Vec3) -> tuple[float, float]:
     """Return (P, d), rad/s2 and 1/s: torques, forces that turn with the body, and damping add P - d rate."""
-    torque = add(rotate(invert_quaternion(q), loads.torque_a), add(loads.torque_b, cross(body.arm_b, loads.force_b)))
+    q_ba, body, loads = invert_quaternion(memory.rotation_of(z).q_ab), memory.body_of(z), memory.loads_of(z)
+    torque = add(rotate(q_ba, loads.torque_a), add(loads.torque_b, cross(body.arm_b, loads.force_b)))
     moment = _moment(z, axis)[0]
     return dot(axis, torque) / moment, -dot(axis, damping_torque(body.damping_b, axis)) / moment
 

@@ -1,10 +1,14 @@
 """Members of an ensemble in compiled code: what each begins with, what drives its ports, and what is kept of it."""
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 from ..compile.decorator import kernel
-from ..types import Buffer
+from ..types import Array, Buffer, Indices
+
+Control = Callable[[float, Array, Array, Array, Array], None]
+"""A controller: of the time and the outputs it sets its state and the inputs; it may be given noise."""
 
 
 class Members(NamedTuple):
@@ -16,14 +20,14 @@ class Members(NamedTuple):
     E): what stands at the places after (E,) when a member's run is over.
     """
 
-    base: Any
-    places: Any
-    values: Any
-    kept: Any
-    rows: Any
-    ends: Any
-    after: Any
-    noted: Any
+    base: Array
+    places: Indices
+    values: Array
+    kept: Indices
+    rows: Array
+    ends: Indices
+    after: Indices
+    noted: Array
 
 
 class Driving(NamedTuple):
@@ -35,22 +39,31 @@ class Driving(NamedTuple):
     of the controller. noise (m, n, q).
     """
 
-    ports: Any
-    rates: Any
-    time: Any
-    lengths: Any
-    counts: Any
-    given: Any
-    slopes: Any
-    start: Any
-    noise: Any
+    ports: Indices
+    rates: Indices
+    time: Array
+    lengths: Array
+    counts: Indices
+    given: Array
+    slopes: Array
+    start: Array
+    noise: Array
 
 
 class Room(NamedTuple):
     """Room for what a controller takes of one member at a time: outputs (K,), inputs (P,)."""
 
-    outputs: Any
-    inputs: Any
+    outputs: Array
+    inputs: Array
+
+
+class Run(NamedTuple):
+    """A run of an ensemble: what drives its members and what is kept of them."""
+
+    control: Control
+    members: Members
+    driving: Driving
+    room: Room
 
 
 @kernel
@@ -60,8 +73,9 @@ def pieces_before(driving: Driving, i: int, k: int) -> int:
 
 
 @kernel
-def begin(z: Buffer, state: Any, i: int, size: int, members: Members, driving: Driving) -> None:
+def begin(z: Buffer, state: Array, i: int, size: int, run: Run) -> None:
     """Fill a buffer, so many numbers, with what a member has before `initialize`; and its controller's state."""
+    members, driving = run.members, run.driving
     for j in range(size):
         z[j] = members.base[j]
     for j in range(len(members.places)):
@@ -76,27 +90,28 @@ def begin(z: Buffer, state: Any, i: int, size: int, members: Members, driving: D
 
 
 @kernel
-def record(z: Buffer, i: int, k: int, steps: int, members: Members) -> None:
+def record(z: Buffer, i: int, k: int, run: Run) -> None:
     """Keep a member's outputs at point k, of which the last is that after all steps."""
+    members = run.members
     points = members.rows.shape[1]
     members.ends[i, 1] = k
-    if points > 1 or k == steps:
+    if points > 1 or k == len(run.driving.time) - 1:
         for j in range(len(members.kept)):
             members.rows[i, k if points > 1 else 0, j] = z[members.kept[j]]
 
 
 @kernel
-def note(z: Buffer, i: int, members: Members) -> None:
+def note(z: Buffer, i: int, run: Run) -> None:
     """Note what stands in a buffer when a member's run is over."""
+    members = run.members
     for j in range(len(members.after)):
         members.noted[i, j] = z[members.after[j]]
 
 
 @kernel
-def drive(
-    z: Buffer, state: Any, i: int, k: int, piece: int, control: Any, members: Members, driving: Driving, room: Room
-) -> bool:
+def drive(z: Buffer, state: Array, i: int, k: int, piece: int, run: Run) -> bool:
     """Set a member's ports for a piece of the step after point k; return whether what they are given is finite."""
+    control, members, driving, room = run
     ports, inputs = driving.ports, room.inputs
     for j in range(len(ports)):
         inputs[j] = z[ports[j]] if math.isnan(driving.given[piece, j]) else driving.given[piece, j]

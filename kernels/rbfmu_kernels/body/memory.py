@@ -8,7 +8,7 @@ import math
 
 from .. import quantities
 from ..buffer import BEAM_TURNS, NEGATIVE, NO_ATTITUDE, NO_MASS, NOT_FINITE, TWO_ZERO_MOMENTS, places
-from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
+from ..buffer_access import are_finite, matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE, Centre, Rotation
 from ..mechanics.equations_of_motion import Body, Loads, State
@@ -40,13 +40,12 @@ _AT = {name: block.start for name, block in BLOCKS.items()}
 _INPUTS = _AT[next(iter(INPUTS))]
 _FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = places(INPUTS).starts("force_a", "force_b", "torque_a", "torque_b")
 _MASS, _INERTIA, _R_OC, _GRAVITY, _DAMPING = LAYOUT.starts("mass", "inertia", "r_oc_b", "gravity_a", "damping_b")
-_CONSTANT_FORCE_A, _CONSTANT_FORCE_B, _CONSTANT_TORQUE_A, _CONSTANT_TORQUE_B = LAYOUT.starts(
-    "constant_force_a", "constant_force_b", "constant_torque_a", "constant_torque_b"
-)
+_CONSTANTS, _CONSTANT_FORCE_B = _AT[f"constant_{next(iter(INPUTS))}"], _AT["constant_force_b"]
+"""Known loads stand in the order of the inputs, which may supply more of each."""
 _END = BLOCKS[next(reversed(PARAMETERS))].stop
 _NOT_NEGATIVE = tuple((BLOCKS[load.block].start, BLOCKS[load.block].stop) for load in quantities.BOUNDED)
 _POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = LAYOUT.starts("position_0", "velocity_0", "quaternion_0", "omega_b_0")
-_PIVOT, _SUBSTEP = _AT["pivot"], _AT["substep"]
+_PIVOT, _SUBSTEP = LAYOUT.starts("pivot", "substep")
 STATE_START = _AT["q"]
 """Where the state begins: see `rigid_body_state`."""
 _OMEGA, _R_C, _V_C = _AT["omega"], _AT["r_c"], _AT["v_c"]
@@ -84,10 +83,7 @@ def initialize_body(z: Buffer) -> int:
 
 @kernel(inline=False)
 def _fault_of_parameters(z: Buffer) -> int:
-    finite = 0.0
-    for i in range(_END):
-        finite += 0.0 * z[i]
-    if finite != 0.0:
+    if not are_finite(z, 0, _END):
         return NOT_FINITE
     if not z[_MASS] > 0.0:
         return NO_MASS
@@ -153,16 +149,13 @@ def put_motion(z: Buffer, motion: State) -> None:
 @kernel
 def substep_of(z: Buffer) -> float:
     """Return the largest substep of a method of fixed steps, s."""
-    return z[_SUBSTEP]  # type: ignore[no-any-return]
+    return z[_SUBSTEP]
 
 
 @kernel
 def is_finite(z: Buffer) -> bool:
-    """Return whether every number of the state is finite: 0 x is 0 then, else NaN, and one sum asks all at once."""
-    total = 0.0
-    for i in range(STATE_START, STATE_START + STATE_SIZE):
-        total += 0.0 * z[i]
-    return total == 0.0
+    """Return whether every number of the state is finite."""
+    return are_finite(z, STATE_START, STATE_START + STATE_SIZE)
 
 
 @kernel
@@ -184,10 +177,7 @@ def body_of(z: Buffer) -> Body:
     """Return the constants of the equations of motion; see `equations_of_motion.Body`."""
     free = 1.0 if z[_PIVOT] == 0.0 else 0.0
     M, M_inverse = matrix_at(z, _M), matrix_at(z, _M_INVERSE)
-    return Body(
-        inverse_mass=z[_INVERSE_MASS], inertia=M, inertia_inverse=M_inverse, arm_b=vec3_at(z, _ARM),
-        damping_b=vec3_at(z, _DAMPING), is_free=free,
-    )  # fmt: skip
+    return Body(z[_INVERSE_MASS], M, M_inverse, vec3_at(z, _ARM), vec3_at(z, _DAMPING), free)
 
 
 @kernel
@@ -203,14 +193,10 @@ def loads_at(numbers: Buffer, i: int, pivot: bool) -> Loads:
 def loads_of(z: Buffer) -> Loads:
     """Return the sum of known and supplied loads; see `equations_of_motion.Loads`."""
     pivot = has_pivot(z)
-    gravity_a, supplied = vec3_at(z, _GRAVITY), loads_at(z, _INPUTS, pivot)
-    torque_a = add(vec3_at(z, _CONSTANT_TORQUE_A), supplied.torque_a)
-    torque_b = add(vec3_at(z, _CONSTANT_TORQUE_B), supplied.torque_b)
-    if pivot:
-        return Loads(gravity_a, scale(z[_MASS], gravity_a), (0.0, 0.0, 0.0), torque_a, torque_b)
-    force_a = add(vec3_at(z, _CONSTANT_FORCE_A), supplied.force_a)
-    force_b = add(vec3_at(z, _CONSTANT_FORCE_B), supplied.force_b)
-    return Loads(gravity_a, force_a, force_b, torque_a, torque_b)
+    gravity_a, known, supplied = vec3_at(z, _GRAVITY), loads_at(z, _CONSTANTS, pivot), loads_at(z, _INPUTS, pivot)
+    force_a = scale(z[_MASS], gravity_a) if pivot else add(known.force_a, supplied.force_a)
+    force_b, torque_a = add(known.force_b, supplied.force_b), add(known.torque_a, supplied.torque_a)
+    return Loads(gravity_a, force_a, force_b, torque_a, add(known.torque_b, supplied.torque_b))
 
 
 _INPUT_FORCE_B = _AT["force_b"]

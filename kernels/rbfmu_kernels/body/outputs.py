@@ -1,7 +1,7 @@
 """The outputs of a body's model and their time derivatives, from its state and the inputs now set."""
 
 from ..buffer import NOT_FINITE
-from ..buffer_access import matrix_at, put_quaternion_at, put_vec3_at, vec3_at
+from ..buffer_access import are_finite, matrix_at, put_quaternion_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..mechanics import newton_euler
 from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration, angular_jerk, linear_acceleration
@@ -112,10 +112,7 @@ def output_rates(z: Buffer) -> int:
 def first_outputs(z: Buffer) -> int:
     """Set the outputs at the start; return 0, or a key of `buffer.FAULTS` where the parameters overflow them."""
     outputs(z)
-    total = 0.0
-    for i in range(_FIRST, _END):
-        total += 0.0 * z[i]
-    return 0 if total == 0.0 else NOT_FINITE
+    return 0 if are_finite(z, _FIRST, _END) else NOT_FINITE
 
 
 _INPUTS = memory.BLOCKS[next(iter(memory.INPUTS))].start

@@ -200,11 +200,9 @@ def symmetric_frame(M: Matrix) -> tuple[float, float, Matrix]:
     moments, R_bp = principal_frame(M)
     s = _odd_one(moments)
     t, u = (s + 1) % 3, (s + 2) % 3
-    e_t = (R_bp[0][t], R_bp[1][t], R_bp[2][t])
-    e_u = (R_bp[0][u], R_bp[1][u], R_bp[2][u])
-    e_s = (R_bp[0][s], R_bp[1][s], R_bp[2][s])
+    axes = invert_matrix(R_bp)
     mean = moments[t] if moments[t] == moments[u] else 0.5 * (moments[t] + moments[u])
-    return mean, moments[s], (e_t, e_u, e_s)
+    return mean, moments[s], (axes[t], axes[u], axes[s])
 
 
 @kernel

@@ -15,7 +15,8 @@ from ..types import Buffer
 from .memory import initialize_body, put_motion
 from .outputs import feedthrough, first_outputs, output_rates, outputs
 
-Entry = Callable[[Any], int]
+Entry = Callable[[Buffer], int]
+Step = Callable[[Buffer, float], int]
 
 
 class Lanes(NamedTuple):
@@ -25,8 +26,8 @@ class Lanes(NamedTuple):
     equal length.
     """
 
-    run_in_four: Any
-    run_in_eight: Any
+    run_in_four: Callable[..., None]
+    run_in_eight: Callable[..., None]
     SCRATCH: int
     IN_STEP: bool
 
@@ -46,12 +47,12 @@ class Model:
     BLOCKS: dict[str, slice]
     SIZE: int
     initialize: Entry
-    step: Callable[[Any, float], int]
+    step: Step
     outputs: Entry = outputs
     output_rates: Entry = output_rates
-    feedthrough: Callable[[Any, Any], int] = feedthrough
+    feedthrough: Callable[[Buffer, Buffer], int] = feedthrough
     ORDERS: Sequence[int] = ()
-    lanes: Callable[[], Any] | None = None
+    lanes: Callable[[], Lanes] | None = None
 
 
 def set_up(z: Buffer) -> int:
@@ -78,7 +79,7 @@ def make_model(
     constant: str,
     layout: Layout,
     own_set_up: Entry,
-    own_advance: Callable[[Any, float], int],
+    own_advance: Step,
     **fields: Any,
 ) -> Model:
     """Return a model of a body.

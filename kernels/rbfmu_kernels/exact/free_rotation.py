@@ -15,7 +15,7 @@ bounded: the error does not grow.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
@@ -26,7 +26,7 @@ from ..numerics.double_double import DoubleDouble, Vector, two_sum
 from ..numerics.elementary import power_of_two_for, sincos_half_turns
 from ..numerics.elliptic import NEAREST_KC, jacobi_low_parts
 from ..rotations.quaternion import compose_quaternions, square_of
-from ..types import Quaternion, Vec3
+from ..types import Array, Buffer, Quaternion, Vec3
 from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, jacobi_of, place_of, read_steady, turn_of
 from .free_rotation_series import Place as Place
 from .free_rotation_setup import FREE_ROTATION_SIZE as FREE_ROTATION_SIZE
@@ -50,7 +50,9 @@ def free_rotation_setup(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3) -> Free
     One zero moment (a slender beam, the others equal) is the limit of a thin rod: the rate about it stays constant.
     NaN where there is no motion: a negative moment, a zero moment beside unequal ones, a non-finite argument.
     """
-    return flatten_free_rotation(free_rotation_of(dd.vector(moments), q_0, dd.vector(omega_b_0)))
+    motion = free_rotation_of(dd.vector(moments), q_0, dd.vector(omega_b_0))
+    numbers: FreeRotationNumbers = flatten_free_rotation(motion)
+    return numbers
 
 
 @kernel
@@ -206,21 +208,23 @@ _LEAST, _LARGEST = 1e-60, 1e60
 class Bodies(NamedTuple):
     """Moments (m, 3), and attitudes (m, 4) and rates (m, 3) at the start, of m bodies: see `free_rotation`."""
 
-    moments: Any
-    q_0: Any
-    omega_b_0: Any
+    moments: Array
+    q_0: Array
+    omega_b_0: Array
 
 
 class Motions(NamedTuple):
     """Times (m, n), or (1, n) of all bodies, and the attitudes (m, n, 4) and rates (m, n, 3) then."""
 
-    t: Any
-    q: Any
-    omega: Any
+    t: Array
+    q: Array
+    omega: Array
 
 
 @kernel(inline=False)
-def free_rotations_in_four(moments: Any, q_0: Any, omega_b_0: Any, t: Any, scratch: Any, q: Any, omega: Any) -> bool:
+def free_rotations_in_four(
+    moments: Array, q_0: Array, omega_b_0: Array, t: Array, scratch: Array, q: Array, omega: Array
+) -> bool:
     """Set q (m, n, 4) and omega (m, n, 3) to the motions of m bodies at n times, four bodies at a time.
 
     moments (m, 3), q_0 (m, 4), omega_b_0 (m, 3): see `free_rotation`. t (m, n), or (1, n) of all bodies. Returns
@@ -231,14 +235,16 @@ def free_rotations_in_four(moments: Any, q_0: Any, omega_b_0: Any, t: Any, scrat
 
 
 @kernel(inline=False)
-def free_rotations_in_eight(moments: Any, q_0: Any, omega_b_0: Any, t: Any, scratch: Any, q: Any, omega: Any) -> bool:
+def free_rotations_in_eight(
+    moments: Array, q_0: Array, omega_b_0: Array, t: Array, scratch: Array, q: Array, omega: Array
+) -> bool:
     """Do the same, eight at a time."""
     bodies, found = Bodies(moments, q_0, omega_b_0), Motions(t, q, omega)
     return _motions(bodies, found, eight_wide(scratch, 0), eight_wide(scratch, 8 * _ROWS))
 
 
 @kernel
-def _motions(bodies: Bodies, found: Motions, tumbling: Any, near: Any) -> bool:
+def _motions(bodies: Bodies, found: Motions, tumbling: Buffer, near: Buffer) -> bool:
     tumblers, nearers, singular = 0, 0, False
     for i in range(len(bodies.moments)):
         moments = vec3_at(bodies.moments[i], 0)
@@ -258,7 +264,7 @@ def _motions(bodies: Bodies, found: Motions, tumbling: Any, near: Any) -> bool:
 
 
 @kernel
-def _join(c: Any, count: int, body: int, bodies: Bodies, found: Motions) -> int:
+def _join(c: Buffer, count: int, body: int, bodies: Bodies, found: Motions) -> int:
     """Give a body the next lane, and move all bodies once each lane has one; return how many wait."""
     _load(c, count, body, bodies)
     if count + 1 < width_of(c):
@@ -299,7 +305,7 @@ def _kind_of(moments: Vec3, omega: Vec3) -> float:
 
 
 @kernel
-def _load(c: Any, lane: int, body: int, bodies: Bodies) -> None:
+def _load(c: Buffer, lane: int, body: int, bodies: Bodies) -> None:
     for k in range(3):
         put_lane_at(c, _MOMENTS + k, lane, bodies.moments[body, k])
         put_lane_at(c, _OMEGA + k, lane, bodies.omega_b_0[body, k])
@@ -320,7 +326,7 @@ def _alone(body: int, bodies: Bodies, found: Motions) -> None:
 
 
 @kernel(inline=False)
-def _together(c: Any, count: int, bodies: Bodies, found: Motions) -> None:
+def _together(c: Buffer, count: int, bodies: Bodies, found: Motions) -> None:
     """Move the bodies in the first `count` lanes; the others have copies of the first."""
     for lane in range(count, width_of(c)):
         _load(c, lane, int(lane_at(c, _BODY, 0)), bodies)

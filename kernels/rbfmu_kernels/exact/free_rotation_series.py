@@ -37,32 +37,17 @@ Series = tuple[
 class AttitudeSeries(NamedTuple):
     """Coefficients in c = cos 2v: of Re alpha, of Im alpha / (sin v cos v), of Re beta / sin v, of Im beta / cos v."""
 
-    re_alpha_0: float
-    re_alpha_1: float
-    re_alpha_2: float
-    re_alpha_3: float
-    im_alpha_0: float
-    im_alpha_1: float
-    im_alpha_2: float
-    re_beta_0: float
-    re_beta_1: float
-    re_beta_2: float
-    im_beta_0: float
-    im_beta_1: float
-    im_beta_2: float
+    re_alpha: Quaternion
+    im_alpha: Vec3
+    re_beta: Vec3
+    im_beta: Vec3
 
 
 class NearAttitudeSeries(NamedTuple):
     """Coefficients of theta_2 (even) and theta_1 (odd): cosines and sines of multiples of b, by powers of the nome."""
 
-    even_0: float
-    even_1: float
-    even_2: float
-    even_3: float
-    odd_0: float
-    odd_1: float
-    odd_2: float
-    odd_3: float
+    even: Quaternion
+    odd: Quaternion
 
 
 class TumblingSeries(NamedTuple):
@@ -85,15 +70,16 @@ class SteadyTurn(NamedTuple):
     axis: Vec3
 
 
-_SIZE, _, read_tumbling, flatten_tumbling = record(TumblingSeries)
-_, _, read_near, flatten_near = record(NearSeries, _SIZE)
-_, _, read_steady, flatten_steady = record(SteadyTurn, _SIZE)
+_tumbling = record(TumblingSeries)
+read_tumbling, flatten_tumbling = _tumbling[2:]
+read_near, flatten_near = record(NearSeries, _tumbling.size)[2:]
+read_steady, flatten_steady = record(SteadyTurn, _tumbling.size)[2:]
 
 
 @kernel
 def attitude(sin_v: float, cos_v: float, series: AttitudeSeries) -> tuple[float, float, float, float]:
     """Return (Re alpha, Re beta, Im beta, Im alpha) at the phase v."""
-    a_0, a_1, a_2, a_3, i_0, i_1, i_2, b_0, b_1, b_2, j_0, j_1, j_2 = series
+    (a_0, a_1, a_2, a_3), (i_0, i_1, i_2), (b_0, b_1, b_2), (j_0, j_1, j_2) = series
     c = (cos_v - sin_v) * (cos_v + sin_v)
     return (
         a_0 + c * (a_1 + c * (a_2 + c * a_3)),
@@ -145,7 +131,7 @@ def jacobi_of(kind: float, place: Place, series: Series) -> tuple[float, float, 
 @kernel
 def attitude_near(e: float, side: float, series: NearSeries) -> tuple[float, float, float, float]:
     """Return (Re alpha, Re beta, Im beta, Im alpha) from e = exp(-2 |y|) and the sign of y."""
-    c_0, c_1, c_2, c_3, s_0, s_1, s_2, s_3 = series.attitude
+    (c_0, c_1, c_2, c_3), (s_0, s_1, s_2, s_3) = series.attitude
     root_nome = series.jacobi.root_nome
     p, f = root_nome / e, root_nome * e
     p_2, e_1 = p * p, e * f
@@ -177,12 +163,15 @@ def series_of(kappa: float, tilt: float, k2: float, kc: float, sign: float) -> T
     cosh_1, cosh_2, cosh_3 = h + q2 * f, up_2 + down_2, up_3 + down_3
     sinh_1, sinh_2, sinh_3 = h - q2 * f, up_2 - down_2, up_3 - down_3
     attitude = AttitudeSeries(
-        1.0 - cosh_2, 3.0 * cosh_3 - cosh_1, 2.0 * cosh_2, -4.0 * cosh_3,
-        -2.0 * sign * (sinh_1 - sinh_3), 4.0 * sign * sinh_2, -8.0 * sign * sinh_3,
-        sign * ((b_0 + d_0) - ((b_1 + d_1) + (b_2 + d_2))),
-        2.0 * sign * ((b_2 + d_2) - (b_1 + d_1)), 4.0 * sign * (b_2 + d_2),
-        ((b_2 - d_2) - (b_1 - d_1)) - (b_0 - d_0), 2.0 * ((b_1 - d_1) + (b_2 - d_2)), -4.0 * (b_2 - d_2),
-    )  # fmt: skip
+        (1.0 - cosh_2, 3.0 * cosh_3 - cosh_1, 2.0 * cosh_2, -4.0 * cosh_3),
+        (-2.0 * sign * (sinh_1 - sinh_3), 4.0 * sign * sinh_2, -8.0 * sign * sinh_3),
+        (
+            sign * ((b_0 + d_0) - ((b_1 + d_1) + (b_2 + d_2))),
+            2.0 * sign * ((b_2 + d_2) - (b_1 + d_1)),
+            4.0 * sign * (b_2 + d_2),
+        ),
+        (((b_2 - d_2) - (b_1 - d_1)) - (b_0 - d_0), 2.0 * ((b_1 - d_1) + (b_2 - d_2)), -4.0 * (b_2 - d_2)),
+    )
     return TumblingSeries(attitude, elliptic.theta_series_of(q))
 
 
@@ -255,6 +244,6 @@ def near_series_of(
     c_2, s_2 = twice * c_1 - c, twice * s_1 - s
     c_3, s_3 = twice * c_2 - c_1, twice * s_2 - s_1
     q9 = q4 * q4 * q
-    attitude = NearAttitudeSeries(c, q * c_1, q4 * c_2, q9 * c_3, s, q * s_1, q4 * s_2, q9 * s_3)
+    attitude = NearAttitudeSeries((c, q * c_1, q4 * c_2, q9 * c_3), (s, q * s_1, q4 * s_2, q9 * s_3))
     series = NearSeries(attitude, elliptic.Near(q, sign * near.sn, near.cn, near.dn))
     return series, dd.scale(sign, width), sign * phase[0]

@@ -46,8 +46,9 @@ class Pendulum(NamedTuple):
 
 
 PENDULUM_SIZE, put_pendulum, read_pendulum, _ = record(Pendulum)
-_SIZE, _, _read_theta, _flatten_theta = record(elliptic.Theta)
-_, _, _read_near, _flatten_near = record(NearSeries, _SIZE)
+_theta = record(elliptic.Theta)
+_read_theta, _flatten_theta = _theta[2:]
+_read_near, _flatten_near = record(NearSeries, _theta.size)[2:]
 ORDINARY, NEAR, SEPARATRIX = 0.0, 1.0, 2.0
 _LEAST_KC = 1e-300
 """Below, a motion is on the separatrix: K(k) = ln(4 / kc), so that a turn takes 690 of its time scales or more."""
@@ -58,7 +59,8 @@ _LAST_TURN = 0.2167123282101497  # u = 600 on the separatrix: from there on the 
 @kernel(inline=False)
 def pendulum_setup(x: DoubleDouble, y: DoubleDouble, z: DoubleDouble) -> Pendulum:
     """Return the constants of the motion from w_0 (sin, cos)(phi / 2) = (x, z) and phi' / 2 = y on; 1/s, z >= 0."""
-    side, sign, gap = math.copysign(1.0, x[0]), math.copysign(1.0, y[0]), _gap(y, z)
+    side, sign = math.copysign(1.0, x[0]), math.copysign(1.0, y[0])
+    gap = dd.subtract(z, dd.scale(sign, y))
     swings = gap[0] > 0.0
     w_0, w = _length(x, z), _length(x, y)
     fastest = w_0 if swings else w
@@ -146,12 +148,6 @@ def _near(
 def _near_series(kc: DoubleDouble, agm: DoubleDouble) -> NearSeries:
     width, _ = elliptic.near_scale(kc, agm, (0.0, 0.0), (1.0, 0.0))
     return NearSeries(elliptic.near_series(kc[0]), width)
-
-
-@kernel
-def _gap(y: DoubleDouble, z: DoubleDouble) -> DoubleDouble:
-    """Return z - |y|."""
-    return dd.subtract(z, dd.scale(math.copysign(1.0, y[0]), y))
 
 
 @kernel

@@ -25,7 +25,7 @@ TURNING_SIZE, put_turning, _read_turning, _ = record(Turning)
 @kernel
 def turning_at(z: Buffer, i: int) -> Turning:
     """Return the turning that begins at z[i]."""
-    return _read_turning(z[i : i + TURNING_SIZE])  # type: ignore[no-any-return]
+    return _read_turning(z[i : i + TURNING_SIZE])
 
 
 @kernel

@@ -9,12 +9,11 @@ Works in a piece of a model's buffer, see `taylor_coefficients`; what is kept: `
 """
 
 import math
-from typing import Any
 
 from ..buffer import MAX_SUBSTEPS, places
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
+from ..compile.simd import Lanes, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
 from ..mechanics.equations_of_motion import Body, LoadPolynomial
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble
@@ -46,7 +45,7 @@ def _put_turn(s: Buffer, products: int, k: int, q: Quaternion) -> None:
 
 
 @kernel
-def _turn_product(s: Buffer, products: int, j: int, i: int) -> Any:
+def _turn_product(s: Buffer, products: int, j: int, i: int) -> Lanes:
     """Return q_j o (0, omega_i) of coefficients."""
     row = term(products, j)
     x, y, z = vec3_at(s, term(RATE, i & ROWS))
@@ -233,11 +232,17 @@ def begin_clock(z: Buffer, i: int, n: int, m: int, reach: float) -> None:
 
 
 @kernel
-def follow(z: Buffer, room: Room, i: int, order: int, h: float) -> None:
-    """Advance the state by h along the series in the work space."""
+def pass_time(z: Buffer, i: int, h: float) -> float:
+    """Count a step h along the series; return how far it has served then."""
     since = clock_after(z, i, h)
     put_pair_at(z, i + SINCE, since)
-    _put_motion(z, room, i, order, h, since[0])
+    return since[0]
+
+
+@kernel
+def follow(z: Buffer, room: Room, i: int, order: int, h: float) -> None:
+    """Advance the state by h along the series in the work space."""
+    _put_motion(z, room, i, order, h, pass_time(z, i, h))
 
 
 @kernel

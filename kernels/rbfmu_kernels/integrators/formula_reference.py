@@ -8,23 +8,13 @@ parts in s[0], low ones in s[1].
 """
 
 import math
-from typing import Any
 
 from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble
 from ..numerics.double_double_functions import angle_of, exponential, natural_logarithm, sine_and_cosine
-from ..types import Buffer
-from .polynomials import (
-    OF_ROOTS,
-    ROUGHLY,
-    begins_at_zero,
-    first_root,
-    first_touch,
-    is_at_corner,
-    known_until,
-    side_from,
-)
+from ..types import Array, Indices
+from . import polynomials
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
 LENGTH = ORDER + 1
@@ -47,7 +37,7 @@ KINDS = (
 
 
 @kernel
-def _sum(s: Any, a: int, b: int, k: int, first: int, last: int) -> DoubleDouble:
+def _sum(s: Array, a: int, b: int, k: int, first: int, last: int) -> DoubleDouble:
     """Return the sum of a[j] b[k - j] for j from first to last."""
     total = (0.0, 0.0)
     for j in range(first, last + 1):
@@ -56,7 +46,7 @@ def _sum(s: Any, a: int, b: int, k: int, first: int, last: int) -> DoubleDouble:
 
 
 @kernel
-def _sum_of_slopes(s: Any, a: int, b: int, k: int, first: int, last: int) -> DoubleDouble:
+def _sum_of_slopes(s: Array, a: int, b: int, k: int, first: int, last: int) -> DoubleDouble:
     """Return the sum of j a[j] b[k - j] for j from first to last."""
     total = (0.0, 0.0)
     for j in range(first, last + 1):
@@ -65,7 +55,7 @@ def _sum_of_slopes(s: Any, a: int, b: int, k: int, first: int, last: int) -> Dou
 
 
 @kernel(inline=False)
-def _value(kind: int, i: int, a: int, b: int, c: int, s: Any) -> DoubleDouble:
+def _value(kind: int, i: int, a: int, b: int, c: int, s: Array) -> DoubleDouble:
     """Return an operation's value; a, b, c: where the numbers begin that it is of."""
     x, y = dd.at(s, a), dd.at(s, b)
     if kind == _ADD:
@@ -98,7 +88,7 @@ def _value(kind: int, i: int, a: int, b: int, c: int, s: Any) -> DoubleDouble:
 
 
 @kernel(inline=False)
-def _coefficient(kind: int, i: int, a: int, b: int, c: int, s: Any, k: int) -> DoubleDouble:
+def _coefficient(kind: int, i: int, a: int, b: int, c: int, s: Array, k: int) -> DoubleDouble:
     """Return an operation's k-th coefficient, k > 0."""
     n = float(k)
     if kind == _ADD:
@@ -136,7 +126,7 @@ def _coefficient(kind: int, i: int, a: int, b: int, c: int, s: Any, k: int) -> D
 
 
 @kernel(inline=False)
-def evaluate(operations: Any, s: Any, stride: int, with_sides: bool) -> None:
+def evaluate(operations: Indices, s: Array, stride: int, with_sides: bool) -> None:
     """Set the values of all operations but numbers and leaves, which stand there; stride: from one to the next.
 
     with_sides: whether those are set as well.
@@ -148,7 +138,7 @@ def evaluate(operations: Any, s: Any, stride: int, with_sides: bool) -> None:
 
 
 @kernel(inline=False)
-def _expand(operations: Any, states: Any, s: Any, unit: float) -> None:
+def _expand(operations: Indices, states: Indices, s: Array, unit: float) -> None:
     """Set the coefficients of all operations from the states' first; states: where each stands, and its rate.
 
     unit: that of time, s, a power of two.
@@ -166,7 +156,7 @@ def _expand(operations: Any, states: Any, s: Any, unit: float) -> None:
 
 
 @kernel(inline=False)
-def _longest(states: Any, least: Any, sizes: Any, s: Any) -> float:
+def _longest(states: Indices, least: Array, sizes: Array, s: Array) -> float:
     """Return the step, in units of time, whose last two terms are within the tolerance; NaN where one is not finite.
 
     least: of each group of states, the least size that its errors are relative to, negative where that alone counts;
@@ -196,7 +186,7 @@ def _longest(states: Any, least: Any, sizes: Any, s: Any) -> float:
 
 
 @kernel(inline=False)
-def _settled(operations: Any, states: Any, sides: Any, s: Any, unit: float) -> bool:
+def _settled(operations: Indices, states: Indices, sides: Array, s: Array, unit: float) -> bool:
     """Expand until all sides are those to which the series lead; return whether there are any such."""
     for i in range(sides.shape[0]):
         sides[i, 1], sides[i, 2] = sides[i, 2], 0.0
@@ -206,7 +196,7 @@ def _settled(operations: Any, states: Any, sides: Any, s: Any, unit: float) -> b
         changed = False
         for i in range(sides.shape[0]):
             n = int(sides[i, 0])
-            side = side_from(s[0], operations[n, 1] * LENGTH, 1, 1 if sides[i, 1] != 0.0 else 0, ORDER)
+            side = polynomials.side_from(s[0], operations[n, 1] * LENGTH, 1, 1 if sides[i, 1] != 0.0 else 0, ORDER)
             side = 1.0 if side == 0.0 and s[0, n * LENGTH] == 0.0 else side
             if side != 0.0 and side != s[0, n * LENGTH]:
                 s[0, n * LENGTH] = side
@@ -219,38 +209,40 @@ def _settled(operations: Any, states: Any, sides: Any, s: Any, unit: float) -> b
 
 
 @kernel(inline=False)
-def _to_corner(operations: Any, sides: Any, touching: Any, s: Any, longest: float) -> float:
+def _to_corner(operations: Indices, sides: Array, touching: Indices, s: Array, longest: float) -> float:
     """Return how far the series reach, at most `longest`, and note at whose corner they end."""
     corner = -1
     for i in range(sides.shape[0]):
-        longest = known_until(s[0], operations[int(sides[i, 0]), 1] * LENGTH, 1, ORDER, longest, ROUGHLY)
+        longest = polynomials.known_until(
+            s[0], operations[int(sides[i, 0]), 1] * LENGTH, 1, ORDER, longest, polynomials.ROUGHLY
+        )
     for m in range(touching.shape[0]):
         for of in range(2):
-            longest = known_until(s[0], touching[m, of] * LENGTH, 1, ORDER, longest, ROUGHLY)
+            longest = polynomials.known_until(s[0], touching[m, of] * LENGTH, 1, ORDER, longest, polynomials.ROUGHLY)
     reach = longest
     for i in range(sides.shape[0]):
         at, skipped = operations[int(sides[i, 0]), 1] * LENGTH, 1 if sides[i, 1] != 0.0 else 0
-        root = first_root(s[0], at + skipped, 1, ORDER - skipped, 0.0, longest)
+        root = polynomials.first_root(s[0], at + skipped, 1, ORDER - skipped, 0.0, longest)
         if root < reach:
             reach, corner = root, at
     for m in range(touching.shape[0]):
         at = touching[m, 0] * LENGTH
-        if begins_at_zero(s[0], at, 1, ORDER):
+        if polynomials.begins_at_zero(s[0], at, 1, ORDER):
             reach, corner = min(reach, AT_REST * longest), -1
         else:
-            touch = first_touch(s[0], at, 1, ORDER, 0.0, longest, 1.0, OF_ROOTS)
+            touch = polynomials.first_touch(s[0], at, 1, ORDER, 0.0, longest, 1.0, polynomials.OF_ROOTS)
             if touch < longest and touch + BEYOND * longest < reach:
                 reach, corner = touch + BEYOND * longest, at
     if corner >= 0:
-        reach = known_until(s[0], corner, 1, ORDER, reach, CORNER_KNOWN)
+        reach = polynomials.known_until(s[0], corner, 1, ORDER, reach, CORNER_KNOWN)
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
-        sides[i, 2] = 1.0 if reach < longest and is_at_corner(s[0], at, 1, ORDER, reach) else 0.0
+        sides[i, 2] = 1.0 if reach < longest and polynomials.is_at_corner(s[0], at, 1, ORDER, reach) else 0.0
     return reach
 
 
 @kernel(inline=False)
-def _put_states(states: Any, s: Any, at: DoubleDouble, found: Any, stride: int) -> None:
+def _put_states(states: Indices, s: Array, at: DoubleDouble, found: Array, stride: int) -> None:
     """Set the states at a time after the series' beginning, in the places of the operations."""
     for m in range(states.shape[0]):
         i = states[m, 0] * LENGTH
@@ -262,8 +254,8 @@ def _put_states(states: Any, s: Any, at: DoubleDouble, found: Any, stride: int) 
 
 @kernel(inline=False)
 def formula_motion(
-    operations: Any, states: Any, least: Any, sides: Any, touching: Any, wanted: Any, times: Any, rows: Any, most: int,
-    s: Any, here: Any, sizes: Buffer, in_a_hurry: bool,
+    operations: Indices, states: Indices, least: Array, sides: Array, touching: Indices, wanted: Indices, times: Array,
+    rows: Array, most: int, s: Array, here: Array, sizes: Array, in_a_hurry: bool,
 ) -> tuple[int, float]:  # fmt: skip
     """Set rows of what is wanted at increasing times (s, pairs) after the start; return the steps, and how far the
     last of them went: those after half of `most`.

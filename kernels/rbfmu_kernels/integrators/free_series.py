@@ -4,7 +4,6 @@ Each begins at a state of the closed form, so that no error adds up, and reaches
 round-off.
 """
 
-from ..buffer_access import put_pair_at
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import Body
 from ..rotations.vec3 import norm
@@ -61,10 +60,8 @@ def _undamped(body: Body) -> Body:
 
     With the damping the rate would drift over each series and jump back at its end.
     """
-    return Body(
-        inverse_mass=body.inverse_mass, inertia=body.inertia, inertia_inverse=body.inertia_inverse, arm_b=body.arm_b,
-        damping_b=(0.0, 0.0, 0.0), is_free=body.is_free,
-    )  # fmt: skip
+    inverse_mass, M, M_inverse, arm, _, is_free = body
+    return Body(inverse_mass, M, M_inverse, arm, (0.0, 0.0, 0.0), is_free)
 
 
 @kernel
@@ -72,9 +69,3 @@ def motion_after(z: Buffer, w: int, i: int, h: float) -> Rotation:
     """Return the motion a step h further along the series in z[w:]."""
     t, _ = dense.clock_after(z, i, h)
     return Rotation(dense.attitude_at(z, w, dense.turn_order_of(z, i), t), dense.rate_at(z, w, MAX_ORDER, t))
-
-
-@kernel
-def pass_time(z: Buffer, i: int, h: float) -> None:
-    """Count a step h along the series."""
-    put_pair_at(z, i + dense.SINCE, dense.clock_after(z, i, h))

@@ -21,6 +21,7 @@ from ..rotations.vec3 import add_scaled, norm, scale, subtract
 from ..types import Matrix, Vec3
 
 _AT_REST: Vec3 = (0.0, 0.0, 0.0)
+Parts = tuple[float, ...]
 
 # S. Blanes & P. C. Moan, "Practical symplectic partitioned Runge-Kutta and Runge-Kutta-Nystroem methods",
 # J. Comput. Appl. Math. 142 (2002): SRKN^b_6 (order 4) and SRKN^b_11 (order 6), each symmetric, kicks at both ends:
@@ -34,10 +35,8 @@ _K6 = (0.0414649985182624, 0.198128671918067, -0.0400061921041533, 0.07525398430
 _K6_LAST = 0.5 - (_K6[0] + _K6[1] + _K6[2] + _K6[3] + _K6[4])
 _D6 = (0.123229775946271, 0.290553797799558, -0.127049212625417, -0.246331761062075, 0.357208872795928)
 _D6_MIDDLE = 1.0 - 2.0 * (_D6[0] + _D6[1] + _D6[2] + _D6[3] + _D6[4])
-_DRIFTS_4 = (*_D4, _D4_LAST, _D4_LAST, _D4[1])
-_KICKS_4 = (*_K4, _K4_MIDDLE, *_K4[:0:-1])
-_DRIFTS_6 = (*_D6, _D6_MIDDLE, *_D6[:0:-1])
-_KICKS_6 = (*_K6, _K6_LAST, _K6_LAST, *_K6[:0:-1])
+_KICKS_4, _DRIFTS_4 = (*_K4, _K4_MIDDLE, *_K4[::-1]), (*_D4, _D4_LAST, _D4_LAST, *_D4[::-1])
+_KICKS_6, _DRIFTS_6 = (*_K6, _K6_LAST, _K6_LAST, *_K6[::-1]), (*_D6, _D6_MIDDLE, *_D6[::-1])
 
 
 @kernel
@@ -102,57 +101,45 @@ def _drift(state: State, h: float, M: Matrix, per_transverse: float) -> State:
     return State(add_scaled(r, h, v), v, q, rotate(invert_quaternion(back), omega))
 
 
-@kernel
-def _last_kick(state: State, h: float, body: Body, loads: Loads) -> State:
-    """Kick, and keep |q| by one step of Newton's method, as products of unit quaternions leave it within some eps."""
-    r, v, q, omega = _kick(state, h, body, loads)
-    s = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    return State(r, v, (s * q[0], s * q[1], s * q[2], s * q[3]), omega)
-
-
 @kernel(inline=False)
 def _drift_and_kick(state: State, drift: float, kick: float, per_transverse: float, body: Body, loads: Loads) -> State:
     return _kick(_drift(state, drift, body.inertia, per_transverse), kick, body, loads)
 
 
-@kernel(inline=False)
-def _drift_and_last_kick(
-    state: State, drift: float, kick: float, per_transverse: float, body: Body, loads: Loads
-) -> State:
-    return _last_kick(_drift(state, drift, body.inertia, per_transverse), kick, body, loads)
-
-
-@kernel(inline=False)
-def strang_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
-    """Take n steps of half a kick, a drift, half a kick: order 2; halves that meet are one kick."""
-    u = 1.0 / transverse_moment(body.inertia)
-    y = _kick(state, 0.5 * h, body, loads)
-    for i in range(1, n + 1):
-        y = _drift_and_last_kick(y, h, h if i < n else 0.5 * h, u, body, loads)
-    return y
+@kernel
+def _with_unit_attitude(state: State) -> State:
+    """Keep |q| by one step of Newton's method, as products of unit quaternions leave it within some eps."""
+    r, v, q, omega = state
+    s = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    return State(r, v, (s * q[0], s * q[1], s * q[2], s * q[3]), omega)
 
 
 @kernel
-def _symmetric_steps(
-    state: State, h: float, n: int, drifts: tuple[float, ...], kicks: tuple[float, ...], body: Body, loads: Loads
-) -> State:
-    """Take n steps of kicks and drifts in turns, which end with the drift and the kick that they begin with."""
+def _steps(state: State, h: float, n: int, body: Body, loads: Loads, kicks: Parts, drifts: Parts) -> State:
+    """Take n steps of kicks with drifts between them, given as parts of h; kicks of two steps that meet are one."""
     u = 1.0 / transverse_moment(body.inertia)
     y = _kick(state, kicks[0] * h, body, loads)
     for i in range(1, n + 1):
         for k in range(len(drifts)):
-            y = _drift_and_kick(y, drifts[k] * h, kicks[k + 1] * h, u, body, loads)
-        y = _drift_and_last_kick(y, drifts[0] * h, (2.0 if i < n else 1.0) * kicks[0] * h, u, body, loads)
+            merged = 2.0 if k + 1 == len(drifts) and i < n else 1.0
+            y = _drift_and_kick(y, drifts[k] * h, merged * kicks[k + 1] * h, u, body, loads)
+        y = _with_unit_attitude(y)
     return y
+
+
+@kernel(inline=False)
+def strang_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
+    """Take n steps of half a kick, a drift, half a kick: order 2."""
+    return _steps(state, h, n, body, loads, (0.5, 0.5), (1.0,))
 
 
 @kernel(inline=False)
 def rkn4_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
     """Take n steps of six drifts and as many kicks: order 4."""
-    return _symmetric_steps(state, h, n, _DRIFTS_4, _KICKS_4, body, loads)
+    return _steps(state, h, n, body, loads, _KICKS_4, _DRIFTS_4)
 
 
 @kernel(inline=False)
 def rkn6_steps(state: State, h: float, n: int, body: Body, loads: Loads) -> State:
     """Take n steps of eleven drifts and as many kicks: order 6."""
-    return _symmetric_steps(state, h, n, _DRIFTS_6, _KICKS_6, body, loads)
+    return _steps(state, h, n, body, loads, _KICKS_6, _DRIFTS_6)

@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 from ..compile.decorator import kernel
 from ..numerics.double_double import two_sum
 from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import compose_matrices
 from ..rotations.vec3 import add, add_scaled, dot, scale, subtract
-from ..types import Matrix, Vec3
+from ..types import Array, Matrix, Vec3
 
 __all__ = [
     "add_scaled_matrix", "adjugate_symmetric", "check_inertia", "diagonal", "inertia_of_points", "inverse_inertia",
@@ -108,7 +107,7 @@ def _sum_with(total: tuple[Vec3, Vec3], term: Vec3) -> tuple[Vec3, Vec3]:
 
 
 @kernel(inline=False)
-def inertia_of_clouds(masses: Any, positions: Any, mass: Any, r_oc: Any, M_c: Any) -> None:
+def inertia_of_clouds(masses: Array, positions: Array, mass: Array, r_oc: Array, M_c: Array) -> None:
     """Put `inertia_of_points` of each cloud of arrays (clouds, n) and (clouds, n, 3) into the last three arguments."""
     for k in range(len(masses)):
         total, centre, M = inertia_of_points(masses[k], positions[k])

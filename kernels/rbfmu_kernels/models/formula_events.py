@@ -5,8 +5,6 @@ that it changes side where the next series begins.
 """
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Any
 
 from ..body import driven
 from ..integrators.polynomials import TOUCHING, first_root, first_touch, leaves_band, polynomial
@@ -32,8 +30,6 @@ MOST_LISTED = 4096
 """Events of a communication step that are listed, beyond which a step is refused: what chatters comes to no end."""
 
 # What templates are bound to, see `formulas`.
-band_of: Any = None
-put_event: Any = None
 OF_EVENT: tuple[int, ...] = ()
 EVENT_SIDES: tuple[int, ...] = (0,)
 DIRECTIONS: tuple[float, ...] = (0.0,)
@@ -42,7 +38,7 @@ AWAY = ORIGINS = ENTRIES = COUNTED = LISTED = LIST = 0
 ORDER = TIME = STARTS = BEGUN = REACH = WATCHED = SIDES = ROW = 0
 
 
-def set_up(z: Buffer) -> None:
+def set_up_events(z: Buffer) -> None:
     """Set what is known of events before the run."""
     for e in range(NUMBER_OF_EVENTS):
         z[LISTED] = z[NOTED + e] = z[COUNTS + e] = z[LAST_TOUCHES + e] = z[LARGEST + e] = 0.0
@@ -50,7 +46,7 @@ def set_up(z: Buffer) -> None:
         z[AWAY + e] = FAR
 
 
-def clear(z: Buffer) -> None:
+def clear_list(z: Buffer) -> None:
     """Begin the list of another step."""
     for e in range(NUMBER_OF_EVENTS):
         z[LISTED], z[ENTRIES + e] = 0.0, -1.0
@@ -78,14 +74,14 @@ def round_off_of(z: Buffer, e: int) -> float:
 def side_that_counts(z: Buffer, i: int) -> float:
     """Return the side of zero to which what an event watches goes, further than round-off; 0 where it stays."""
     n, at = int(z[ORDER]), WATCHED + i
-    t = leaves_band(z, at, ROW, n, z[driven.STEP_SIZE], band_of(z, OF_EVENT[i]))
+    t = leaves_band(z, at, ROW, n, z[driven.STEP_SIZE], round_off_of(z, OF_EVENT[i]))
     return math.copysign(1.0, polynomial(z, at, ROW, n, t)) if t <= z[driven.STEP_SIZE] else 0.0
 
 
 def root_of_event(z: Buffer, i: int, h: float) -> float:
     """Return the first root in (0, h] of what an event watches, beyond where round-off may have it at zero; or 2 h."""
     n, at = int(z[ORDER]), WATCHED + i
-    return first_root(z, at, ROW, n, leaves_band(z, at, ROW, n, h, band_of(z, OF_EVENT[i])), h)
+    return first_root(z, at, ROW, n, leaves_band(z, at, ROW, n, h, round_off_of(z, OF_EVENT[i])), h)
 
 
 def reach_to_touches(z: Buffer, h: float, reach: float) -> float:
@@ -93,7 +89,7 @@ def reach_to_touches(z: Buffer, h: float, reach: float) -> float:
     n = int(z[ORDER])
     for e in range(NUMBER_OF_EVENTS):
         i = EVENT_SIDES[e]
-        begin_at = leaves_band(z, WATCHED + i, ROW, n, reach, band_of(z, e))
+        begin_at = leaves_band(z, WATCHED + i, ROW, n, reach, round_off_of(z, e))
         touch = first_touch(z, WATCHED + i, ROW, n, begin_at, reach, z[SIDES + i], TOUCHING)
         z[TOUCHES + e] = touch
         reach = min(reach, touch + BEYOND * h)
@@ -135,7 +131,7 @@ def note_events(z: Buffer, ended: bool) -> None:
     for e in range(NUMBER_OF_EVENTS):
         at = WATCHED + EVENT_SIDES[e]
         side, before, slope = z[SIDES + EVENT_SIDES[e]], z[NOTED + e], z[at + ROW]
-        least = band_of(z, e)
+        least = round_off_of(z, e)
         middle, near, touch = abs(polynomial(z, at, ROW, n, 0.5 * reach)), z[AWAY + e] < least, z[LAST_TOUCHES + e]
         if before == 0.0:
             happens, origin = z[at] == 0.0, side if slope == 0.0 else -side
@@ -145,21 +141,7 @@ def note_events(z: Buffer, ended: bool) -> None:
         if happens:
             t = touch if side == before and touch > 0.0 else begun
             kind = TOUCH if side == origin else side if DIRECTIONS[e] in (0.0, side) else NOT_ASKED
-            put_event(z, e, t, kind, not near)
+            list_event(z, e, t, kind, not near)
         z[AWAY + e] = middle if happens else max(z[AWAY + e], middle)
         z[NOTED + e], z[ORIGINS + e], z[LARGEST + e] = side, origin, max(z[LARGEST + e], max(abs(z[at]), middle))
         z[LAST_TOUCHES + e] = begun + z[TOUCHES + e] if z[TOUCHES + e] < reach else 0.0
-
-
-TEMPLATES: Mapping[str, Callable[..., Any]] = {
-    "set_up_events": set_up,
-    "clear_list": clear,
-    "event_excess": excess_of_events,
-    "band_of": round_off_of,
-    "side_of_event": side_that_counts,
-    "event_root": root_of_event,
-    "reach_to_touch": reach_to_touches,
-    "put_event": list_event,
-    "note": note_events,
-}
-"""In an order in which each is bound before those that call it."""

@@ -8,7 +8,6 @@ that they have been, or to what their first terms make of them by then, as a sta
 """
 
 import math
-from collections.abc import Callable, Mapping
 from typing import Any
 
 from ..body import driven, memory
@@ -22,13 +21,25 @@ from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
 from ..rotations.quaternion import normalize
 from ..types import Buffer
-from . import formula_events as events
-from . import formula_variations as variations
-from .formula_lanes import PENDING
+from .formula_events import (
+    BEYOND,
+    MOST_LISTED,
+    clear_list,
+    excess_of_events,
+    note_events,
+    reach_to_touches,
+    root_of_event,
+    set_up_events,
+    side_that_counts,
+)
 
 ORDERS = range(6, 31, 2)
-SERIES = {"series.stands": 1, "series.reach": 1, "series.since": 2, "series.begun": 2}
-"""Whether a series stands; how far it reaches, and how far it has served, s; the time at which it began."""
+SERIES = {
+    "series.stands": 1, "series.reach": 1, "series.since": 2, "series.begun": 2,
+    "series.rest": 1, "series.crept": 1, "series.tried": 1,
+}  # fmt: skip
+"""Whether a series stands; how far it reaches, and how far it has served, s; the time at which it began; what is left
+of the step, s, and how often series in it have crept and were asked for."""
 CORNERS = ("series.sides", "series.on", "series.next_on", "series.flips")
 """Of what has sides: on which it is, whether the series began at its corner, and ends there, and how often it changed.
 
@@ -37,12 +48,14 @@ The side after a corner is that to which the first derivative that is not zero l
 the corner, what slides along it is refused.
 """
 AT_REST = 1e-8
-"""How far a series goes that begins at a touch, as a part of its reach; it goes on beyond one by `events.BEYOND`.
+"""How far a series goes that begins at a touch, as a part of its reach; it goes on beyond one by `BEYOND`.
 
 The root of what touches zero is smooth there but for its sign: the series has it negative beyond, and the next one,
 which begins beyond, positive. A root that begins at zero counts as zero for the first of its series. What either
 misses is the square of these parts.
 """
+PENDING = -1
+"""The status of a step that needs a series to go on."""
 CREEPING, MOST_CREPT = 1e-7, 20_000
 """Series that reach over so small a part of a communication step, and how many: what creeps on comes to no end."""
 NEAR = 0.2
@@ -52,24 +65,16 @@ NEAR = 0.2
 # relative to, and whether they are relative to the largest that it has been. Of inputs: the places of their numbers and
 # of the rates of these, at least one each, as an empty tuple has no type.
 _missing: Any = None
-constants = first = further = values = begin = put_states = excess_at = settle = cut = advance_anew = _missing
-prepare = make = begun = reaches_over = evaluate = keep_step = needs_series = follow = end_step = _missing
-set_up_events = event_excess = reach_to_touch = clear_list = _missing
-holds = change = loads = advance = refresh = note = side_of_event = event_root = _missing
+constants = first = further = values = loads = begin = advance = refresh = _missing
 shift_corner = vary = errors_reach = put_errors = _missing
-INPUTS: tuple[int, ...] = ()
-RATES: tuple[int, ...] = ()
-RATES_2: tuple[int, ...] = ()
-STATES: tuple[int, ...] = ()
-FIRSTS: tuple[int, ...] = ()
-ENDS: tuple[int, ...] = ()
+_places: tuple[int, ...] = ()
+INPUTS = RATES = RATES_2 = STATES = FIRSTS = ENDS = OF_EVENT = _places
 LEASTS: tuple[float, ...] = ()
 RELATIVE: tuple[bool, ...] = ()
+SHOWN: tuple[float, ...] = ()
 ORDER = TOLERANCE = SPAN = TIME = STARTS = LONGEST = SIZES = HELD = STANDS = REACH = SINCE = BEGUN = 0
 NUMBER_OF_INPUTS = NUMBER_TOUCHING = NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
-SHOWN: tuple[float, ...] = ()
-OF_EVENT: tuple[int, ...] = ()
-NUMBER_OF_EVENTS = LISTED = NUMBER_OF_ERRORS = BOUNDED = 0
+NUMBER_OF_EVENTS = LISTED = NUMBER_OF_ERRORS = BOUNDED = REST = CREPT = TRIED = 0
 ACTIVE = KEPT = MEMORY = MEMORY_SIZE = LAST = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
 
 
@@ -107,7 +112,7 @@ def excess_of(z: Buffer, h: float) -> float:
         elif math.isnan(error):
             return math.inf
     if NUMBER_OF_EVENTS:
-        worst = max(worst, event_excess(z, h))
+        worst = max(worst, excess_of_events(z, h))
     return worst / tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
 
 
@@ -115,7 +120,7 @@ def settle_sides(z: Buffer) -> bool:
     """Return whether all sides are those to which the series lead; else change one, for which they are made again."""
     for i in range(NUMBER_OF_SIDES):
         if OF_EVENT[i] >= 0:
-            side = side_of_event(z, i)
+            side = side_that_counts(z, i)
         else:
             side = polynomials.side_from(z, WATCHED + i, ROW, 1 if z[ON + i] != 0.0 else 0, int(z[ORDER]))
         side = 1.0 if side == 0.0 and z[SIDES + i] == 0.0 else side
@@ -139,7 +144,7 @@ def reach_to_corner(z: Buffer, h: float) -> float:
     for i in range(NUMBER_OF_SIDES):
         at = WATCHED + i
         if OF_EVENT[i] >= 0:
-            root = event_root(z, i, h)
+            root = root_of_event(z, i, h)
         elif z[ON + i] != 0.0 or z[at] == 0.0:  # the root at the beginning is left out
             root = polynomials.first_root(z, at + ROW, ROW, n - 1, 0.0, h)
         else:
@@ -151,12 +156,12 @@ def reach_to_corner(z: Buffer, h: float) -> float:
             reach, corner = min(reach, AT_REST * h), -1
         else:
             touch = polynomials.first_touch(z, i, ROW, n, 0.0, h, 1.0, polynomials.OF_ROOTS)
-            if touch < h and touch + events.BEYOND * h < reach:
-                reach, corner = touch + events.BEYOND * h, i
+            if touch < h and touch + BEYOND * h < reach:
+                reach, corner = touch + BEYOND * h, i
     if corner >= 0:  # known well enough, or reached for by the next series
         reach = polynomials.known_until(z, corner, ROW, n, reach, tolerance_of_substep(z[TOLERANCE], z[SPAN], h))
     if NUMBER_OF_EVENTS:
-        reach = reach_to_touch(z, h, reach)
+        reach = reach_to_touches(z, h, reach)
     for i in range(NUMBER_OF_SIDES):
         z[NEXT + i] = 1.0 if reach < h and polynomials.is_at_corner(z, WATCHED + i, ROW, n, reach) else 0.0
     return reach
@@ -184,7 +189,7 @@ def make_series(z: Buffer) -> bool:
         first(z, WORK)
         for k in range(1, int(z[ORDER])):
             further(z, WORK, k)
-        if settle(z):
+        if settle_sides(z):
             return True
     return False
 
@@ -194,7 +199,7 @@ def begin_to_serve(z: Buffer, settled: bool) -> bool:
     n, ended = int(z[ORDER]), z[SINCE] >= z[REACH]
     h, longest = z[driven.STEP_SIZE], z[LONGEST]
     for _ in range(200):
-        excess = excess_at(z, h)
+        excess = excess_of(z, h)
         ratio = 0.1
         if excess > 0.0:
             ratio = exponential(-logarithm(excess) / n) if excess < math.inf else 1e-3
@@ -206,12 +211,12 @@ def begin_to_serve(z: Buffer, settled: bool) -> bool:
     if NUMBER_OF_ERRORS:
         vary(z, ended)
         h = errors_reach(z, h) if z[BOUNDED] != 0.0 else h
-    z[driven.STEP_SIZE], z[REACH], z[STANDS] = h, cut(z, h), 1.0
+    z[driven.STEP_SIZE], z[REACH], z[STANDS] = h, reach_to_corner(z, h), 1.0
     put_pair_at(z, SINCE, (0.0, 0.0))
     put_pair_at(z, BEGUN, pair_at(z, TIME))
     count_substep(z, driven.STEP_SIZE)
     if settled and NUMBER_OF_EVENTS:
-        note(z, ended)
+        note_events(z, ended)
     return settled and z[REACH] > 0.0
 
 
@@ -251,7 +256,7 @@ def change_inputs(z: Buffer, h: float) -> None:
 
 def reaches_over_step(z: Buffer, h: float) -> bool:
     """Return whether the series that stands serves a whole step."""
-    return bool(z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and holds(z))
+    return bool(z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and holds_inputs(z))
 
 
 def evaluate_at_end(z: Buffer, h: float) -> int:
@@ -259,65 +264,83 @@ def evaluate_at_end(z: Buffer, h: float) -> int:
     since, time = pair_at(z, SINCE), pair_at(z, TIME)
     put_pair_at(z, SINCE, dd.add_float(since, h))
     put_pair_at(z, TIME, dd.add_float(time, h))
-    put_states(z, z[SINCE])
+    put_states_at(z, z[SINCE])
     if memory.is_finite(z) and values(z) == 0:
         return outputs(z)
     put_pair_at(z, SINCE, since)
     put_pair_at(z, TIME, time)
-    put_states(z, since[0])
+    put_states_at(z, since[0])
     return STEP_REJECTED
 
 
 def advance_formulas(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion cannot be followed."""
+    status = begin_step(z, h)
+    while status == PENDING:
+        prepare_series(z)
+        status = go_on_by_series(z, h, make_series(z))
+    return status
+
+
+def begin_step(z: Buffer, h: float) -> int:
+    """Advance by h, or as far as the series that stands leads; return a status, PENDING where the next one is due."""
     if NUMBER_OF_EVENTS:
         clear_list(z)
-    return evaluate(z, h) if reaches_over(z, h) else advance_anew(z, h)  # type: ignore[no-any-return]
+    if reaches_over_step(z, h):
+        return evaluate_at_end(z, h)
+    keep_before_step(z)
+    z[REST], z[CREPT], z[TRIED] = h, 0.0, 0.0
+    return go_on_with_step(z, h)
+
+
+def go_on_by_series(z: Buffer, h: float, settled: bool) -> int:
+    """Go on with a step by the series that was made; settled: whether all sides are; return as `begin_step` does."""
+    return go_on_with_step(z, h) if begin_to_serve(z, settled) else end_of_step(z, h, STEP_REJECTED)
+
+
+def go_on_with_step(z: Buffer, h: float) -> int:
+    """Go on with a step until it is done, or refused, or needs a series, as it does where none stands further."""
+    while z[STANDS] != 0.0 and z[SINCE] < z[REACH]:
+        status = follow_series(z, h)
+        if status != PENDING:
+            return end_of_step(z, h, status)
+    z[TRIED] += 1.0
+    return PENDING if z[TRIED] <= MAX_SUBSTEPS else end_of_step(z, h, STEP_REJECTED)
 
 
 def keep_before_step(z: Buffer) -> None:
     """Keep what a step that is refused leaves as it was; a series that others inputs were made with serves no more."""
     copy_numbers(z, MEMORY, KEPT, MEMORY_SIZE)
-    if not holds(z):
+    if not holds_inputs(z):
         z[STANDS] = 0.0
         for i in range(NUMBER_OF_INPUTS):
             z[HELD + i] = z[INPUTS[i]]
 
 
-def needs_a_series(z: Buffer) -> bool:
-    """Return whether no series stands that leads further."""
-    return not (z[STANDS] != 0.0 and z[SINCE] < z[REACH])
-
-
-def follow_series(z: Buffer, h: float, rest: float, crept: int) -> tuple[int, float, int]:
-    """Follow the series that stands to the end of the step, or as far as it reaches.
-
-    rest: what is left of the step; crept: how often series in it have crept. Return a status, PENDING where the next
-    series is to be made, and both anew.
-    """
+def follow_series(z: Buffer, h: float) -> int:
+    """Follow the series that stands to the end of a step h, or as far as it reaches; return as `begin_step` does."""
     since = pair_at(z, SINCE)
     left = (z[REACH] - since[0]) - since[1]
-    if rest <= left * (1.0 + 1e-9):
-        put_pair_at(z, SINCE, dd.add_float(since, rest))
-        put_states(z, z[SINCE])
-        return OK, rest, crept
-    put_states(z, z[REACH])
+    if z[REST] <= left * (1.0 + 1e-9):
+        put_pair_at(z, SINCE, dd.add_float(since, z[REST]))
+        put_states_at(z, z[SINCE])
+        return OK
+    put_states_at(z, z[REACH])
     put_pair_at(z, SINCE, (z[REACH], 0.0))
-    change(z, left)
+    change_inputs(z, left)
     put_pair_at(z, TIME, dd.add_float(pair_at(z, BEGUN), z[REACH]))
     z[STANDS] = 0.0
-    crept += 1 if z[REACH] < CREEPING * h else 0
-    status = STEP_REJECTED if crept > MOST_CREPT else PENDING
-    if NUMBER_OF_EVENTS and z[LISTED] > events.MOST_LISTED:
-        status = STEP_REJECTED
-    return status, rest - left, crept
+    z[REST] -= left
+    z[CREPT] += 1.0 if z[REACH] < CREEPING * h else 0.0
+    too_many = NUMBER_OF_EVENTS > 0 and z[LISTED] > MOST_LISTED
+    return STEP_REJECTED if z[CREPT] > MOST_CREPT or too_many else PENDING
 
 
-def end_of_step(z: Buffer, h: float, rest: float, status: int) -> int:
+def end_of_step(z: Buffer, h: float, status: int) -> int:
     """Show what the step has come to; reject it, with nothing changed, where that is not finite."""
     put_pair_at(z, TIME, dd.add_float(pair_at(z, KEPT + (TIME - MEMORY)), h))
     if status == OK:
-        change(z, rest)
+        change_inputs(z, z[REST])
         for i in range(NUMBER_OF_INPUTS):
             z[RATES[i]] = z[RATES_2[i]] = 0.0
         if memory.is_finite(z) and values(z) == 0:
@@ -327,21 +350,6 @@ def end_of_step(z: Buffer, h: float, rest: float, status: int) -> int:
         z[INPUTS[i]] = z[HELD + i]
     z[STANDS] = 0.0
     return STEP_REJECTED
-
-
-def advance_by_series(z: Buffer, h: float) -> int:
-    """Advance by h where a new series has to be made."""
-    keep_step(z)
-    rest, status, crept = h, PENDING, 0
-    for _ in range(int(MAX_SUBSTEPS)):
-        if needs_series(z):
-            prepare(z)
-            if not begun(z, make(z)):
-                break
-        status, rest, crept = follow(z, h, rest, crept)
-        if status != PENDING:
-            break
-    return end_step(z, h, rest, status)  # type: ignore[no-any-return]
 
 
 def outputs_now(z: Buffer) -> int:
@@ -375,26 +383,3 @@ def step_over(z: Buffer, h: float) -> int:
 def outputs_over(z: Buffer) -> int:
     """Refresh the outputs."""
     return refresh(z) or values(z)  # type: ignore[no-any-return]
-
-
-TEMPLATES: Mapping[str, Callable[..., Any]] = {
-    **events.TEMPLATES,
-    **variations.TEMPLATES,
-    "excess_at": excess_of,
-    "put_states": put_states_at,
-    "settle": settle_sides,
-    "cut": reach_to_corner,
-    "holds": holds_inputs,
-    "change": change_inputs,
-    "prepare": prepare_series,
-    "make": make_series,
-    "begun": begin_to_serve,
-    "reaches_over": reaches_over_step,
-    "evaluate": evaluate_at_end,
-    "keep_step": keep_before_step,
-    "needs_series": needs_a_series,
-    "follow": follow_series,
-    "end_step": end_of_step,
-    "advance_anew": advance_by_series,
-}
-"""In an order in which each is bound before those that call it."""

@@ -19,9 +19,9 @@ from ..buffer import OK, STEP_REJECTED, TORQUE_ACTS, UNSTEADY, UNSYMMETRIC, plac
 from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact import free_rotation as exact
-from ..exact import uniform_rotation
+from ..exact import uniform_rotation as uniform
 from ..integrators import free_series
-from ..integrators.dense_output import NONE, reaches_over
+from ..integrators.dense_output import NONE, pass_time, reaches_over
 from ..integrators.splitting import is_symmetric_top
 from ..integrators.substeps import substeps_in
 from ..mechanics.equations_of_motion import steady_acceleration, turning_acceleration
@@ -32,7 +32,7 @@ from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotat
 from ..rotations.vec3 import add_scaled
 from ..types import Buffer, Vec3
 
-_CONSTANT_RATE_LAYOUT = places(closed_form.CLOSED_FORM | {"turning": uniform_rotation.TURNING_SIZE})
+_CONSTANT_RATE_LAYOUT = places(closed_form.CLOSED_FORM | {"turning": uniform.TURNING_SIZE})
 
 _TURNING = _CONSTANT_RATE_LAYOUT.blocks["turning"].start
 
@@ -42,7 +42,7 @@ def _set_up_constant_rate(z: Buffer) -> int:
     omega = memory.rotation_of(z).omega_b
     if not memory.skips_model_checks(z) and (not keeps_its_rate(z, omega) or _is_disturbed(z)):
         return UNSTEADY
-    uniform_rotation.put_turning(z, _TURNING, uniform_rotation.turning_about(dd.vector(omega)))
+    uniform.put_turning(z, _TURNING, uniform.turning_about(dd.vector(omega)))
     closed_form.start_clocks(z)
     return 0
 
@@ -55,7 +55,7 @@ def _advance_constant_rate(z: Buffer, h: float) -> int:
     t = closed_form.time_after(z, h)
     q = compose_quaternions(
         closed_form.first_attitude(z),
-        uniform_rotation.rotation_after(uniform_rotation.turning_at(z, _TURNING), t),
+        uniform.rotation_after(uniform.turning_at(z, _TURNING), t),
     )
     return closed_form.finish_step(z, h, q, memory.rotation_of(z).omega_b)
 
@@ -70,8 +70,7 @@ CONSTANT_RATE = make_model("CONSTANT_RATE", _CONSTANT_RATE_LAYOUT, _set_up_const
 
 
 _FREE_SYMMETRIC_LAYOUT = places(
-    closed_form.CLOSED_FORM
-    | {"omega_0": 3, "about_momentum": uniform_rotation.TURNING_SIZE, "about_axis": uniform_rotation.TURNING_SIZE}
+    closed_form.CLOSED_FORM | {"omega_0": 3, "about_momentum": uniform.TURNING_SIZE, "about_axis": uniform.TURNING_SIZE}
 )
 
 _OMEGA_0, _ABOUT_MOMENTUM, _ABOUT_AXIS = _FREE_SYMMETRIC_LAYOUT.starts("omega_0", "about_momentum", "about_axis")
@@ -86,13 +85,13 @@ def _set_up_free_symmetric(z: Buffer) -> int:
         if not is_symmetric_top(body.inertia):
             return UNSYMMETRIC
     mean, moment, exact_axes = exact_symmetric_frame(z)
-    momentum, own = uniform_rotation.symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
+    momentum, own = uniform.symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
     axes = axes_as_floats(exact_axes)
     put_vec3_at(z, _OMEGA_0, omega)
-    uniform_rotation.put_turning(
-        z, _ABOUT_MOMENTUM, uniform_rotation.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
+    uniform.put_turning(
+        z, _ABOUT_MOMENTUM, uniform.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
     )
-    uniform_rotation.put_turning(z, _ABOUT_AXIS, uniform_rotation.Turning(axes[2], own.rate))
+    uniform.put_turning(z, _ABOUT_AXIS, uniform.Turning(axes[2], own.rate))
     closed_form.start_clocks(z)
     return 0
 
@@ -104,9 +103,9 @@ def _advance_free_symmetric(z: Buffer, h: float) -> int:
         return STEP_REJECTED
     t = closed_form.time_after(z, h)
     q = closed_form.first_attitude(z)
-    back = uniform_rotation.rotation_after(uniform_rotation.turning_at(z, _ABOUT_AXIS), t)
+    back = uniform.rotation_after(uniform.turning_at(z, _ABOUT_AXIS), t)
     if memory.needs_attitude(z):
-        about = uniform_rotation.rotation_after(uniform_rotation.turning_at(z, _ABOUT_MOMENTUM), t)
+        about = uniform.rotation_after(uniform.turning_at(z, _ABOUT_MOMENTUM), t)
         q = compose_quaternions(compose_quaternions(q, about), back)
     return closed_form.finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))
 
@@ -166,7 +165,7 @@ def _advance_free_triaxial(z: Buffer, h: float) -> int:
     q, omega = free_series.motion_after(z, _WORK, _SERIES, h)
     status = closed_form.finish_step(z, h, q, omega)
     if status == OK:
-        free_series.pass_time(z, _SERIES, h)
+        pass_time(z, _SERIES, h)
         z[_MOVED] = 0.0
     return status
 
@@ -218,7 +217,7 @@ def _rates(z: Buffer, place: exact.Place) -> Vec3:
 @kernel
 def free_motion_of(z: Buffer) -> exact.FreeRotation:
     """Return what `set_up_rotation` has set up."""
-    return exact.read_free_rotation(z[_CONSTANTS : _CONSTANTS + exact.FREE_ROTATION_SIZE])  # type: ignore[no-any-return]
+    return exact.read_free_rotation(z[_CONSTANTS : _CONSTANTS + exact.FREE_ROTATION_SIZE])
 
 
 FREE_TRIAXIAL = make_model(

@@ -10,11 +10,9 @@ splitting: the loads' impulses between exact flows of the free body.
 """
 
 import math
-from functools import partial
-from importlib import import_module
 
 from ..body import driven, memory
-from ..body.shell import commit_motion, make_model
+from ..body.shell import Lanes, commit_motion, make_model
 from ..buffer import NO_TOP, OK, RESONANT, STEP_REJECTED, places
 from ..buffer_access import copy_numbers, pair_at, put_pair_at
 from ..compile.decorator import kernel
@@ -96,13 +94,19 @@ def is_series_tried(z: Buffer, h: float) -> bool:
     return bool(steady and z[_SERIES + dense.COOL_DOWN] <= 0.0 and h * dense.LEAST_REACH <= z[driven.STEP_SIZE])
 
 
+def _lanes() -> Lanes:
+    from .loaded_taylor_lanes import LANES  # which takes its time
+
+    return LANES
+
+
 LOADED_TAYLOR = make_model(
     "LOADED_TAYLOR",
     _LOADED_TAYLOR_LAYOUT,
     _set_up_loaded_taylor,
     _advance_loaded_taylor,
     ORDERS=ORDERS,
-    lanes=partial(import_module, f"{__package__}.loaded_taylor_lanes"),
+    lanes=_lanes,
 )
 
 

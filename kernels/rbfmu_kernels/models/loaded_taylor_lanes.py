@@ -7,11 +7,11 @@ that cannot go on in one, are taken alone.
 """
 
 import math
-from typing import Any
 
 from ..body.driven import STEP_SIZE, finish_steadily, keep, keep_inputs, load_polynomial_of, part_to_integrate
-from ..body.members import Driving, Members, Room, begin, drive, note, pieces_before, record
-from ..body.memory import STATE_START, body_of
+from ..body.members import Control, Driving, Members, Room, Run, begin, drive, note, pieces_before, record
+from ..body.memory import MEMORY, STATE_START, body_of
+from ..body.shell import Lanes, bind
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout, places
 from ..buffer_access import matrix_at, vec3_at
 from ..compile.decorator import kernel
@@ -19,25 +19,15 @@ from ..compile.simd import eight_wide, four_wide, lane_at, put_lane_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
 from ..integrators import rigid_body_state as state
 from ..integrators import taylor
+from ..integrators import taylor_coefficients as series
 from ..integrators.dense_output import COOL_DOWN, COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
 from ..integrators.rigid_body_state import RATE_ONLY, ROTATION, WHOLE_STATE
 from ..integrators.substeps import Method, nearer_size, parts_in, tolerance_of_substep
-from ..integrators.taylor_coefficients import (
-    FORCE,
-    RATE,
-    TORQUE,
-    WORK,
-    SpaceFixedLoads,
-    Torques,
-    known_torques,
-    motion_series,
-    put_factors,
-    space_fixed_loads,
-)
+from ..integrators.taylor_coefficients import FORCE, RATE, TORQUE, WORK, SpaceFixedLoads, Torques
 from ..mechanics.equations_of_motion import Body, angular_acceleration
 from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import is_nonzero
-from ..types import Buffer, Matrix, Vec3
+from ..types import Array, Buffer, Vec3
 from .loaded import LOADED_TAYLOR, is_series_tried
 
 _LAYOUT = Layout(LOADED_TAYLOR.BLOCKS, LOADED_TAYLOR.SIZE)
@@ -45,25 +35,23 @@ _TOLERANCE, _SPAN, _ORDER, _WORK = _LAYOUT.starts("tolerance", "span", "order", 
 _SERIES, _HELD = _LAYOUT.starts("validity", "held_inputs")
 initialize, step = LOADED_TAYLOR.initialize, LOADED_TAYLOR.step
 WIDEST = 8
-COLUMNS = state.STATE_BLOCKS | {
-    "inertia": 9, "inverse": 9, "arm": 3, "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3,
-    "size": 1, "count": 1, "rest": 1, "low": 1, "tried": 1, "is_new": 1, "has_failed": 1, "member": 1,
+_OWN = {
+    "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3, "count": 1, "low": 1, "tried": 1, "has_failed": 1,
+    "size": 1, "rest": 1, "is_new": 1, "member": 1,
 }  # fmt: skip
-"""State and constants of a lane's body, force_a 0 where it has no arm; the step size and the substeps taken; what is
-left of the communication step, as a sum; the tries in it; whether it has just begun, and whether it cannot go on; the
-body's number, -1 for none."""
+"""Damping and loads of a lane's body, force_a 0 where it has no arm; the substeps taken; the low part of what is left
+of the communication step, and the tries in it; whether the body cannot go on; the step size; what is left of the step;
+whether it has just begun; the body's number, -1 for none."""
+COLUMNS = MEMORY | _OWN
+"""State and constants of a lane's body, as a buffer has them, and these."""
 _, COLUMNS_SIZE = _COLUMNS = places(COLUMNS)
 STATE = 0
-(
-    INERTIA, INVERSE, ARM, DAMPING, FORCE_A, TORQUE_A, TORQUE_B, SIZE, COUNT, REST, LOW, TRIED, IS_NEW, HAS_FAILED,
-    MEMBER,
-) = _COLUMNS.starts(*list(COLUMNS)[len(state.STATE_BLOCKS) :])  # fmt: skip
+INERTIA, INVERSE, ARM = _COLUMNS.starts("M", "M_inverse", "arm")
+DAMPING, FORCE_A, TORQUE_A, TORQUE_B, COUNT, LOW, TRIED, HAS_FAILED, SIZE, REST, IS_NEW, MEMBER = _COLUMNS.starts(*_OWN)
 _TRIES = 64
 """Shorter and shorter steps that are tried at once."""
 SCRATCH = WIDEST * (COLUMNS_SIZE + WORK)
 """The numbers of work space that lanes need, at a cache line."""
-IN_STEP = True
-"""All are driven in pieces of equal length, as they go on together."""
 _PENDING, _LATER = -1, -2
 """The status of a body that is still to be advanced: with the others of its kind, or after these."""
 _SURELY = 0.95
@@ -77,58 +65,50 @@ torque fixed in a acts, whether the inertia is diagonal. The first is 0 where la
 # Members and communication steps
 
 
-@kernel(inline=False)
-def run_in_four(
-    control: Any, members: Members, driving: Driving, room: Room, buffers: Any, states: Any, marks: Any, scratch: Any
-) -> None:
-    """Run members of an ensemble, four side by side: see `body.members`. The pieces of all are equally long.
+wide = four_wide
+"""What `_run` has in its place: it or `eight_wide`."""
+
+
+def _run(
+    control: Control, members: Members, driving: Driving, room: Room, buffers: Array, states: Array, marks: Array,
+    scratch: Array,
+) -> None:  # fmt: skip
+    """Run members of an ensemble side by side: see `body.members`. The pieces of all are equally long.
 
     buffers (b, SIZE), states (b, k), marks (b, 1 or more): room for some members at a time; scratch: for all lanes.
     """
-    c, s = four_wide(scratch, 0), four_wide(scratch, 4 * COLUMNS_SIZE)
-    _run(control, members, driving, room, buffers, states, marks, c, s)
-
-
-@kernel(inline=False)
-def run_in_eight(
-    control: Any, members: Members, driving: Driving, room: Room, buffers: Any, states: Any, marks: Any, scratch: Any
-) -> None:
-    """Do the same, eight side by side."""
-    c, s = eight_wide(scratch, 0), eight_wide(scratch, 8 * COLUMNS_SIZE)
-    _run(control, members, driving, room, buffers, states, marks, c, s)
-
-
-@kernel
-def _run(
-    control: Any, members: Members, driving: Driving, room: Room, buffers: Any, states: Any, marks: Any, c: Buffer,
-    s: Buffer,
-) -> None:  # fmt: skip
-    statuses, steps = marks[:, 0], len(driving.time) - 1
+    c = wide(scratch, 0)
+    s = wide(scratch, width_of(c) * COLUMNS_SIZE)
+    run, statuses, steps = Run(control, members, driving, room), marks[:, 0], len(driving.time) - 1
     for first in range(0, len(members.values), len(buffers)):
         count = min(len(buffers), len(members.values) - first)
         for i in range(count):
-            begin(buffers[i], states[i], first + i, _WORK, members, driving)
+            begin(buffers[i], states[i], first + i, _WORK, run)
             statuses[i] = members.ends[first + i, 0] = initialize(buffers[i])  # the work space is written first
             if statuses[i] == OK:
-                record(buffers[i], first + i, 0, steps, members)
+                record(buffers[i], first + i, 0, run)
         for k in range(steps):
             before = pieces_before(driving, first, 0)
             for piece in range(pieces_before(driving, first, k), pieces_before(driving, first, k + 1)):
                 for i in range(count):
                     own = pieces_before(driving, first + i, 0) + piece - before
                     z, state = buffers[i], states[i]
-                    if statuses[i] == OK and not drive(z, state, first + i, k, own, control, members, driving, room):
+                    if statuses[i] == OK and not drive(z, state, first + i, k, own, run):
                         statuses[i] = STEP_REJECTED
                 advance(buffers[:count], driving.lengths[piece], c, s, statuses[:count])
             for i in range(count):
                 if statuses[i] == OK:
-                    record(buffers[i], first + i, k + 1, steps, members)
+                    record(buffers[i], first + i, k + 1, run)
         for i in range(count):
-            note(buffers[i], first + i, members)
+            note(buffers[i], first + i, run)
+
+
+LANES = Lanes(bind(_run, __name__, "FOUR"), bind(_run, __name__, "EIGHT", wide=eight_wide), SCRATCH, IN_STEP=True)
+"""All are driven in pieces of equal length, as they go on together."""
 
 
 @kernel
-def advance(buffers: Any, h: float, c: Buffer, s: Buffer, statuses: Any) -> None:
+def advance(buffers: Array, h: float, c: Buffer, s: Buffer, statuses: Array) -> None:
     """Advance models' buffers (n, SIZE) by h, as many side by side as are in c.
 
     c, s: lanes of `COLUMNS_SIZE` and of `WORK` numbers. statuses (n,): in, OK where a buffer is to be advanced; out,
@@ -152,7 +132,7 @@ def advance(buffers: Any, h: float, c: Buffer, s: Buffer, statuses: Any) -> None
 @kernel(inline=False)
 def _kind(z: Buffer, h: float) -> Kind:
     body, loads = body_of(z), load_polynomial_of(z)
-    n, order, fixed = part_to_integrate(z, body, loads), int(z[_ORDER]), space_fixed_loads(body, loads)
+    n, order, fixed = part_to_integrate(z, body, loads), int(z[_ORDER]), series.space_fixed_loads(body, loads)
     served = z[_SERIES] != NONE or is_series_tried(z, h)
     if served and z[_SERIES] == NONE:
         q, omega = state.attitude(z, STATE_START), state.omega(z, STATE_START)
@@ -172,7 +152,7 @@ def goes_in_lanes(z: Buffer, h: float) -> bool:
 
 
 @kernel(inline=False)
-def _advance_kind(buffers: Any, first: int, h: float, c: Buffer, s: Buffer, statuses: Any, kind: Kind) -> None:
+def _advance_kind(buffers: Array, first: int, h: float, c: Buffer, s: Buffer, statuses: Array, kind: Kind) -> None:
     """Advance all bodies of a kind from the first on."""
     n, order, tolerance, span, lever_force, torque, _ = kind
     fixed, method = SpaceFixedLoads(lever_force, torque, False), Method(n, order, tolerance, span)
@@ -201,7 +181,7 @@ def _advance_kind(buffers: Any, first: int, h: float, c: Buffer, s: Buffer, stat
 
 
 @kernel
-def _next(i: int, statuses: Any) -> tuple[int, int]:
+def _next(i: int, statuses: Array) -> tuple[int, int]:
     """Return where to look next, and the next body of the kind from i on, or -1."""
     while i < len(statuses):
         if statuses[i] == _PENDING:
@@ -216,31 +196,23 @@ def _put(c: Buffer, i: int, lane: int, v: Vec3) -> None:
         put_lane_at(c, i + k, lane, v[k])
 
 
-@kernel
-def _put_rows(c: Buffer, i: int, lane: int, M: Matrix) -> None:
-    for k in range(3):
-        _put(c, i + 3 * k, lane, M[k])
-
-
 @kernel(inline=False)
 def _load(z: Buffer, c: Buffer, lane: int, h: float, member: int) -> None:
     """Let a lane begin with a body."""
     body, loads = body_of(z), load_polynomial_of(z)
     for k in range(ROTATION):
         put_lane_at(c, STATE + k, lane, z[STATE_START + k])
-    _put_rows(c, INERTIA, lane, body.inertia)
-    _put_rows(c, INVERSE, lane, body.inertia_inverse)
-    _put(c, ARM, lane, body.arm_b)
+    for k in range(INERTIA, DAMPING):
+        put_lane_at(c, k, lane, z[STATE_START + k])
     _put(c, DAMPING, lane, body.damping_b)
-    lever_force = space_fixed_loads(body, loads).lever_force
+    lever_force = series.space_fixed_loads(body, loads).lever_force
     _put(c, FORCE_A, lane, loads.value.force_a if lever_force else (0.0, 0.0, 0.0))
     _put(c, TORQUE_A, lane, loads.value.torque_a)
-    _put(c, TORQUE_B, lane, known_torques(loads, body)[0])
+    _put(c, TORQUE_B, lane, series.known_torques(loads, body)[0])
+    for k in range(COUNT, SIZE):
+        put_lane_at(c, k, lane, 0.0)
     put_lane_at(c, SIZE, lane, z[STEP_SIZE])
     put_lane_at(c, REST, lane, h)
-    put_lane_at(c, LOW, lane, 0.0)
-    put_lane_at(c, TRIED, lane, 0.0)
-    put_lane_at(c, COUNT, lane, 0.0)
     put_lane_at(c, IS_NEW, lane, 1.0)
     put_lane_at(c, MEMBER, lane, float(member))
 
@@ -268,10 +240,7 @@ def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
 
 @kernel
 def _bodies(c: Buffer) -> Body:
-    return Body(
-        inverse_mass=0.0, inertia=matrix_at(c, INERTIA), inertia_inverse=matrix_at(c, INVERSE), arm_b=vec3_at(c, ARM),
-        damping_b=vec3_at(c, DAMPING), is_free=0.0,
-    )  # fmt: skip
+    return Body(0.0, matrix_at(c, INERTIA), matrix_at(c, INVERSE), vec3_at(c, ARM), vec3_at(c, DAMPING), 0.0)
 
 
 @kernel
@@ -290,8 +259,8 @@ def _choose_vector(condition: bool, a: Vec3, b: Vec3) -> Vec3:
 def _turn_loads_anew(c: Buffer, s: Buffer, anew: bool) -> None:
     """Set row 0 of the loads that are fixed in a, as b sees them, in the lanes that begin anew."""
     q_ba = invert_quaternion(state.attitude(c, STATE))
-    put_factors(s, FORCE, _choose_vector(anew, rotate(q_ba, vec3_at(c, FORCE_A)), vec3_at(s, FORCE)))
-    put_factors(s, TORQUE, _choose_vector(anew, rotate(q_ba, vec3_at(c, TORQUE_A)), vec3_at(s, TORQUE)))
+    series.put_factors(s, FORCE, _choose_vector(anew, rotate(q_ba, vec3_at(c, FORCE_A)), vec3_at(s, FORCE)))
+    series.put_factors(s, TORQUE, _choose_vector(anew, rotate(q_ba, vec3_at(c, TORQUE_A)), vec3_at(s, TORQUE)))
 
 
 @kernel(inline=False)
@@ -306,16 +275,16 @@ def begin_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads)
     is_new, eighth = c[IS_NEW] > 0.0, c[TRIED] / taylor.STEPS_OF_LOADS
     first = 0 if n == RATE_ONLY else m
     if any_of(is_new):
-        put_factors(s, RATE, state.omega(c, STATE))
+        series.put_factors(s, RATE, state.omega(c, STATE))
         if turned:
             _turn_loads_anew(c, s, is_new)
-        motion_series(s, 0, first, m, body, torques, fixed)
+        series.motion_series(s, 0, first, m, body, torques, fixed)
         c[IS_NEW] = 0.0
     anew = eighth == math.ceil(eighth)
     if turned and any_of(anew):
         _turn_loads_anew(c, s, anew)
         first = 0
-    motion_series(s, first, order, 0, body, torques, fixed)
+    series.motion_series(s, first, order, 0, body, torques, fixed)
 
 
 @kernel(inline=False)
@@ -362,6 +331,6 @@ def _move_state(c: Buffer, s: Buffer, n: int, order: int, part: float, body: Bod
     taylor.put_sums(s, order, part, fixed)
     state.put_omega(c, STATE, vec3_at(s, RATE))
     if n != RATE_ONLY:
-        motion_series(s, 0, m, m, body, _torques(c), fixed)
+        series.motion_series(s, 0, m, m, body, _torques(c), fixed)
         q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(taylor.half_turn(s, m, -part)))
         state.put_unit_attitude(c, STATE, q)

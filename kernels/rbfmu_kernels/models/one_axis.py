@@ -14,6 +14,7 @@ from ..buffer import MAX_SUBSTEPS, MORE_AXES, NO_PENDULUM, OK, STEP_REJECTED, pl
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact import pendulum as exact
+from ..integrators.polynomials import polynomial
 from ..integrators.substeps import LONGEST_STEP, substeps_in
 from ..numerics.elementary import relaxed, sincos
 from ..rotations.quaternion import compose_quaternions
@@ -28,16 +29,13 @@ _AXIS, _RATE, _DRIVE, _DAMPING_RATE = _ONE_AXIS_LAYOUT.starts("axis", "rate", "d
 
 @kernel
 def _set_up_one_axis(z: Buffer) -> int:
-    (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
-    axis = main_axis(q, omega, body, loads)
+    axis = main_axis(z)
     cosine, sine = swing(z, axis)
-    if not memory.skips_model_checks(z) and (
-        cosine[0] != 0.0 or sine[0] != 0.0 or leaves_axis(z, axis, q, omega, body, loads)
-    ):
+    if not memory.skips_model_checks(z) and (cosine[0] != 0.0 or sine[0] != 0.0 or leaves_axis(z, axis)):
         return MORE_AXES
     put_vec3_at(z, _AXIS, axis)
-    z[_RATE] = dot(axis, omega)
-    drive, z[_DAMPING_RATE] = drive_and_damping_rate(z, axis, q, body, loads)
+    z[_RATE] = dot(axis, memory.rotation_of(z).omega_b)
+    drive, z[_DAMPING_RATE] = drive_and_damping_rate(z, axis)
     z[_DRIVE] = drive + cosine[0]
     start_clocks(z)
     return 0
@@ -66,12 +64,11 @@ _Q_HANGING, _PENDULUM_AXIS, _PENDULUM = _PENDULUM_LAYOUT.starts("q_hanging", "ax
 
 @kernel
 def _set_up_pendulum(z: Buffer) -> int:
-    (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
-    axis = main_axis(q, omega, body, loads)
+    (q, omega), axis = memory.rotation_of(z), main_axis(z)
     if not memory.skips_model_checks(z):
-        if leaves_axis(z, axis, q, omega, body, loads):
+        if leaves_axis(z, axis):
             return MORE_AXES
-        drive, damping_rate = drive_and_damping_rate(z, axis, q, body, loads)
+        drive, damping_rate = drive_and_damping_rate(z, axis)
         if drive != 0.0 or damping_rate != 0.0:
             return NO_PENDULUM
     sine, cosine = exact.half_angle_rates(*swing(z, axis))
@@ -116,15 +113,14 @@ _RATE_SERIES, _SINE_SERIES, _COSINE_SERIES = _ONE_AXIS_TAYLOR_LAYOUT.starts(
 
 @kernel
 def _set_up_one_axis_taylor(z: Buffer) -> int:
-    (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
-    axis = main_axis(q, omega, body, loads)
-    if not memory.skips_model_checks(z) and leaves_axis(z, axis, q, omega, body, loads):
+    axis = main_axis(z)
+    if not memory.skips_model_checks(z) and leaves_axis(z, axis):
         return MORE_AXES
     cosine, sine = swing(z, axis)
     put_vec3_at(z, _SERIES_AXIS, axis)
     z[_ANGLE] = z[_SUBSTEPS] = 0.0
     put_pair_at(z, _SWING, (cosine[0], sine[0]))
-    z[_SERIES_DRIVE], z[_SERIES_DAMPING_RATE] = drive_and_damping_rate(z, axis, q, body, loads)
+    z[_SERIES_DRIVE], z[_SERIES_DAMPING_RATE] = drive_and_damping_rate(z, axis)
     start_clocks(z)
     return 0
 
@@ -147,7 +143,7 @@ def _advance_one_axis_taylor(z: Buffer, h: float) -> int:
         if count == 0 or steps >= MAX_SUBSTEPS:
             return STEP_REJECTED
         part = rest / count
-        angle, rate = _angle_after(z, angle, part, order), _rate_after(z, part, order)
+        angle, rate = _angle_after(z, angle, part, order), polynomial(z, _RATE_SERIES, 1, order, part)
         rest = 0.0 if count == 1 else rest - part
     q = compose_quaternions(first_attitude(z), quaternion_about(axis, angle))
     status = finish_step(z, h, q, scale(rate, axis))
@@ -158,18 +154,6 @@ def _advance_one_axis_taylor(z: Buffer, h: float) -> int:
 
 
 @kernel
-def _term(z: Buffer, series: int, k: int) -> float:
-    """Return the k-th coefficient of a series."""
-    return z[series + k]
-
-
-@kernel
-def _put_term(z: Buffer, series: int, k: int, x: float) -> None:
-    """Set the k-th coefficient of a series."""
-    z[series + k] = x
-
-
-@kernel
 def _expand(z: Buffer, angle: float, rate: float, order: int) -> float:
     """Set the series of the rate, and of sine and cosine of the angle; return the longest step.
 
@@ -177,31 +161,25 @@ def _expand(z: Buffer, angle: float, rate: float, order: int) -> float:
     """
     drive, damping_rate, (cosine, sine) = z[_SERIES_DRIVE], z[_SERIES_DAMPING_RATE], pair_at(z, _SWING)
     s, c = sincos(angle)
-    _put_term(z, _RATE_SERIES, 0, rate)
-    _put_term(z, _SINE_SERIES, 0, s)
-    _put_term(z, _COSINE_SERIES, 0, c)
+    z[_RATE_SERIES], z[_SINE_SERIES], z[_COSINE_SERIES] = rate, s, c
     for k in range(order):
         d_sine, d_cosine = 0.0, 0.0
         for j in range(k + 1):
-            d_sine += _term(z, _RATE_SERIES, j) * _term(z, _COSINE_SERIES, k - j)
-            d_cosine -= _term(z, _RATE_SERIES, j) * _term(z, _SINE_SERIES, k - j)
-        d_rate = (
-            cosine * _term(z, _COSINE_SERIES, k)
-            + sine * _term(z, _SINE_SERIES, k)
-            - damping_rate * _term(z, _RATE_SERIES, k)
-        )
+            d_sine += z[_RATE_SERIES + j] * z[_COSINE_SERIES + k - j]
+            d_cosine -= z[_RATE_SERIES + j] * z[_SINE_SERIES + k - j]
+        d_rate = cosine * z[_COSINE_SERIES + k] + sine * z[_SINE_SERIES + k] - damping_rate * z[_RATE_SERIES + k]
         share = 1.0 / (k + 1.0)
-        _put_term(z, _RATE_SERIES, k + 1, share * (d_rate + (drive if k == 0 else 0.0)))
-        _put_term(z, _SINE_SERIES, k + 1, share * d_sine)
-        _put_term(z, _COSINE_SERIES, k + 1, share * d_cosine)
+        z[_RATE_SERIES + k + 1] = share * (d_rate + (drive if k == 0 else 0.0))
+        z[_SINE_SERIES + k + 1] = share * d_sine
+        z[_COSINE_SERIES + k + 1] = share * d_cosine
     return _longest_step(z, rate, order)
 
 
 @kernel
 def _longest_step(z: Buffer, rate: float, order: int) -> float:
     """Return the step whose last terms, of the angle (rad) and of the rate (relative), are within the tolerance."""
-    scale_of_rate = max(abs(rate), abs(_term(z, _RATE_SERIES, 1)), 1e-300)
-    last = max(abs(_term(z, _RATE_SERIES, order)) / scale_of_rate, abs(_term(z, _RATE_SERIES, order - 1)) / order)
+    scale_of_rate = max(abs(rate), abs(z[_RATE_SERIES + 1]), 1e-300)
+    last = max(abs(z[_RATE_SERIES + order]) / scale_of_rate, abs(z[_RATE_SERIES + order - 1]) / order)
     if last == 0.0:
         return LONGEST_STEP
     root = math.sqrt(math.sqrt(z[_TOLERANCE] / last))
@@ -210,18 +188,10 @@ def _longest_step(z: Buffer, rate: float, order: int) -> float:
 
 
 @kernel
-def _rate_after(z: Buffer, h: float, order: int) -> float:
-    total = 0.0
-    for k in range(order, -1, -1):
-        total = total * h + _term(z, _RATE_SERIES, k)
-    return total
-
-
-@kernel
 def _angle_after(z: Buffer, angle: float, h: float, order: int) -> float:
     total = 0.0
     for k in range(order - 1, -1, -1):
-        total = total * h + _term(z, _RATE_SERIES, k) / (k + 1.0)
+        total = total * h + z[_RATE_SERIES + k] / (k + 1.0)
     return angle + total * h
 
 

@@ -17,12 +17,12 @@ from ..buffer import MORE_THAN_MOMENTUM, NO_SPIN_UP, OK, STEP_REJECTED, TURNS, p
 from ..buffer_access import matrix_at, put_matrix_at, put_pair_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..integrators.splitting import is_symmetric_top
-from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration
+from ..mechanics.equations_of_motion import angular_acceleration
 from ..mechanics.newton_euler import damping_torque
 from ..numerics.elementary import relaxed, sincos
 from ..rotations.matrix import invert_matrix, transform
 from ..rotations.vec3 import add_scaled, cross, dot, is_nonzero
-from ..types import Buffer, Matrix, Quaternion
+from ..types import Buffer, Matrix
 
 _NO_ROTATION_LAYOUT = places(closed_form.CLOSED_FORM)
 
@@ -110,16 +110,14 @@ _AXES, _RATES, _DRIVE, _DAMPING_RATE, _DAMPING_RATE_ACROSS, _RATIO = _SPIN_UP_LA
 
 @kernel
 def _set_up_spin_up(z: Buffer) -> int:
-    (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
-    across, own, axes = symmetric_frame(body.inertia)
-    if not memory.skips_model_checks(z) and (
-        memory.needs_attitude(z) or memory.has_unknown_load(z) or leads_astray(q, axes, body, loads)
-    ):
+    across, own, axes = symmetric_frame(memory.body_of(z).inertia)
+    astray = memory.needs_attitude(z) or memory.has_unknown_load(z) or leads_astray(z, axes)
+    if astray and not memory.skips_model_checks(z):
         return NO_SPIN_UP
     put_matrix_at(z, _AXES, axes)
-    put_vec3_at(z, _RATES, transform(axes, omega))
-    z[_DRIVE], z[_DAMPING_RATE] = drive_and_damping_rate(z, axes[2], q, body, loads)
-    _, z[_DAMPING_RATE_ACROSS] = drive_and_damping_rate(z, axes[0], q, body, loads)
+    put_vec3_at(z, _RATES, transform(axes, memory.rotation_of(z).omega_b))
+    z[_DRIVE], z[_DAMPING_RATE] = drive_and_damping_rate(z, axes[2])
+    _, z[_DAMPING_RATE_ACROSS] = drive_and_damping_rate(z, axes[0])
     z[_RATIO] = (own - across) / across
     closed_form.start_clocks(z)
     return 0
@@ -141,10 +139,11 @@ def _advance_spin_up(z: Buffer, h: float) -> int:
 
 
 @kernel
-def leads_astray(q: Quaternion, axes: Matrix, body: Body, loads: Loads) -> bool:
+def leads_astray(z: Buffer, axes: Matrix) -> bool:
     """Return whether moments differ, a load depends on the attitude or acts across the axis, or damping is uneven."""
+    body, loads = memory.body_of(z), memory.loads_of(z)
     turning = is_nonzero(loads.torque_a) or (is_nonzero(body.arm_b) and is_nonzero(loads.force_a))
-    from_rest = angular_acceleration(q, (0.0, 0.0, 0.0), body, loads)
+    from_rest = angular_acceleration(memory.rotation_of(z).q_ab, _AT_REST, body, loads)
     (t, u, s), damping_b = axes, body.damping_b
     d_t, d_u, d_s = damping_torque(damping_b, t), damping_torque(damping_b, u), damping_torque(damping_b, s)
     uneven = is_nonzero(cross(t, d_t)) or is_nonzero(cross(u, d_u)) or is_nonzero(cross(s, d_s))

@@ -6,11 +6,10 @@ Users scale their numbers: beyond 1e299 the splitting overflows, products below 
 """
 
 import math
-from typing import Any
 
 from ..compile.decorator import kernel
 from ..compile.wide import choose as choose_part
-from ..types import Vec3
+from ..types import Array, Vec3
 
 DoubleDouble = tuple[float, float]
 Vector = tuple[DoubleDouble, DoubleDouble, DoubleDouble]
@@ -156,12 +155,12 @@ def less(a: DoubleDouble, b: DoubleDouble) -> bool:
 
 
 @kernel
-def at(s: Any, i: int) -> DoubleDouble:
+def at(s: Array, i: int) -> DoubleDouble:
     """Return the number s[:, i]."""
     return (s[0, i], s[1, i])
 
 
 @kernel
-def put(s: Any, i: int, a: DoubleDouble) -> None:
+def put(s: Array, i: int, a: DoubleDouble) -> None:
     """Set s[:, i]."""
     s[0, i], s[1, i] = a

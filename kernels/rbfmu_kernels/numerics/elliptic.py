@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 from ..compile.decorator import kernel
 from ..compile.wide import all_of, always, any_of, choose
+from ..types import Vec3
 from . import double_double as dd
 from .double_double import ONE_OVER_PI, DoubleDouble, two_product, two_sum
 from .elementary import exp2, power_of_two_for, round_to_integer
@@ -151,18 +152,11 @@ NEAREST_KC = 0.335
 class Theta(NamedTuple):
     """Coefficients of E (1, x^2, x^4), O, P, Q (1, x^2 each); then factors of sn, cn, dn."""
 
-    e_0: float
-    e_2: float
-    e_4: float
-    o_0: float
-    o_2: float
-    p_0: float
-    p_2: float
-    q_0: float
-    q_2: float
-    sn: float
-    cn: float
-    dn: float
+    e: Vec3
+    o: tuple[float, float]
+    p: tuple[float, float]
+    q: tuple[float, float]
+    factors: Vec3
 
 
 @kernel(inline=False)
@@ -182,13 +176,14 @@ def theta_series_of(q: float) -> Theta:
     p0, p2 = 1.0 - q2 - q6 + q12, 4.0 * (q6 - q12)
     r0, r2 = 2.0 * (q2 - q6) - 4.0 * q12, 8.0 * q12
     e, o, pr = e0 + (e2 + e4), o0 + o2, (p0 + p2) + (r0 + r2)
-    return Theta(e0, e2, e4, o0, o2, p0, p2, r0, r2, (e + o) / pr, (e - o) / pr, (e - o) / (e + o))
+    factors = (e + o) / pr, (e - o) / pr, (e - o) / (e + o)
+    return Theta((e0, e2, e4), (o0, o2), (p0, p2), (r0, r2), factors)
 
 
 @kernel
 def jacobi_from_theta(sin_v: float, cos_v: float, theta: Theta) -> tuple[float, float, float]:
     """Return (sn, cn, dn) of u at the phase v = pi u / (2 K), of any size.  Relative error <= 5 eps each."""
-    e0, e2, e4, o0, o2, p0, p2, r0, r2, a, b, d = theta
+    (e0, e2, e4), (o0, o2), (p0, p2), (r0, r2), (a, b, d) = theta
     x = (cos_v - sin_v) * (cos_v + sin_v)
     x2 = x * x
     e, o = (e0 + x2 * e2) + (x2 * x2) * e4, x * (o0 + x2 * o2)

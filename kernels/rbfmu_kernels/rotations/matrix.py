@@ -223,10 +223,9 @@ def nearest_rotation(R: Matrix) -> Matrix:
 @kernel
 def _largest(R: Matrix) -> float:
     """Return the largest magnitude of an element."""
-    a, b, c = R
-    first = max(max(abs(a[0]), abs(a[1])), abs(a[2]))
-    second = max(max(abs(b[0]), abs(b[1])), abs(b[2]))
-    return max(max(first, second), max(max(abs(c[0]), abs(c[1])), abs(c[2])))
+    return vec3.largest_component(
+        (vec3.largest_component(R[0]), vec3.largest_component(R[1]), vec3.largest_component(R[2]))
+    )
 
 
 _Symmetric4 = tuple[Quaternion, Vec3, tuple[float, float], float]

@@ -147,10 +147,8 @@ def quaternion_rate_a(q_ab: Quaternion, omega_ab_a: Vec3) -> Quaternion:
     Units: omega_ab_a in rad/s, the result in 1/s; q_ab is unit.  Frames: omega_ab_a in a.
     Error <= 0.7 eps |omega|.  Singular: nowhere.  Source: E&G 6.9.
     """
-    eps = (q_ab[1], q_ab[2], q_ab[3])
     half = vec3.scale(0.5, omega_ab_a)
-    x, y, z = vec3.add_scaled(vec3.cross(half, eps), q_ab[0], half)
-    return (-vec3.dot(eps, half), x, y, z)
+    return _rate(q_ab, half, vec3.cross(half, _vector_part(q_ab)))
 
 
 @kernel
@@ -160,10 +158,20 @@ def quaternion_rate_b(q_ab: Quaternion, omega_ab_b: Vec3) -> Quaternion:
     Units: omega_ab_b in rad/s, the result in 1/s; q_ab is unit.  Frames: omega_ab_b in b.
     Error <= 0.7 eps |omega|.  Singular: nowhere.  Source: E&G 6.9.
     """
-    eps = (q_ab[1], q_ab[2], q_ab[3])
     half = vec3.scale(0.5, omega_ab_b)
-    x, y, z = vec3.add_scaled(vec3.cross(eps, half), q_ab[0], half)
-    return (-vec3.dot(eps, half), x, y, z)
+    return _rate(q_ab, half, vec3.cross(_vector_part(q_ab), half))
+
+
+@kernel
+def _vector_part(q: Quaternion) -> Vec3:
+    return (q[1], q[2], q[3])
+
+
+@kernel
+def _rate(q: Quaternion, half: Vec3, turned: Vec3) -> Quaternion:
+    """Return (-eps . half, eta half + turned)."""
+    x, y, z = vec3.add_scaled(turned, q[0], half)
+    return (-vec3.dot(_vector_part(q), half), x, y, z)
 
 
 @kernel
@@ -173,10 +181,7 @@ def omega_a_from_quaternion_rate(q_ab: Quaternion, dq: Quaternion) -> Vec3:
     Units: dq in 1/s, the result in rad/s; q_ab is unit.  Frames: the result in a.
     Error <= 2 eps |dq|.  Singular: nowhere.  Source: E&G 6.9, solved for omega_ab_a.
     """
-    eps = (q_ab[1], q_ab[2], q_ab[3])
-    deps = (dq[1], dq[2], dq[3])
-    along = vec3.add_scaled(vec3.scale(q_ab[0], deps), -dq[0], eps)
-    return vec3.scale(2.0, vec3.add(along, vec3.cross(eps, deps)))
+    return _omega(q_ab, dq, 1.0)
 
 
 @kernel
@@ -186,7 +191,12 @@ def omega_b_from_quaternion_rate(q_ab: Quaternion, dq: Quaternion) -> Vec3:
     Units: dq in 1/s, the result in rad/s; q_ab is unit.  Frames: the result in b.
     Error <= 2 eps |dq|.  Singular: nowhere.  Source: E&G 6.9, solved for omega_ab_b.
     """
-    eps = (q_ab[1], q_ab[2], q_ab[3])
-    deps = (dq[1], dq[2], dq[3])
-    along = vec3.add_scaled(vec3.scale(q_ab[0], deps), -dq[0], eps)
-    return vec3.scale(2.0, vec3.subtract(along, vec3.cross(eps, deps)))
+    return _omega(q_ab, dq, -1.0)
+
+
+@kernel
+def _omega(q: Quaternion, dq: Quaternion, side: float) -> Vec3:
+    """Return 2 (eta deps - deta eps + side eps x deps)."""
+    eps, deps = _vector_part(q), _vector_part(dq)
+    along = vec3.add_scaled(vec3.scale(q[0], deps), -dq[0], eps)
+    return vec3.scale(2.0, vec3.add_scaled(along, side, vec3.cross(eps, deps)))
