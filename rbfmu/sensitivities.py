@@ -118,11 +118,12 @@ def sensitivity(
 
     by: keys such as "initial.omega_b", "initial.attitude" (a small rotation in b, rad), "body.inertia" (three moments
     where its products are zero, else all six), "body.inertia[1,2]", "constants.k", "states.charge".
-    planned: a plan by series, whose order and tolerance are used; covariance: of the numbers, (numbers, numbers),
-    carried along by the derivatives; inputs, interpolate: see `simulate`.
+    planned: a plan by series, whose order, tolerance and so substeps are used, which suit the motion alone: derivatives
+    may then be less accurate than it is; covariance: of the numbers, (numbers, numbers), carried along by the
+    derivatives; inputs, interpolate: see `simulate`.
 
-    The derivatives obey the variational equations of the motion and are as accurate as it is: they are integrated with
-    it by the same series, whatever model a plan would choose. At corners of formulas they jump as the motion after them
+    The derivatives obey the variational equations of the motion: they are integrated with it by the same series, whose
+    substeps serve both, whatever model a plan would choose. At corners of formulas they jump as the motion after them
     shifts in time, and the last row of a run that an event stops is that at the event, which shifts as well.
     Raises SceneError, SimulationError, ValueError for a key without a number or where a corner is grazed.
     """
