@@ -1,4 +1,4 @@
-"""Events of formulas: when what they watch comes to zero, in templates that `formulas.make_formulas` binds to a scene.
+"""Events of formulas: when what they watch comes to zero, in templates that `formula_models.make_formulas` binds.
 
 A series of the motion has the numbers that events watch beside its states, and ends where one of them comes to zero, so
 that it changes side where the next series begins.
