@@ -1,6 +1,7 @@
 """The attitude of a scene: a quaternion, read from any of its representations."""
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
@@ -69,16 +70,16 @@ class Attitude(Section, path="initial.attitude"):
     rotvec: Annotated[Vec3 | None, _angles("rad", "rotation vector: axis times angle")] = None
     matrix: Annotated[Matrix | None, _MATRIX.means("rotation matrix R_ab, by rows")] = None
 
-    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        given = set(data) - {"angles_deg", "angles"}
+    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+        given, known = set(data) - {"angles_deg", "angles"}, set(data) <= self._keys.keys()
         ways = "euler (with angles_deg or angles), quaternion, rotvec or matrix"
-        if len(given) != 1 and not faults:
+        if len(given) != 1 and known:
             faults.append(fault(self._path, data, f"exactly one of {ways}"))
-        elif given == {"euler"} and len(data) != 2 and not faults:
+        elif given == {"euler"} and len(data) != 2:
             faults.append(fault(self._path, data, "euler with either angles_deg or angles"))
         elif len(given) == 1 and given != {"euler"} and len(data) != 1:
             faults.append(fault(self._path, data, f"{given.pop()} alone; angles belong to euler"))
-        return data
+        return data, {}
 
     def q_ab(self) -> Quaternion:
         """Return q_ab."""

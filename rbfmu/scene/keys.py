@@ -86,10 +86,9 @@ def _shape_keys() -> Iterator[Key]:
 
 
 def _key(section: type[Section], name: str) -> Key:
-    if name not in section._rules or name not in section._keys:
-        unit, meaning = section._other_keys[name]
-        return Key(section._path, name, unit, "", meaning)
-    rule = section._rules[name]
+    field, rule = section._keys[name]
+    if field != name:
+        return Key(section._path, name, rule.unit, "", rule.meaning)
     meaning = f"{rule.meaning}: {rule.choice}" if rule.choice else rule.meaning
     default = as_toml(_plain(getattr(section, name))) if hasattr(section, name) else REQUIRED
     if section is SECTIONS["outputs"]:

@@ -135,10 +135,10 @@ class Port(Entry):
     unit: Annotated[str, _UNIT] = ""
     about: Annotated[str, _ABOUT] = ""
 
-    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
         start = plain(data.get("start"))
         size = data.get("size", 3 if start is None or isinstance(start, list | tuple) else 1)
-        return {"start": [0.0] * 3 if size == 3 else 0.0, "size": size, **data}
+        return {"start": [0.0] * 3 if size == 3 else 0.0, "size": size, **data}, {}
 
     def _contradictions(self) -> Iterator[str]:
         if len(self.start) != self.size:

@@ -77,8 +77,8 @@ class Scene(Section):
 
             yield from faults_of_texts(self._worded())
 
-    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        return data | {"ensemble": as_written(data.get("ensemble"), data, faults)}
+    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+        return {**data, "ensemble": as_written(data.get("ensemble"), data, faults)}, {}
 
     def _faults_together(self) -> Iterator[str]:
         good = vars(self)
@@ -159,8 +159,8 @@ def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
         return value
     if section is None:  # a table with names of one's own, of which a new value keeps unit and meaning
         return {**table, **{key: _in_row(table.get(key), item) for key, item in value.items()}}
-    excluded = {key for keys in section._spellings.values() if set(keys) & set(value) for key in keys}
-    return {key: item for key, item in table.items() if key not in excluded} | dict(value)
+    fields = {section._keys[key][0] for key in value if key in section._keys}
+    return {key: x for key, x in table.items() if section._keys.get(key, (key,))[0] not in fields} | dict(value)
 
 
 def _in_row(row: Any, item: Any) -> Any:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -13,7 +12,7 @@ from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.own import Named, Port, Shown
 
 from rbfmu.scene.section import (  # isort: skip
-    POSITIVE, Numbers, Rule, Section, as_lists, checked, fault, line, names, numbers, one_of,
+    POSITIVE, Numbers, Rule, Section, as_lists, checked, fault, line, names, numbers,
 )  # fmt: skip
 from rbfmu.types import Array
 from rbfmu_kernels import quantities
@@ -27,7 +26,10 @@ MAX_STEPS = 1e8
 """The largest number of communication steps of a run; their results take some 20 GB."""
 NOTHING: Mapping[str, Any] = Named()
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
-_DEGREES = Numbers((3,), "deg/s")
+_DEGREES = Numbers((3,), "deg/s", then=lambda rates: tuple(map(math.radians, rates))).means("in place of omega_b")
+_ATTITUDE = Rule("a table", lambda value: Attitude.read(value).q_ab()).means(
+    "a table: initial attitude of the body (b) in space (a)"
+)
 _PORTS = names(PORTS).means(
     "loads that another unit supplies, added to the known ones; omega_b alone (prescribed rates); inputs of one's own "
     "that formulas read, { name, size, unit, start }"
@@ -46,47 +48,33 @@ _TEXT = line("at most 1000 printable characters", 1000)
 class Initial(Section, path="initial"):
     """The initial state; `quaternion` comes from the table `attitude`."""
 
-    _spellings: ClassVar = {"quaternion": ("attitude",), "omega_b": ("omega_b", "omega_b_deg")}
-    _other_keys: ClassVar = {
-        "attitude": ("", "a table: initial attitude of the body (b) in space (a)"),
-        "omega_b_deg": ("deg/s", "in place of omega_b"),
-    }
+    _hidden: ClassVar = ("quaternion",)
+    _instead: ClassVar = {"attitude": ("quaternion", _ATTITUDE), "omega_b_deg": ("omega_b", _DEGREES)}
 
     position: Annotated[Vec3, numbers("position_0")] = ZERO
     velocity: Annotated[Vec3, numbers("velocity_0")] = ZERO
     quaternion: Annotated[Quaternion, numbers("quaternion_0")] = _IDENTITY
     omega_b: Annotated[Vec3, numbers("omega_b_0")] = ZERO
 
-    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        if "attitude" in data:
-            attitude: Attitude | None = checked(Attitude, data.pop("attitude"), "", faults)
-            data |= {"quaternion": attitude.q_ab()} if attitude else {}
-        given = one_of(Initial, data, ("omega_b", "omega_b_deg"), faults)
-        degrees = data.pop("omega_b_deg", None)
-        if given == "omega_b_deg":
-            rates: Vec3 | None = checked(_DEGREES, degrees, "initial.omega_b_deg", faults)
-            data |= {"omega_b": tuple(map(math.radians, rates))} if rates else {}
-            vars(self)["rates_said"] = "initial.omega_b_deg", degrees
-        return data
-
-    @cached_property
+    @property
     def rates_said(self) -> tuple[str, object]:
         """Return the key and the value by which the initial rates were given."""
-        return "initial.omega_b", self.omega_b
+        key, value = self._given.get("omega_b", ("omega_b", None))
+        return f"initial.{key}", self.omega_b if value is None else value
 
     def _shown(self) -> dict[str, Any]:
         return dict(("attitude", {k: x}) if k == "quaternion" else (k, x) for k, x in self._set().items())
 
     def table(self) -> dict[str, Any]:
         """Return the table as a file has it."""
-        found = super().table()
+        found = {name: as_lists(value) for name, value in self._values().items()}
         return found | {"attitude": {"quaternion": found.pop("quaternion")}}
 
 
 class Loads(Section, path="loads"):
     """The known loads; those that are formulas stand in `formulas`, and are zero here."""
 
-    _spellings: ClassVar = {"formulas": ()}
+    _hidden: ClassVar = ("formulas",)
 
     gravity_a: Annotated[Vec3, numbers("gravity_a")] = (0.0, 0.0, -9.81)
     force_a: Annotated[Vec3, numbers("force_a")] = ZERO
@@ -104,7 +92,7 @@ class Loads(Section, path="loads"):
 class Inputs(Section, path="inputs"):
     """The inputs that other FMUs supply, and the parameters that an importer may change."""
 
-    _spellings: ClassVar = {"own": ()}
+    _hidden: ClassVar = ("own",)
 
     ports: Annotated[tuple[str, ...], _PORTS] = ()
     parameters: Annotated[tuple[str, ...], _PARAMETERS] = ()
@@ -135,7 +123,7 @@ class Inputs(Section, path="inputs"):
 class Outputs(Section, path="outputs"):
     """The requested output quantities, and those of one's own, which are always shown."""
 
-    _spellings: ClassVar = {"own": ()}
+    _hidden: ClassVar = ("own",)
     quantities: Annotated[tuple[str, ...], names(QUANTITIES).means("what someone will look at")] = QUANTITIES
     own: Annotated[Mapping[str, Shown], named.OUTPUTS] = NOTHING
 
