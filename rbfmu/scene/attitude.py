@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
-from rbfmu.scene.section import Numbers, Section, fault, one_word
+from rbfmu.scene.section import Apart, Numbers, Section, fault, one_word
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.rotations import euler_angles, quaternion
 from rbfmu_kernels.rotations import matrix as rotation
@@ -70,7 +70,7 @@ class Attitude(Section, path="initial.attitude"):
     rotvec: Annotated[Vec3 | None, _angles("rad", "rotation vector: axis times angle")] = None
     matrix: Annotated[Matrix | None, _MATRIX.means("rotation matrix R_ab, by rows")] = None
 
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         given, known = set(data) - {"angles_deg", "angles"}, set(data) <= self._keys.keys()
         ways = "euler (with angles_deg or angles), quaternion, rotvec or matrix"
         if len(given) != 1 and known:

@@ -1,7 +1,7 @@
 """The body of a scene: its mass, its inertia about the centre of mass, and its pivot."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -97,9 +97,8 @@ class Shape(Section, path="body.shape"):
 
     def inertia(self, mass: float) -> Matrix:
         """Return M_c."""
-        kernel: Any = getattr(_shapes, f"{self.kind}_inertia")
-        found: Matrix = evaluated(kernel, mass, *(getattr(self, key) for key in self.sizes()))
-        return found
+        kernel: Callable[..., Matrix] = getattr(_shapes, f"{self.kind}_inertia")
+        return evaluated(kernel, mass, *(getattr(self, key) for key in self.sizes()))
 
 
 _SIZE, _SIZES = Numbers((), "m", *POSITIVE), Numbers((3,), "m", *POSITIVE)
@@ -160,7 +159,7 @@ class Body(Section, path="body"):
             pivot: bool = False,
         ) -> None: ...
 
-    def _set(self) -> dict[str, Any]:
+    def _set(self) -> dict[str, object]:
         """Return the fields that are not as by default; an inertia along the axes is its three moments."""
         M = self.inertia
         moments = (M[0][0], M[1][1], M[2][2])

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Annotated, Any, Self, TypeGuard, TypeVar
 
 from rbfmu.scene.section import (  # isort: skip
-    FLAG, Numbers, Readable, Rule, SceneError, Section, checked, fault, joined, line, one_word, plain,
+    FLAG, Apart, Numbers, Readable, Rule, SceneError, Section, checked, fault, joined, line, one_word, plain,
 )  # fmt: skip
 from rbfmu_kernels.quantities import Parameter
 
@@ -135,7 +135,7 @@ class Port(Entry):
     unit: Annotated[str, _UNIT] = ""
     about: Annotated[str, _ABOUT] = ""
 
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         start = plain(data.get("start"))
         size = data.get("size", 3 if start is None or isinstance(start, list | tuple) else 1)
         return {"start": [0.0] * 3 if size == 3 else 0.0, "size": size, **data}, {}
@@ -236,18 +236,3 @@ def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str
 def is_formula(name: str, value: object) -> bool:
     """Return whether a load is given as a formula, or as several that add up."""
     return name in LOADS and (isinstance(value, str) or _is_sum(value))
-
-
-def listed_apart(inputs: Any, tables: Mapping[str, Any]) -> tuple[Any, tuple[str, ...]]:
-    """Return the table of inputs without the constants and starts of states that its parameters list, and these."""
-    listed = inputs.get("parameters") if isinstance(inputs, Mapping) else None
-    if not isinstance(listed, list | tuple):
-        return inputs, ()
-    known = {
-        parameter_of(f"{table}.{name}")
-        for table in PARAMETER_END
-        if isinstance(tables.get(table), Mapping)
-        for name in tables[table]
-    }
-    own = tuple(name for name in dict.fromkeys(x for x in listed if isinstance(x, str)) if name in known)
-    return {**inputs, "parameters": [x for x in listed if x not in own]}, own

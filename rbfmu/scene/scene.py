@@ -20,7 +20,7 @@ from rbfmu.scene import own as named
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
 from rbfmu.scene.own import Constant, Event, Named, State, Table
-from rbfmu.scene.section import SceneError, Section, as_lists, as_toml, checked, fault, line, names
+from rbfmu.scene.section import Apart, SceneError, Section, as_lists, as_toml, checked, fault, line, names
 
 from rbfmu.scene.tables import (  # isort: skip
     NOTHING, PARAMETERS, PORTS, QUANTITIES, About, Initial, Inputs, Loads, Outputs, Run, default_quantities,
@@ -77,7 +77,7 @@ class Scene(Section):
 
             yield from faults_of_texts(self._worded())
 
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         return {**data, "ensemble": as_written(data.get("ensemble"), data, faults)}, {}
 
     def _faults_together(self) -> Iterator[str]:

@@ -62,6 +62,9 @@ def joined(path: str, key: str) -> str:
     return f"{path}.{key}" if path else key
 
 
+Apart = tuple[Mapping[str, object], dict[str, object]]
+
+
 class Readable(Protocol):
     """What makes what is stored of a value: the rule of a key, or a table of them."""
 
@@ -90,7 +93,7 @@ class Rule:
     table that turns every kind of error back into these words. Without it the first scene is there a sixth sooner.
     """
 
-    def __init__(self, words: str, made: Callable[[Any], object], choice: str = "", unit: str = "") -> None:
+    def __init__(self, words: str, made: Callable[[object], object], choice: str = "", unit: str = "") -> None:
         self.words, self.made, self.choice, self.unit, self.meaning = words, made, choice, unit, ""
 
     def means(self, meaning: str) -> Self:
@@ -163,7 +166,7 @@ class Numbers(Rule):
             return math.inf
 
 
-def plain(value: Any) -> Any:
+def plain(value: object) -> object:
     """Return NumPy's arrays and numbers as Python's, anything else as it is."""
     return value.tolist() if hasattr(value, "tolist") else value
 
@@ -279,7 +282,7 @@ class Section:
     def __init__(self, /, **data: Any) -> None:
         self._fill(self._path, data)
 
-    def _fill(self, path: str, data: Mapping[str, Any]) -> None:
+    def _fill(self, path: str, data: Mapping[str, object]) -> None:
         faults: list[str] = []
         data, beside = self._apart(data, faults)
         faults += self._unknown_keys(path, data)
@@ -337,11 +340,11 @@ class Section:
         vars(other).update(fields)
         return other
 
-    def _set(self) -> dict[str, Any]:
+    def _set(self) -> dict[str, object]:
         """Return the fields that are not as by default."""
         return {name: value for name, value in self._values().items() if value != getattr(type(self), name, None)}
 
-    def _shown(self) -> dict[str, Any]:
+    def _shown(self) -> dict[str, object]:
         """Return the keys and values that make the section again."""
         return self._set()
 
@@ -355,7 +358,7 @@ class Section:
             found |= found.pop(name)
         return found
 
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         """Return the table as keys know it, and fields that are made of what stands by names of one's own."""
         return data, {}
 

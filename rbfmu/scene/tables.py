@@ -12,7 +12,7 @@ from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.own import Named, Port, Shown
 
 from rbfmu.scene.section import (  # isort: skip
-    POSITIVE, Numbers, Rule, Section, as_lists, checked, fault, line, names, numbers,
+    POSITIVE, Apart, Numbers, Rule, Section, as_lists, checked, fault, line, names, numbers,
 )  # fmt: skip
 from rbfmu.types import Array
 from rbfmu_kernels import quantities
@@ -62,7 +62,7 @@ class Initial(Section, path="initial"):
         key, value = self._given.get("omega_b", ("omega_b", None))
         return f"initial.{key}", self.omega_b if value is None else value
 
-    def _shown(self) -> dict[str, Any]:
+    def _shown(self) -> dict[str, object]:
         return dict(("attitude", {k: x}) if k == "quaternion" else (k, x) for k, x in self._set().items())
 
     def table(self) -> dict[str, Any]:
@@ -84,7 +84,7 @@ class Loads(Section, path="loads"):
     damping_b: Annotated[Vec3, numbers("damping_b")] = ZERO
     formulas: Annotated[Mapping[str, str], named.LOAD_FORMULAS] = NOTHING
 
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         texts = {name: value for name, value in data.items() if named.is_formula(name, value)}
         return {name: value for name, value in data.items() if name not in texts}, {"formulas": texts} if texts else {}
 
@@ -98,7 +98,7 @@ class Inputs(Section, path="inputs"):
     parameters: Annotated[tuple[str, ...], _PARAMETERS] = ()
     own: Annotated[Mapping[str, Port], named.PORTS] = NOTHING
 
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         ports = data.get("ports")
         if not isinstance(ports, list | tuple) or not (rows := [x for x in ports if isinstance(x, Mapping)]):
             return data, {}
@@ -127,7 +127,7 @@ class Outputs(Section, path="outputs"):
     quantities: Annotated[tuple[str, ...], names(QUANTITIES).means("what someone will look at")] = QUANTITIES
     own: Annotated[Mapping[str, Shown], named.OUTPUTS] = NOTHING
 
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         """Return whatever is a table or a text as an output of one's own, and energies that are asked for."""
         shown = {name: x for name, x in data.items() if isinstance(x, Mapping | str) and name not in self._keys}
         left = {name: x for name, x in data.items() if name not in shown}
