@@ -162,11 +162,11 @@ class Table(Entry):
 
 
 class NamedTable(Rule):
-    """The rule of a table with names of one's own, each of which has an entry; path: of the table in a file."""
+    """The rule of a table with names of one's own, each of which has an entry."""
 
-    def __init__(self, path: str, entry: Readable, words: str, meaning: str) -> None:
+    def __init__(self, entry: Readable, words: str, meaning: str = "") -> None:
         super().__init__(words, lambda value: value)
-        self.path, self.entry, self.meaning = path, entry, meaning
+        self.entry, self.meaning = entry, meaning
 
     def read(self, value: object, path: str) -> Named[Any]:
         """Return the entries by name, or such a table itself."""
@@ -174,39 +174,40 @@ class NamedTable(Rule):
             return value
         if not isinstance(value, Mapping):
             raise SceneError(fault(path, value, self.words))
-        faults: list[str] = []
-        for name in value:
-            if not _is_name(name):
-                faults.append(fault(joined(self.path, str(name)), value[name], f"a name of {_NAME.words}"))
-        found = {n: checked(self.entry, item, joined(self.path, n), faults) for n, item in value.items() if _is_name(n)}
+        found, faults = Named[Any](), list[str]()
+        for name, item in value.items():
+            if _is_name(name):
+                found[name] = checked(self.entry, item, joined(path, name), faults)
+            else:
+                faults.append(fault(joined(path, str(name)), item, f"a name of {_NAME.words}"))
         if faults:
             raise SceneError(faults)
-        return Named(found)
+        return found
 
 
-CONSTANTS = NamedTable(
-    "constants", Constant, "a table of numbers", "numbers of one's own: NAME = value, or { value, unit, about }"
-)
+CONSTANTS = NamedTable(Constant, "a table of numbers", "numbers of one's own: NAME = value, or { value, unit, about }")
 TABLES = NamedTable(
-    "tables", Table, "a table of tables",
+    Table,
+    "a table of tables",
     "tables of one's own: NAME = { x, y, method, about }, with method linear or cubic; constant outside",
-)  # fmt: skip
-FORMULAS = NamedTable("formulas", TEXT, "a table of formulas", "names for parts of formulas: NAME = text")
+)
+FORMULAS = NamedTable(TEXT, "a table of formulas", "names for parts of formulas: NAME = text")
 STATES = NamedTable(
-    "states", State, "a table of states",
-    "states of one's own: NAME = { start, rate, unit, about }, the rate as a formula",
-)  # fmt: skip
+    State, "a table of states", "states of one's own: NAME = { start, rate, unit, about }, the rate as a formula"
+)
 OUTPUTS = NamedTable(
-    "outputs", Shown, "a table of formulas",
+    Shown,
+    "a table of formulas",
     "outputs of one's own, which may also stand beside `quantities`: NAME = text, or { value, unit, about }",
-)  # fmt: skip
+)
 EVENTS = NamedTable(
-    "events", Event, "a table of events",
+    Event,
+    "a table of events",
     "when a formula comes to zero: NAME = { when, direction, stop, about }, with direction rising, falling or any; "
     "stop = true ends the run there",
-)  # fmt: skip
-PORTS = NamedTable("inputs.ports", Port, "a table of inputs", "inputs of one's own, as they stand in `ports`")
-LOAD_FORMULAS = NamedTable("loads", TEXT, "a table of formulas", "loads that are formulas")
+)
+PORTS = NamedTable(Port, "a table of inputs", "inputs of one's own, as they stand in `ports`")
+LOAD_FORMULAS = NamedTable(TEXT, "a table of formulas", "loads that are formulas")
 
 
 def is_own(key: str) -> bool:

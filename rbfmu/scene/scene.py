@@ -19,18 +19,17 @@ from rbfmu.notebook import table
 from rbfmu.scene import own as named
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
-from rbfmu.scene.own import Constant, Event, Named, State, Table
 from rbfmu.scene.section import Apart, SceneError, Section, as_lists, as_toml, checked, fault, line, names
 
 from rbfmu.scene.tables import (  # isort: skip
-    NOTHING, PARAMETERS, PORTS, QUANTITIES, About, Initial, Inputs, Loads, Outputs, Run, default_quantities,
+    NOTHING, PARAMETERS, QUANTITIES, About, Initial, Inputs, Loads, Outputs, Run, default_quantities,
     faults_between,
 )  # fmt: skip
 from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia
-from rbfmu_kernels.quantities import ANGLE, OUTPUTS, Parameter
+from rbfmu_kernels.quantities import ANGLE, OUTPUTS, PORTS, Parameter
 
 __all__ = ["PARAMETERS", "PORTS", "QUANTITIES", "About", "Body", "Initial", "Inputs", "Loads", "Outputs", "Run",
            "Scene", "SceneError", "load_scene"]  # fmt: skip
@@ -50,11 +49,11 @@ class Scene(Section):
     run: Run = Run()
     about: About = About()
     ensemble: Ensemble | None = None
-    constants: Annotated[Mapping[str, Constant], named.CONSTANTS] = NOTHING
+    constants: Annotated[Mapping[str, named.Constant], named.CONSTANTS] = NOTHING
     formulas: Annotated[Mapping[str, str], named.FORMULAS] = NOTHING
-    states: Annotated[Mapping[str, State], named.STATES] = NOTHING
-    tables: Annotated[Mapping[str, Table], named.TABLES] = NOTHING
-    events: Annotated[Mapping[str, Event], named.EVENTS] = NOTHING
+    states: Annotated[Mapping[str, named.State], named.STATES] = NOTHING
+    tables: Annotated[Mapping[str, named.Table], named.TABLES] = NOTHING
+    events: Annotated[Mapping[str, named.Event], named.EVENTS] = NOTHING
 
     @property
     def load_formulas(self) -> Mapping[str, str]:
@@ -103,8 +102,8 @@ class Scene(Section):
             **{name: getattr(type(self), name) for name in ("name", "initial", "run", "about")},
             body=self.body and self.body._with(**ones),
             loads=self.loads._with(**loads),
-            constants=Named({name: one._with(value=(1.0,) * len(one.value)) for name, one in self.constants.items()}),
-            states=Named({name: one._with(start=(1.0,) * len(one.start)) for name, one in self.states.items()}),
+            constants=_ones(self.constants, "value"),
+            states=_ones(self.states, "start"),
         )
 
     @classmethod
@@ -151,6 +150,11 @@ class Scene(Section):
 SECTIONS: Mapping[str, type[Section]] = {
     name: section for name, section in Scene._rules.items() if isinstance(section, type)
 }
+
+
+def _ones(rows: Mapping[str, named.Entry], field: str) -> named.Named[named.Entry]:
+    """Return constants or states with ones for their numbers."""
+    return named.Named({name: row._with(**{field: (1.0,) * len(row.numbers)}) for name, row in rows.items()})
 
 
 def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:

@@ -288,10 +288,10 @@ class Section:
         faults += self._unknown_keys(path, data)
         own, given = vars(self), dict[str, tuple[str, object]]()
         own |= {"_path": path, "_given": given}
-        ways = [(key, *way, data[key]) for key, way in self._keys.items() if key in data]
-        ways += [(name, name, self._rules[name], value) for name, value in beside.items()]
-        for key, name, rule, value in ways:
-            here, known = joined(path, key), len(faults)
+        ways = [(joined(path, key), key, *way, data[key]) for key, way in self._keys.items() if key in data]
+        ways += [(path, name, name, self._rules[name], value) for name, value in beside.items()]
+        for here, key, name, rule, value in ways:
+            known = len(faults)
             if name in given:
                 faults.append(fault(here, value, f"{given[name][0]} or {key}, not both"))
                 continue

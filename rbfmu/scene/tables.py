@@ -9,22 +9,19 @@ import numpy as np
 from rbfmu.scene import own as named
 from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import ZERO, Body
-from rbfmu.scene.own import Named, Port, Shown
 
 from rbfmu.scene.section import (  # isort: skip
     POSITIVE, Apart, Numbers, Rule, Section, as_lists, checked, fault, line, names, numbers,
 )  # fmt: skip
 from rbfmu.types import Array
-from rbfmu_kernels import quantities
-from rbfmu_kernels.quantities import LOADS, OUTPUTS, TORQUES
+from rbfmu_kernels.quantities import IN_BUFFER_ORDER, LOADS, OUTPUT, OUTPUTS, PORTS, TORQUES
 from rbfmu_kernels.types import Quaternion, Vec3
 
-PORTS = quantities.PORTS
-PARAMETERS = tuple(row.name for row in quantities.IN_BUFFER_ORDER)
-QUANTITIES = tuple(quantities.OUTPUT)
+PARAMETERS = tuple(row.name for row in IN_BUFFER_ORDER)
+QUANTITIES = tuple(OUTPUT)
 MAX_STEPS = 1e8
 """The largest number of communication steps of a run; their results take some 20 GB."""
-NOTHING: Mapping[str, Any] = Named()
+NOTHING: Mapping[str, Any] = named.Named()
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _DEGREES = Numbers((3,), "deg/s", then=lambda rates: tuple(map(math.radians, rates))).means("in place of omega_b")
 _ATTITUDE = Rule("a table", lambda value: Attitude.read(value).q_ab()).means(
@@ -96,14 +93,14 @@ class Inputs(Section, path="inputs"):
 
     ports: Annotated[tuple[str, ...], _PORTS] = ()
     parameters: Annotated[tuple[str, ...], _PARAMETERS] = ()
-    own: Annotated[Mapping[str, Port], named.PORTS] = NOTHING
+    own: Annotated[Mapping[str, named.Port], named.PORTS] = NOTHING
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         ports = data.get("ports")
         if not isinstance(ports, list | tuple) or not (rows := [x for x in ports if isinstance(x, Mapping)]):
             return data, {}
         own = [one for row in rows if (one := checked(named.Port, row, "inputs.ports", faults))]
-        found = Named({one.name: one for one in own})
+        found = named.Named({one.name: one for one in own})
         if twice := [one.name for one in own if one is not found[one.name]]:
             faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")
         return {**data, "ports": [x for x in ports if not isinstance(x, Mapping)]}, {"own": found}
@@ -125,7 +122,7 @@ class Outputs(Section, path="outputs"):
 
     _hidden: ClassVar = ("own",)
     quantities: Annotated[tuple[str, ...], names(QUANTITIES).means("what someone will look at")] = QUANTITIES
-    own: Annotated[Mapping[str, Shown], named.OUTPUTS] = NOTHING
+    own: Annotated[Mapping[str, named.Shown], named.OUTPUTS] = NOTHING
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         """Return whatever is a table or a text as an output of one's own, and energies that are asked for."""

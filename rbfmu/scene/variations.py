@@ -5,7 +5,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from itertools import repeat, starmap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -216,8 +215,8 @@ class Distributed:
         points = checked(points_rule, value.get("points", 0), f"{path}.points", faults)
         if faults:
             raise SceneError(faults)
-        columns = zip(*rows, strict=True)
-        return tuple(starmap(Marginal, zip(self.names, repeat(kind, len(self.names)), columns, points, strict=True)))
+        each = zip(self.names, zip(*rows, strict=True), points, strict=True)
+        return tuple(Marginal(name, kind, arguments, n) for name, arguments, n in each)
 
     def _arguments(self, kind: str) -> Rule:
         """Return the rule of the numbers of each argument, flattened to the key's components."""
