@@ -8,7 +8,7 @@ import numpy as np
 
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
 from rbfmu.scene.own import PARAMETER_END, is_own, parameter_of
-from rbfmu.scene.section import Numbers, Rule, Section, as_toml, fault, joined, names, one_word, plain, whole
+from rbfmu.scene.section import Numbers, Rule, Section, as_toml, fault, joined, names, one_word, plain, texts, whole
 
 from rbfmu.scene.variations import (  # isort: skip
     ATTITUDE, AXES, DEGREES, FIXED, INERTIA, NORMAL, QUANTITY_OF, RELATIVE, SHAPE, VARYING_ANGLES,
@@ -27,9 +27,8 @@ number is the root of the first.
 
 
 def _component_names(value: object) -> tuple[str, ...] | None:
-    if not isinstance(value, list | tuple) or not all(isinstance(name, str) for name in value):
-        return None
-    return tuple(value) if 2 <= len(value) == len(set(value)) else None
+    given = texts(value) or ()
+    return given if 2 <= len(given) == len(set(given)) else None
 
 
 def _square(value: object) -> Rows | None:
@@ -137,12 +136,12 @@ class Ensemble(Section, path="ensemble"):
     vary: Annotated[tuple[Variation, ...], _VARY.means("what varies: keys of the scene, each a distribution")]
     correlation: Correlation | None = None
 
-    def _faults_together(self) -> Iterator[str]:
+    def _faults_together(self) -> tuple[()]:
         """Let a grid have as many runs as points."""
         good = vars(self)
         if good.get("design") == GRID and "runs" not in self._given and "vary" in good:
             good["runs"] = min(math.prod(m.points or 1 for m in self.varying), MOST_RUNS)
-        yield from ()
+        return ()
 
     @property
     def varying(self) -> tuple[Marginal, ...]:

@@ -4,12 +4,12 @@ Texts are checked where all of them are together, see `rbfmu.formulas.check`.
 """
 
 import keyword
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
-from typing import Annotated, Any, Self, TypeGuard, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 from rbfmu.scene.section import (  # isort: skip
-    FLAG, Apart, Numbers, Readable, Rule, SceneError, Section, checked, fault, joined, line, one_word, plain,
+    FLAG, Apart, Numbers, Readable, Rule, SceneError, Section, checked, fault, joined, line, one_word, plain, texts,
 )  # fmt: skip
 from rbfmu_kernels.quantities import Parameter
 
@@ -45,14 +45,9 @@ def _row(value: object) -> tuple[float, ...] | None:
 
 def _text(value: object) -> str | None:
     """Return a formula; of a list of them the sum."""
-    if _is_sum(value):
-        return " + ".join(f"({item})" for item in value)
+    if items := texts(value):
+        return " + ".join(f"({item})" for item in items)
     return value if isinstance(value, str) and value.strip() else None
-
-
-def _is_sum(value: object) -> TypeGuard[Sequence[str]]:
-    """Return whether a value is several texts, which add up."""
-    return isinstance(value, list | tuple) and bool(value) and all(isinstance(x, str) for x in value)
 
 
 def _is_name(value: object) -> bool:
@@ -137,7 +132,7 @@ class Port(Entry):
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         start = plain(data.get("start"))
-        size = data.get("size", 3 if start is None or isinstance(start, list | tuple) else 1)
+        size = plain(data.get("size", 3 if start is None or isinstance(start, list | tuple) else 1))
         return {"start": [0.0] * 3 if size == 3 else 0.0, "size": size, **data}, {}
 
     def _contradictions(self) -> Iterator[str]:
@@ -236,4 +231,4 @@ def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str
 
 def is_formula(name: str, value: object) -> bool:
     """Return whether a load is given as a formula, or as several that add up."""
-    return name in LOADS and (isinstance(value, str) or _is_sum(value))
+    return name in LOADS and (isinstance(value, str) or bool(texts(value)))

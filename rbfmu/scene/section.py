@@ -217,24 +217,29 @@ def one_word(known: Collection[str], words: str) -> Rule:
     return Rule(words, lambda value: value if isinstance(value, str) and value in known else None)
 
 
+def texts(value: object) -> tuple[str, ...] | None:
+    """Return a list of texts as a tuple, and None of anything else."""
+    return tuple(value) if isinstance(value, list | tuple) and all(isinstance(x, str) for x in value) else None
+
+
 def names(known: tuple[str, ...], least: int = 0) -> Rule:
     """Return the rule of a list of distinct, known names."""
     choice = f"out of {', '.join(known)}"
     words = f"a list of distinct names {choice}"
 
     def made(value: object) -> tuple[str, ...] | None:
-        if not isinstance(value, list | tuple) or not all(isinstance(name, str) for name in value):
+        if (given := texts(value)) is None:
             return None
-        for name in value:
+        for name in given:
             if name not in known:
                 if near := closest(name, known):
                     raise ValueError(f"{near} in place of {as_toml(name)}, or another {choice}")
                 raise ValueError(f"{words}, not {as_toml(name)}")
-        if twice := next((name for name in value if value.count(name) > 1), ""):
-            raise ValueError(f"each name once, not {value.count(twice)} times {twice}")
-        if len(value) < least:
+        if twice := next((name for name in given if given.count(name) > 1), ""):
+            raise ValueError(f"each name once, not {given.count(twice)} times {twice}")
+        if len(given) < least:
             raise ValueError(f"{words}, at least one")
-        return tuple(value)
+        return given
 
     return Rule(words, made, choice)
 

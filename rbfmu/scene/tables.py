@@ -11,7 +11,7 @@ from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import ZERO, Body
 
 from rbfmu.scene.section import (  # isort: skip
-    POSITIVE, Apart, Numbers, Rule, Section, as_lists, checked, fault, line, names, numbers,
+    POSITIVE, Apart, Numbers, Rule, Section, as_lists, checked, fault, line, names, numbers, texts,
 )  # fmt: skip
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, LOADS, OUTPUT, OUTPUTS, PORTS, TORQUES
@@ -32,9 +32,9 @@ _PORTS = names(PORTS).means(
     "that formulas read, { name, size, unit, start }"
 )
 _KNOWN = names(PARAMETERS)
-_PARAMETERS = Rule(
-    _KNOWN.words, lambda value: tuple(value) if isinstance(value, list | tuple) else None, _KNOWN.choice
-).means("FMU parameters that an importer will change, so that the plan holds for every value")
+_PARAMETERS = Rule(_KNOWN.words, texts, _KNOWN.choice).means(
+    "FMU parameters that an importer will change, so that the plan holds for every value"
+)
 _ACCURACY = Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
     "largest error over the run: attitude in rad, rates relative to their largest, position and velocity relative to "
     "theirs, at least 1 m and 1 m/s"
@@ -105,11 +105,11 @@ class Inputs(Section, path="inputs"):
             faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")
         return {**data, "ports": [x for x in ports if not isinstance(x, Mapping)]}, {"own": found}
 
-    def _faults_together(self) -> Iterator[str]:
+    def _faults_together(self) -> tuple[()]:
         """Let the ports have those of one's own among them."""
         if "ports" in vars(self):
             vars(self)["ports"] += tuple(self.own)
-        yield from ()
+        return ()
 
     def table(self) -> dict[str, Any]:
         """Return the table as a file has it."""

@@ -240,6 +240,7 @@ def test_time_may_begin_at_any_date():
     ({"formulas": {"u_b": "v", "v": "2*u_b"}}, r"formulas\.u_b: .* without a circle, not u_b -> v -> u_b"),
     ({"constants": {"n": 1.0, "mass": 1.0}}, r"constants\.mass: expected another name"),
     ({"constants": {"n": "x"}}, r'constants\.n\.value = "x": expected a number, or 3 numbers'),
+    ({"constants": 3}, r"constants = 3: expected a table of numbers"),
     ({"constants": {"a-b": 1.0}}, r"constants\.a-b = 1\.0: expected a name of letters, digits and _"),
     ({"states": {"h": {"start": 1.0}}}, r"states\.h\.rate is missing: expected a formula"),
     ({"states": {"h": {"start": 1.0, "rate": "u_b"}}}, r"states\.h: expected a scalar"),
