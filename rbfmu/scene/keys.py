@@ -108,9 +108,8 @@ def new_scene(name: str) -> str:
     lines = [INTRODUCTION.format(name=name), f"name = {json.dumps(name, ensure_ascii=False)}"]
     table = ""
     for key in scene_keys():
-        if key.table in ("", "body.shape", "initial.attitude", *OWN) or key.table.startswith("ensemble"):
-            continue
-        if key in OF_FORMULAS:
+        elsewhere = key.table in ("", "body.shape", "initial.attitude", *OWN) or key.table.startswith("ensemble")
+        if elsewhere or key in OF_FORMULAS:
             continue
         if key.table != table:
             table = key.table

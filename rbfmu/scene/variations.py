@@ -252,6 +252,14 @@ def _about_zero(name: str, unit: str) -> Numbers:
     )
 
 
+_REFUSED = {
+    f"{SHAPE}.": f'no such key without body.shape; or "{SHAPE}" = {{ kind = ..., sides = {{ normal = ... }} }}',
+    f"{ATTITUDE}.": f'"{ATTITUDE}" = {{ rotvec_deg = 2.0 }}, {{ euler = "ZYX", angles_deg = {{ normal = ... }} }}',
+    "run.": "a key of body, initial or loads: all runs have the same times and accuracy",
+}
+"""What is expected in place of keys that begin so."""
+
+
 def _numbers(key: str, value: object, path: str) -> Found:
     """Return how numbers vary that stand for themselves: of a body, a start or a load, or of one's own."""
     if key in RULES:
@@ -259,14 +267,7 @@ def _numbers(key: str, value: object, path: str) -> Found:
     elif is_own(key):
         given = value.items() if isinstance(value, Mapping) else ()
         rule = Numbers((3,) if any(_nested(x, 1 if kind == RELATIVE else 2) for kind, x in given) else ())
-    elif key.startswith(f"{SHAPE}."):
-        expected = f'no such key without body.shape; or "{SHAPE}" = {{ kind = ..., sides = {{ normal = ... }} }}'
-        raise SceneError(fault(path, value, expected))
-    elif key.startswith(f"{ATTITUDE}."):
-        expected = f'"{ATTITUDE}" = {{ rotvec_deg = 2.0 }}, {{ euler = "ZYX", angles_deg = {{ normal = ... }} }}'
-        raise SceneError(fault(path, value, expected))
-    elif key.startswith("run."):
-        expected = "a key of body, initial or loads: all runs have the same times and accuracy"
+    elif expected := next((said for begin, said in _REFUSED.items() if key.startswith(begin)), ""):
         raise SceneError(fault(path, value, expected))
     else:
         near = closest(key, KEYS)
