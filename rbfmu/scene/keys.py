@@ -5,11 +5,11 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, Body
 from rbfmu.scene.ensemble import Correlation, Ensemble
-from rbfmu.scene.scene import QUANTITIES, SECTIONS, Initial, Scene
+from rbfmu.scene.scene import SECTIONS, Scene
 from rbfmu.scene.section import Section, as_toml, joined
+from rbfmu.scene.tables import QUANTITIES, Attitude, Initial
 
 INSIDE: Mapping[type[Section], type[Section]] = {Initial: Attitude, Ensemble: Correlation}
 """The tables that stand inside others."""

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
 from rbfmu.scene.own import is_own
 
@@ -17,6 +16,7 @@ from rbfmu.scene.section import (  # isort: skip
     NOT_NEGATIVE, POSITIVE, Numbers, Rule, SceneError, as_toml, checked, closest, fault, flattened, joined,
     numbers, plain,
 )  # fmt: skip
+from rbfmu.scene.tables import Attitude
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, PARAMETERS, Load, Parameter, indices
 
 _BY_NAME = {row.name: row for row in IN_BUFFER_ORDER}
