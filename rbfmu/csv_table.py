@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Callable, Collection
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -25,23 +26,24 @@ def read_columns(
     """
     source = str(path)
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        names = [name.strip() for row in csv.reader(lines[:1], skipinitialspace=True) for name in row]
-        if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
-            raise SceneError((f"column {name!r} stands twice: expected each column once" for name in twice), source)
-        if needed and needed not in names:
-            said = f"column {needed!r} is missing: expected it in the header, not {', '.join(names) or 'nothing'}"
-            raise SceneError(said, source)
-        table = _plain_numbers(lines[1:])
-        if table is None or table.shape[1] != len(names):
-            rows = [row for row in csv.reader(lines[1:], skipinitialspace=True) if row]
-            table = _numbers(source, names, rows, expected, holds, gaps)
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            names = [x.strip() for x in next(filter(None, csv.reader(file, skipinitialspace=True)), [])]
+            if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
+                raise SceneError((f"column {name!r} stands twice: expected each column once" for name in twice), source)
+            if needed and needed not in names:
+                said = f"column {needed!r} is missing: expected it in the header, not {', '.join(names) or 'nothing'}"
+                raise SceneError(said, source)
+            table = _plain_numbers(file)
+            if table is None or table.shape[1] != len(names):
+                file.seek(0)
+                rows = [*filter(None, csv.reader(file, skipinitialspace=True))][1:]
+                table = _numbers(source, names, rows, expected, holds, gaps)
     except (UnicodeDecodeError, csv.Error) as error:
         raise SceneError(f"not a CSV file: {error}", source) from None
     return dict(zip(names, table.T, strict=True))
 
 
-def _plain_numbers(lines: list[str]) -> Array | None:
+def _plain_numbers(lines: TextIO) -> Array | None:
     """Return finite numbers without quotes, fast, or None where there is anything else."""
     with warnings.catch_warnings(action="ignore", category=UserWarning):  # of a file without rows
         try:

@@ -2,11 +2,12 @@
 
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rbfmu.exceptions import named
@@ -89,15 +90,15 @@ def plot_residuals(time: Array, rows: Mapping[str, Array], path: str | Path | No
     return with_file(figure, path)
 
 
-def _panels(count: int, height: float) -> tuple[Picture, Any]:
+def _panels(count: int, height: float) -> tuple[Picture, list[Axes]]:
     """Return a figure, and its panels one below the other, which share the axis of time."""
     figure = Picture(figsize=(8.0, 1.2 + height * count), layout="constrained")
-    panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0].tolist()
     panels[-1].set_xlabel("time (s)")
     return figure, panels
 
 
-def _mark_events(panels: Any, events: Mapping[str, Any]) -> None:
+def _mark_events(panels: Sequence[Axes], events: Mapping[str, Array]) -> None:
     """Draw a vertical line at each event, named at its first; those of more than MOST_MARKS are left out."""
     shown = [(name, times) for name, times in events.items() if 0 < len(times) <= MOST_MARKS]
     for k, (name, times) in enumerate(shown):
@@ -116,7 +117,7 @@ def with_file(figure: Figure, path: str | Path | None) -> Figure:
     return figure
 
 
-def draw_components(axes: Any, time: Any, values: Any, names: tuple[str, ...], turn: float = math.inf) -> None:
+def draw_components(axes: Axes, time: Array, values: Array, names: tuple[str, ...], turn: float = math.inf) -> None:
     """Draw values (n,) or (n, k) as named lines; those of angles are with_gaps where they lose a turn."""
     columns = values[:, None] if values.ndim == 1 else values
     for k, name in enumerate(names):
@@ -127,7 +128,7 @@ def draw_components(axes: Any, time: Any, values: Any, names: tuple[str, ...], t
     axes.margins(x=0.0)
 
 
-def with_gaps(time: Any, angles: Any, turn: float) -> tuple[Any, Any]:
+def with_gaps(time: Array, angles: Array, turn: float) -> tuple[Array, Array]:
     """Return the points (n,) of a line with a gap between those that are more than half a turn apart."""
     jumps = np.flatnonzero(np.abs(np.diff(angles)) > 0.5 * turn) + 1
     return np.insert(time, jumps, time[jumps]), np.insert(angles, jumps, np.nan)
@@ -138,7 +139,7 @@ def quantity_label(row: Output) -> str:
     return row.label if row.unit == "1" else f"{row.label} ({row.unit.replace('m2', 'm²').replace('s2', 's²')})"
 
 
-def open_frame(axes: Any, grid: bool = False) -> None:
+def open_frame(axes: Axes, grid: bool = False) -> None:
     """Show axes at the left and bottom only, and a pale grid behind what is drawn."""
     axes.spines[["top", "right"]].set_visible(False)
     if grid:

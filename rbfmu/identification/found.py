@@ -112,9 +112,9 @@ def _put(tomlkit: Any, document: Any, scene: Scene, key: str, comment: str) -> N
     """Put what a scene has for a key into the tables of a file, in place of any spelling of it."""
     table, _, name = key.partition(".")
     rows = document.setdefault(table, tomlkit.table())
-    for spellings in SECTIONS[table]._spellings.values() if table in SECTIONS else ():
-        for other in [s for s in spellings if name in spellings and s != name and s in rows]:
-            del rows[other]
+    keys = SECTIONS[table]._keys if table in SECTIONS else {}
+    for other in [key for key in rows if name in keys and key != name and keys.get(key, ("",))[0] == keys[name][0]]:
+        del rows[other]
     value = tomlkit.item(_as_written(scene, key))
     if key == ATTITUDE:
         value = tomlkit.inline_table().append("quaternion", value)

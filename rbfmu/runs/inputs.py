@@ -62,7 +62,7 @@ def input_tables(scene: Scene, inputs: Any, interpolate: str = HOLD) -> InputTab
 # From Python
 
 
-def _from_mapping(inputs: Mapping[str, Any], scene: Scene, interpolate: str, faults: list[str]) -> InputTables:
+def _from_mapping(inputs: Mapping[str, object], scene: Scene, interpolate: str, faults: list[str]) -> InputTables:
     tables = {}
     for port, given in inputs.items():
         if port not in scene.inputs.ports:
@@ -81,7 +81,7 @@ def _from_mapping(inputs: Mapping[str, Any], scene: Scene, interpolate: str, fau
     return tables
 
 
-def _timed(times: Any, values: Any, size: int) -> InputTable:
+def _timed(times: object, values: object, size: int) -> InputTable:
     times, values = _numbers_of(times), _rows_of(values, size)
     if times.ndim != 1 or not len(times) or values.shape != (len(times), size):
         shapes = f"shapes {times.shape} and {values.shape}"
@@ -89,7 +89,7 @@ def _timed(times: Any, values: Any, size: int) -> InputTable:
     return InputTable(times, values)
 
 
-def _row_a_step(scene: Scene, given: Any, interpolate: str, size: int) -> InputTable:
+def _row_a_step(scene: Scene, given: object, interpolate: str, size: int) -> InputTable:
     values, grid = _rows_of(given, size), time_grid(scene.run.start, scene.run.stop, scene.run.step)
     points, steps = len(grid), len(grid) - 1
     allowed = {points} if interpolate == LINEAR else {steps, points}
@@ -99,13 +99,13 @@ def _row_a_step(scene: Scene, given: Any, interpolate: str, size: int) -> InputT
     return InputTable(grid[: len(values)], values)
 
 
-def _rows_of(given: Any, size: int) -> Array:
+def _rows_of(given: object, size: int) -> Array:
     """Return a row for each time, also of a scalar's numbers."""
     values = _numbers_of(given)
     return values[:, None] if size == 1 and values.ndim == 1 else values
 
 
-def _numbers_of(given: Any) -> Array:
+def _numbers_of(given: object) -> Array:
     if callable(given):
         raise TypeError("a function: expected (times, values), such as its values at the communication points")
     return np.asarray(given, dtype=np.float64)

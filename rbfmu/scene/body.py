@@ -1,12 +1,12 @@
 """The body of a scene: its mass, its inertia about the centre of mass, and its pivot."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from rbfmu.scene.section import (  # isort: skip
-    FLAG, POSITIVE, Numbers, SceneError, Section, fault, flattened, numbers, one_of, one_word, plain,
+    FLAG, POSITIVE, Numbers, Rule, SceneError, Section, fault, flattened, numbers, one_word, plain,
 )  # fmt: skip
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia as _inertia
@@ -97,9 +97,8 @@ class Shape(Section, path="body.shape"):
 
     def inertia(self, mass: float) -> Matrix:
         """Return M_c."""
-        kernel: Any = getattr(_shapes, f"{self.kind}_inertia")
-        found: Matrix = evaluated(kernel, mass, *(getattr(self, key) for key in self.sizes()))
-        return found
+        kernel: Callable[..., Matrix] = getattr(_shapes, f"{self.kind}_inertia")
+        return evaluated(kernel, mass, *(getattr(self, key) for key in self.sizes()))
 
 
 _SIZE, _SIZES = Numbers((), "m", *POSITIVE), Numbers((3,), "m", *POSITIVE)
@@ -135,17 +134,15 @@ def _read_shape(value: object) -> Shape:
     return SHAPES[Shape._rules["kind"].read(value["kind"], "body.shape.kind")].read(value)
 
 
-_MASS = numbers("mass")
+_SHAPE = Rule("a table", _read_shape).means("a table in place of inertia: that of a homogeneous body")
 
 
 class Body(Section, path="body"):
     """A rigid body; `inertia` is M_c, symmetric, from 3 principal moments, a 3x3 matrix or a `shape` table."""
 
-    _spellings: ClassVar = {"inertia": ("inertia", "shape")}
+    _instead: ClassVar = {"shape": ("inertia", _SHAPE)}
 
-    _other_keys: ClassVar = {"shape": ("", "a table in place of inertia: that of a homogeneous body")}
-
-    mass: Annotated[float, _MASS]
+    mass: Annotated[float, numbers("mass")]
     inertia: Annotated[Matrix, Inertia().means(BY_NAME["inertia"].meaning)]
     r_oc_b: Annotated[Vec3, numbers("r_oc_b")] = ZERO
     pivot: Annotated[bool, FLAG.means("whether o is fixed in space")] = False
@@ -162,7 +159,7 @@ class Body(Section, path="body"):
             pivot: bool = False,
         ) -> None: ...
 
-    def _set(self) -> dict[str, Any]:
+    def _set(self) -> dict[str, object]:
         """Return the fields that are not as by default; an inertia along the axes is its three moments."""
         M = self.inertia
         moments = (M[0][0], M[1][1], M[2][2])
@@ -188,15 +185,15 @@ class Body(Section, path="body"):
         """Return the body axis about which `M` has no moment (a slender beam's own), if there is one."""
         return axis_without_moment(self.M)
 
-    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        given = one_of(Body, data, ("inertia", "shape"), faults)
-        shape = data.pop("shape", None)
-        if given == "shape":
-            data["inertia"] = _inertia_of_shape(shape, data.get("mass"), faults)
-        elif "inertia" not in data:
-            faults.append(f"body.inertia is missing: expected {Inertia().words}, or a shape")
-            data["inertia"] = (1.0, 1.0, 1.0)
-        return data
+    def _faults_together(self) -> Iterator[str]:
+        """Make M_c of a shape."""
+        good = vars(self)
+        if isinstance(shape := good.get("inertia"), Shape):
+            M = shape.inertia(good.get("mass", 1.0))
+            good["inertia"] = M
+            if not all(map(math.isfinite, flattened(M))) or not evaluated(_inertia.trace, M) > 0.0:
+                expected = f"a size whose inertia is a normal number ({_UNIT})"
+                yield fault("body.shape", self._given["inertia"][1], expected)
 
     def _contradictions(self) -> Iterator[str]:
         """Yield a fault if `M` is not finite or two of its moments are zero: a free point mass has no attitude."""
@@ -205,17 +202,3 @@ class Body(Section, path="body"):
         elif _principal_axes(self.M)[0][1] <= _least_moment(self.M):
             about = "o, the pivot" if self.pivot else "the centre of mass"
             yield fault("body.inertia", self.inertia, f"at most one zero moment about {about} (a slender beam has one)")
-
-
-def _inertia_of_shape(shape: object, mass: object, faults: list[str]) -> Matrix | Vec3:
-    """Return M_c, or unit moments as a placeholder if there are faults."""
-    try:
-        M = _read_shape(shape).inertia(_MASS(mass))
-        if all(map(math.isfinite, flattened(M))) and evaluated(_inertia.trace, M) > 0.0:
-            return M
-        faults.append(fault("body.shape", shape, f"a size whose inertia is a normal number ({_UNIT})"))
-    except SceneError as error:
-        faults += error.faults
-    except ValueError:
-        pass  # this fault is reported at body.mass
-    return (1.0, 1.0, 1.0)

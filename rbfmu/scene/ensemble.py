@@ -8,7 +8,7 @@ import numpy as np
 
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
 from rbfmu.scene.own import PARAMETER_END, is_own, parameter_of
-from rbfmu.scene.section import Numbers, Rule, Section, as_toml, fault, joined, names, one_word, plain, whole
+from rbfmu.scene.section import Numbers, Rule, Section, as_toml, fault, joined, names, one_word, plain, texts, whole
 
 from rbfmu.scene.variations import (  # isort: skip
     ATTITUDE, AXES, DEGREES, FIXED, INERTIA, NORMAL, QUANTITY_OF, RELATIVE, SHAPE, VARYING_ANGLES,
@@ -26,13 +26,12 @@ number is the root of the first.
 """
 
 
-def _component_names(value: Any) -> tuple[str, ...] | None:
-    if not isinstance(value, list | tuple) or not all(isinstance(name, str) for name in value):
-        return None
-    return tuple(value) if 2 <= len(value) == len(set(value)) else None
+def _component_names(value: object) -> tuple[str, ...] | None:
+    given = texts(value) or ()
+    return given if 2 <= len(given) == len(set(given)) else None
 
 
-def _square(value: Any) -> Rows | None:
+def _square(value: object) -> Rows | None:
     """Return the rows of a symmetric matrix."""
     value = plain(value)
     if not isinstance(value, list | tuple) or not value:
@@ -137,12 +136,12 @@ class Ensemble(Section, path="ensemble"):
     vary: Annotated[tuple[Variation, ...], _VARY.means("what varies: keys of the scene, each a distribution")]
     correlation: Correlation | None = None
 
-    def _faults_together(self) -> Iterator[str]:
+    def _faults_together(self) -> tuple[()]:
         """Let a grid have as many runs as points."""
         good = vars(self)
         if good.get("design") == GRID and "runs" not in self._given and "vary" in good:
             good["runs"] = min(math.prod(m.points or 1 for m in self.varying), MOST_RUNS)
-        yield from ()
+        return ()
 
     @property
     def varying(self) -> tuple[Marginal, ...]:
@@ -160,7 +159,7 @@ class Ensemble(Section, path="ensemble"):
             dict.fromkeys(parameter_of(v.key) if is_own(v.key) else QUANTITY_OF[v.key].name for v in self.vary)
         )
 
-    def _set(self) -> dict[str, Any]:
+    def _set(self) -> dict[str, object]:
         """Return the fields that are not as by default, tables as in the file."""
         tables = self.table()
         return {name: tables.get(name, value) for name, value in super()._set().items()}
@@ -217,7 +216,7 @@ def _without_points(variation: Variation, marginal: Marginal) -> str:
 # The ensemble and the rest of its scene
 
 
-def as_written(value: Any, tables: Mapping[str, Any], faults: list[str]) -> Any:
+def as_written(value: object, tables: Mapping[str, object], faults: list[str]) -> object:
     """Return the ensemble's table with what the scene's own spelling says of it: a shape, a sequence of angles.
 
     A member's inertia follows from the shape where mass or sizes vary, as it would in the member's own scene file.
@@ -225,35 +224,33 @@ def as_written(value: Any, tables: Mapping[str, Any], faults: list[str]) -> Any:
     """
     if isinstance(value, Ensemble) and any(isinstance(tables.get(name), Mapping) for name in ("body", "initial")):
         value = value.table()
-    vary = value.get("vary") if isinstance(value, Mapping) else None
-    if not isinstance(vary, Mapping):
+    if not isinstance(value, Mapping) or not isinstance(vary := value.get("vary"), Mapping):
         return value
     vary = _with_shape(_by_dotted_key(vary, faults), tables.get("body"), faults)
     return {**value, "vary": _with_attitude(vary, tables.get("initial"))}
 
 
-def _by_dotted_key(vary: Mapping[str, Any], faults: list[str]) -> dict[str, Any]:
+def _by_dotted_key(vary: Mapping[str, object], faults: list[str]) -> dict[str, object]:
     """Return the table with one dotted key a quantity, also where TOML's own dots made tables of them."""
-    found: dict[str, Any] = {}
+    found: dict[str, object] = {}
     for key, value in vary.items():
-        inside = isinstance(value, Mapping) and (
+        items = {key: value}
+        if isinstance(value, Mapping) and (
             key in NESTED
             or (key == SHAPE and "kind" not in value)
             or (key == ATTITUDE and [*value] in (["angles"], ["angles_deg"]))
-        )
-        items = (
-            _by_dotted_key({f"{key}.{name}": item for name, item in value.items()}, faults) if inside else {key: value}
-        )
+        ):
+            items = _by_dotted_key({f"{key}.{name}": item for name, item in value.items()}, faults)
         faults += [_twice(name, item, found[name]) for name, item in items.items() if name in found]
         found = found | items
     return found
 
 
-def _twice(key: str, value: Any, other: Any) -> str:
+def _twice(key: str, value: object, other: object) -> str:
     return fault(joined("ensemble.vary", key), value, f"this or {as_toml(other)}, not both")
 
 
-def _with_shape(vary: dict[str, Any], body: Any, faults: list[str]) -> dict[str, Any]:
+def _with_shape(vary: dict[str, object], body: object, faults: list[str]) -> dict[str, object]:
     shape = body.get("shape") if isinstance(body, Mapping) else None
     if not isinstance(shape, Mapping):
         return vary
@@ -268,11 +265,11 @@ def _with_shape(vary: dict[str, Any], body: Any, faults: list[str]) -> dict[str,
     return vary
 
 
-def _is_absolute(own: Any) -> bool:
+def _is_absolute(own: object) -> bool:
     return isinstance(own, Mapping) and not set(own) <= {RELATIVE, AXES, "points"}
 
 
-def _with_attitude(vary: dict[str, Any], initial: Any) -> dict[str, Any]:
+def _with_attitude(vary: dict[str, object], initial: object) -> dict[str, object]:
     attitude = initial.get("attitude") if isinstance(initial, Mapping) else None
     for name in VARYING_ANGLES:
         key = f"{ATTITUDE}.{name}"

@@ -5,11 +5,11 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, Body
 from rbfmu.scene.ensemble import Correlation, Ensemble
-from rbfmu.scene.scene import QUANTITIES, SECTIONS, Initial, Scene
+from rbfmu.scene.scene import SECTIONS, Scene
 from rbfmu.scene.section import Section, as_toml, joined
+from rbfmu.scene.tables import QUANTITIES, Attitude, Initial
 
 INSIDE: Mapping[type[Section], type[Section]] = {Initial: Attitude, Ensemble: Correlation}
 """The tables that stand inside others."""
@@ -86,10 +86,9 @@ def _shape_keys() -> Iterator[Key]:
 
 
 def _key(section: type[Section], name: str) -> Key:
-    if name not in section._rules or name not in section._keys:
-        unit, meaning = section._other_keys[name]
-        return Key(section._path, name, unit, "", meaning)
-    rule = section._rules[name]
+    field, rule = section._keys[name]
+    if field != name:
+        return Key(section._path, name, rule.unit, "", rule.meaning)
     meaning = f"{rule.meaning}: {rule.choice}" if rule.choice else rule.meaning
     default = as_toml(_plain(getattr(section, name))) if hasattr(section, name) else REQUIRED
     if section is SECTIONS["outputs"]:
@@ -109,9 +108,8 @@ def new_scene(name: str) -> str:
     lines = [INTRODUCTION.format(name=name), f"name = {json.dumps(name, ensure_ascii=False)}"]
     table = ""
     for key in scene_keys():
-        if key.table in ("", "body.shape", "initial.attitude", *OWN) or key.table.startswith("ensemble"):
-            continue
-        if key in OF_FORMULAS:
+        elsewhere = key.table in ("", "body.shape", "initial.attitude", *OWN) or key.table.startswith("ensemble")
+        if elsewhere or key in OF_FORMULAS:
             continue
         if key.table != table:
             table = key.table

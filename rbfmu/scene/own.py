@@ -4,12 +4,12 @@ Texts are checked where all of them are together, see `rbfmu.formulas.check`.
 """
 
 import keyword
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
-from typing import Annotated, Any, Self, TypeGuard, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 from rbfmu.scene.section import (  # isort: skip
-    FLAG, Numbers, Readable, Rule, SceneError, Section, checked, fault, joined, line, one_word, plain,
+    FLAG, Apart, Numbers, Readable, Rule, SceneError, Section, checked, fault, joined, line, one_word, plain, texts,
 )  # fmt: skip
 from rbfmu_kernels.quantities import Parameter
 
@@ -45,14 +45,9 @@ def _row(value: object) -> tuple[float, ...] | None:
 
 def _text(value: object) -> str | None:
     """Return a formula; of a list of them the sum."""
-    if _is_sum(value):
-        return " + ".join(f"({item})" for item in value)
+    if items := texts(value):
+        return " + ".join(f"({item})" for item in items)
     return value if isinstance(value, str) and value.strip() else None
-
-
-def _is_sum(value: object) -> TypeGuard[Sequence[str]]:
-    """Return whether a value is several texts, which add up."""
-    return isinstance(value, list | tuple) and bool(value) and all(isinstance(x, str) for x in value)
 
 
 def _is_name(value: object) -> bool:
@@ -135,10 +130,10 @@ class Port(Entry):
     unit: Annotated[str, _UNIT] = ""
     about: Annotated[str, _ABOUT] = ""
 
-    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         start = plain(data.get("start"))
-        size = data.get("size", 3 if start is None or isinstance(start, list | tuple) else 1)
-        return {"start": [0.0] * 3 if size == 3 else 0.0, "size": size, **data}
+        size = plain(data.get("size", 3 if start is None or isinstance(start, list | tuple) else 1))
+        return {"start": [0.0] * 3 if size == 3 else 0.0, "size": size, **data}, {}
 
     def _contradictions(self) -> Iterator[str]:
         if len(self.start) != self.size:
@@ -162,11 +157,11 @@ class Table(Entry):
 
 
 class NamedTable(Rule):
-    """The rule of a table with names of one's own, each of which has an entry; path: of the table in a file."""
+    """The rule of a table with names of one's own, each of which has an entry."""
 
-    def __init__(self, path: str, entry: Readable, words: str, meaning: str) -> None:
+    def __init__(self, entry: Readable, words: str, meaning: str = "") -> None:
         super().__init__(words, lambda value: value)
-        self.path, self.entry, self.meaning = path, entry, meaning
+        self.entry, self.meaning = entry, meaning
 
     def read(self, value: object, path: str) -> Named[Any]:
         """Return the entries by name, or such a table itself."""
@@ -174,39 +169,40 @@ class NamedTable(Rule):
             return value
         if not isinstance(value, Mapping):
             raise SceneError(fault(path, value, self.words))
-        faults: list[str] = []
-        for name in value:
-            if not _is_name(name):
-                faults.append(fault(joined(self.path, str(name)), value[name], f"a name of {_NAME.words}"))
-        found = {n: checked(self.entry, item, joined(self.path, n), faults) for n, item in value.items() if _is_name(n)}
+        found, faults = Named[Any](), list[str]()
+        for name, item in value.items():
+            if _is_name(name):
+                found[name] = checked(self.entry, item, joined(path, name), faults)
+            else:
+                faults.append(fault(joined(path, str(name)), item, f"a name of {_NAME.words}"))
         if faults:
             raise SceneError(faults)
-        return Named(found)
+        return found
 
 
-CONSTANTS = NamedTable(
-    "constants", Constant, "a table of numbers", "numbers of one's own: NAME = value, or { value, unit, about }"
-)
+CONSTANTS = NamedTable(Constant, "a table of numbers", "numbers of one's own: NAME = value, or { value, unit, about }")
 TABLES = NamedTable(
-    "tables", Table, "a table of tables",
+    Table,
+    "a table of tables",
     "tables of one's own: NAME = { x, y, method, about }, with method linear or cubic; constant outside",
-)  # fmt: skip
-FORMULAS = NamedTable("formulas", TEXT, "a table of formulas", "names for parts of formulas: NAME = text")
+)
+FORMULAS = NamedTable(TEXT, "a table of formulas", "names for parts of formulas: NAME = text")
 STATES = NamedTable(
-    "states", State, "a table of states",
-    "states of one's own: NAME = { start, rate, unit, about }, the rate as a formula",
-)  # fmt: skip
+    State, "a table of states", "states of one's own: NAME = { start, rate, unit, about }, the rate as a formula"
+)
 OUTPUTS = NamedTable(
-    "outputs", Shown, "a table of formulas",
+    Shown,
+    "a table of formulas",
     "outputs of one's own, which may also stand beside `quantities`: NAME = text, or { value, unit, about }",
-)  # fmt: skip
+)
 EVENTS = NamedTable(
-    "events", Event, "a table of events",
+    Event,
+    "a table of events",
     "when a formula comes to zero: NAME = { when, direction, stop, about }, with direction rising, falling or any; "
     "stop = true ends the run there",
-)  # fmt: skip
-PORTS = NamedTable("inputs.ports", Port, "a table of inputs", "inputs of one's own, as they stand in `ports`")
-LOAD_FORMULAS = NamedTable("loads", TEXT, "a table of formulas", "loads that are formulas")
+)
+PORTS = NamedTable(Port, "a table of inputs", "inputs of one's own, as they stand in `ports`")
+LOAD_FORMULAS = NamedTable(TEXT, "a table of formulas", "loads that are formulas")
 
 
 def is_own(key: str) -> bool:
@@ -235,19 +231,4 @@ def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str
 
 def is_formula(name: str, value: object) -> bool:
     """Return whether a load is given as a formula, or as several that add up."""
-    return name in LOADS and (isinstance(value, str) or _is_sum(value))
-
-
-def listed_apart(inputs: Any, tables: Mapping[str, Any]) -> tuple[Any, tuple[str, ...]]:
-    """Return the table of inputs without the constants and starts of states that its parameters list, and these."""
-    listed = inputs.get("parameters") if isinstance(inputs, Mapping) else None
-    if not isinstance(listed, list | tuple):
-        return inputs, ()
-    known = {
-        parameter_of(f"{table}.{name}")
-        for table in PARAMETER_END
-        if isinstance(tables.get(table), Mapping)
-        for name in tables[table]
-    }
-    own = tuple(name for name in dict.fromkeys(x for x in listed if isinstance(x, str)) if name in known)
-    return {**inputs, "parameters": [x for x in listed if x not in own]}, own
+    return name in LOADS and (isinstance(value, str) or bool(texts(value)))

@@ -19,18 +19,17 @@ from rbfmu.notebook import table
 from rbfmu.scene import own as named
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
-from rbfmu.scene.own import Constant, Event, Named, State, Table
-from rbfmu.scene.section import SceneError, Section, as_lists, as_toml, checked, fault, line, names
+from rbfmu.scene.section import Apart, SceneError, Section, as_lists, as_toml, checked, fault, line, names
 
 from rbfmu.scene.tables import (  # isort: skip
-    NOTHING, PARAMETERS, PORTS, QUANTITIES, About, Initial, Inputs, Loads, Outputs, Run, default_quantities,
+    NOTHING, PARAMETERS, QUANTITIES, About, Initial, Inputs, Loads, Outputs, Run, default_quantities,
     faults_between,
 )  # fmt: skip
 from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia
-from rbfmu_kernels.quantities import ANGLE, OUTPUTS, Parameter
+from rbfmu_kernels.quantities import ANGLE, OUTPUTS, PORTS, Parameter
 
 __all__ = ["PARAMETERS", "PORTS", "QUANTITIES", "About", "Body", "Initial", "Inputs", "Loads", "Outputs", "Run",
            "Scene", "SceneError", "load_scene"]  # fmt: skip
@@ -50,11 +49,11 @@ class Scene(Section):
     run: Run = Run()
     about: About = About()
     ensemble: Ensemble | None = None
-    constants: Annotated[Mapping[str, Constant], named.CONSTANTS] = NOTHING
+    constants: Annotated[Mapping[str, named.Constant], named.CONSTANTS] = NOTHING
     formulas: Annotated[Mapping[str, str], named.FORMULAS] = NOTHING
-    states: Annotated[Mapping[str, State], named.STATES] = NOTHING
-    tables: Annotated[Mapping[str, Table], named.TABLES] = NOTHING
-    events: Annotated[Mapping[str, Event], named.EVENTS] = NOTHING
+    states: Annotated[Mapping[str, named.State], named.STATES] = NOTHING
+    tables: Annotated[Mapping[str, named.Table], named.TABLES] = NOTHING
+    events: Annotated[Mapping[str, named.Event], named.EVENTS] = NOTHING
 
     @property
     def load_formulas(self) -> Mapping[str, str]:
@@ -77,8 +76,8 @@ class Scene(Section):
 
             yield from faults_of_texts(self._worded())
 
-    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        return data | {"ensemble": as_written(data.get("ensemble"), data, faults)}
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
+        return {**data, "ensemble": as_written(data.get("ensemble"), data, faults)}, {}
 
     def _faults_together(self) -> Iterator[str]:
         good = vars(self)
@@ -103,8 +102,8 @@ class Scene(Section):
             **{name: getattr(type(self), name) for name in ("name", "initial", "run", "about")},
             body=self.body and self.body._with(**ones),
             loads=self.loads._with(**loads),
-            constants=Named({name: one._with(value=(1.0,) * len(one.value)) for name, one in self.constants.items()}),
-            states=Named({name: one._with(start=(1.0,) * len(one.start)) for name, one in self.states.items()}),
+            constants=_ones(self.constants, "value"),
+            states=_ones(self.states, "start"),
         )
 
     @classmethod
@@ -153,14 +152,19 @@ SECTIONS: Mapping[str, type[Section]] = {
 }
 
 
+def _ones(rows: Mapping[str, named.Entry], field: str) -> named.Named[named.Entry]:
+    """Return constants or states with ones for their numbers."""
+    return named.Named({name: row._with(**{field: (1.0,) * len(row.numbers)}) for name, row in rows.items()})
+
+
 def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
     """Return the table with the new keys, and without the keys that these exclude."""
     if not isinstance(value, Mapping) or not isinstance(table, Mapping):
         return value
     if section is None:  # a table with names of one's own, of which a new value keeps unit and meaning
         return {**table, **{key: _in_row(table.get(key), item) for key, item in value.items()}}
-    excluded = {key for keys in section._spellings.values() if set(keys) & set(value) for key in keys}
-    return {key: item for key, item in table.items() if key not in excluded} | dict(value)
+    fields = {section._keys[key][0] for key in value if key in section._keys}
+    return {key: x for key, x in table.items() if section._keys.get(key, (key,))[0] not in fields} | dict(value)
 
 
 def _in_row(row: Any, item: Any) -> Any:

@@ -62,6 +62,9 @@ def joined(path: str, key: str) -> str:
     return f"{path}.{key}" if path else key
 
 
+Apart = tuple[Mapping[str, object], dict[str, object]]
+
+
 class Readable(Protocol):
     """What makes what is stored of a value: the rule of a key, or a table of them."""
 
@@ -90,7 +93,7 @@ class Rule:
     table that turns every kind of error back into these words. Without it the first scene is there a sixth sooner.
     """
 
-    def __init__(self, words: str, made: Callable[[Any], object], choice: str = "", unit: str = "") -> None:
+    def __init__(self, words: str, made: Callable[[object], object], choice: str = "", unit: str = "") -> None:
         self.words, self.made, self.choice, self.unit, self.meaning = words, made, choice, unit, ""
 
     def means(self, meaning: str) -> Self:
@@ -163,7 +166,7 @@ class Numbers(Rule):
             return math.inf
 
 
-def plain(value: Any) -> Any:
+def plain(value: object) -> object:
     """Return NumPy's arrays and numbers as Python's, anything else as it is."""
     return value.tolist() if hasattr(value, "tolist") else value
 
@@ -214,24 +217,29 @@ def one_word(known: Collection[str], words: str) -> Rule:
     return Rule(words, lambda value: value if isinstance(value, str) and value in known else None)
 
 
+def texts(value: object) -> tuple[str, ...] | None:
+    """Return a list of texts as a tuple, and None of anything else."""
+    return tuple(value) if isinstance(value, list | tuple) and all(isinstance(x, str) for x in value) else None
+
+
 def names(known: tuple[str, ...], least: int = 0) -> Rule:
     """Return the rule of a list of distinct, known names."""
     choice = f"out of {', '.join(known)}"
     words = f"a list of distinct names {choice}"
 
     def made(value: object) -> tuple[str, ...] | None:
-        if not isinstance(value, list | tuple) or not all(isinstance(name, str) for name in value):
+        if (given := texts(value)) is None:
             return None
-        for name in value:
+        for name in given:
             if name not in known:
                 if near := closest(name, known):
                     raise ValueError(f"{near} in place of {as_toml(name)}, or another {choice}")
                 raise ValueError(f"{words}, not {as_toml(name)}")
-        if twice := next((name for name in value if value.count(name) > 1), ""):
-            raise ValueError(f"each name once, not {value.count(twice)} times {twice}")
-        if len(value) < least:
+        if twice := next((name for name in given if given.count(name) > 1), ""):
+            raise ValueError(f"each name once, not {given.count(twice)} times {twice}")
+        if len(given) < least:
             raise ValueError(f"{words}, at least one")
-        return tuple(value)
+        return given
 
     return Rule(words, made, choice)
 
@@ -251,15 +259,16 @@ class Section:
     """
 
     _path: ClassVar[str] = ""
-    _spellings: ClassVar[Mapping[str, tuple[str, ...]]] = {}
-    _other_keys: ClassVar[Mapping[str, tuple[str, str]]] = {}
-    """The unit and the meaning of each key that is not a field."""
+    _hidden: ClassVar[tuple[str, ...]] = ()
+    """The fields that are no keys."""
+    _instead: ClassVar[Mapping[str, tuple[str, Rule]]] = {}
+    """The keys that stand for a field of another name, with the rule that makes its value."""
     _homes: ClassVar[dict[str, str]] = {}
     _rules: ClassVar[Mapping[str, Any]] = {}
-    _keys: ClassVar[tuple[str, ...]] = ()
-    """The keys as the file spells them; several keys may stand for one field."""
-    _given: frozenset[str]
-    """The fields that are not by default."""
+    _keys: ClassVar[Mapping[str, tuple[str, Any]]] = {}
+    """The field of each key, and the rule."""
+    _given: Mapping[str, tuple[str, object]]
+    """Of the fields that are not by default the key, and the value if the key has another name."""
 
     def __init_subclass__(cls, path: str = "") -> None:
         """Find the rules, and record the table of each key, so that an error can name it where the key is misplaced."""
@@ -268,32 +277,39 @@ class Section:
             for said in (*getattr(hint, "__metadata__", ()), hint, *get_args(hint)):
                 if isinstance(said, Rule) or (isinstance(said, type) and issubclass(said, Section)):
                     found.setdefault(name, said)
-        cls._rules = {**cls._rules, **found}
-        cls._keys = tuple(key for name in cls._rules for key in cls._spellings.get(name, (name,)))
+        cls._rules, cls._keys = {**cls._rules, **found}, {}
+        for name, rule in cls._rules.items():
+            cls._keys |= {} if name in cls._hidden else {name: (name, rule)}
+            cls._keys |= {key: way for key, way in cls._instead.items() if way[0] == name}
         for key in cls._keys if cls._path else ():
             cls._homes.setdefault(key, joined(cls._path, key))
 
     def __init__(self, /, **data: Any) -> None:
         self._fill(self._path, data)
 
-    def _fill(self, path: str, data: Mapping[str, Any]) -> None:
+    def _fill(self, path: str, data: Mapping[str, object]) -> None:
         faults: list[str] = []
         data, beside = self._apart(data, faults)
         faults += self._unknown_keys(path, data)
-        given = self._resolved({key: value for key, value in data.items() if key in self._keys}, faults) | beside
-        own = vars(self)
-        own |= {"_path": path, "_given": frozenset(given)}
+        own, given = vars(self), dict[str, tuple[str, object]]()
+        own |= {"_path": path, "_given": given}
+        ways = [(joined(path, key), key, *way, data[key]) for key, way in self._keys.items() if key in data]
+        ways += [(path, name, name, self._rules[name], value) for name, value in beside.items()]
+        for here, key, name, rule, value in ways:
+            known = len(faults)
+            if name in given:
+                faults.append(fault(here, value, f"{given[name][0]} or {key}, not both"))
+                continue
+            given[name] = key, None if key == name else value
+            absent = value is None and isinstance(rule, type) and getattr(type(self), name, ...) is None
+            stored = None if absent else checked(rule, value, here, faults)
+            own |= {name: stored} if len(faults) == known else {}
         for name, rule in self._rules.items():
-            default = getattr(type(self), name, ...)
-            if name not in given and default is ...:
-                faults.append(f"{joined(path, name)} is missing: expected {rule.words}")
-            elif name not in given or (given[name] is None and default is None and isinstance(rule, type)):
-                own[name] = default
-            else:
-                known = len(faults)
-                value = checked(rule, given[name], joined(path, name), faults)
-                if len(faults) == known:
-                    own[name] = value
+            if name not in given and hasattr(type(self), name):
+                own[name] = getattr(type(self), name)
+            elif name not in given:
+                others = "".join(f", or a {key}" for key, way in self._instead.items() if way[0] == name)
+                faults.append(f"{joined(path, name)} is missing: expected {rule.words}{others}")
         faults += self._faults_together()
         faults += [] if faults else self._contradictions()
         if faults:
@@ -329,11 +345,11 @@ class Section:
         vars(other).update(fields)
         return other
 
-    def _set(self) -> dict[str, Any]:
+    def _set(self) -> dict[str, object]:
         """Return the fields that are not as by default."""
         return {name: value for name, value in self._values().items() if value != getattr(type(self), name, None)}
 
-    def _shown(self) -> dict[str, Any]:
+    def _shown(self) -> dict[str, object]:
         """Return the keys and values that make the section again."""
         return self._set()
 
@@ -343,17 +359,13 @@ class Section:
     def table(self) -> dict[str, Any]:
         """Return the table from which the section is made again; vectors are lists."""
         found = {name: as_lists(value) for name, value in self._values().items() if value is not None}
-        for name in [name for name, keys in self._spellings.items() if not keys]:
+        for name in self._hidden:
             found |= found.pop(name)
         return found
 
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
-        """Return the table without what stands there by names of one's own, and the fields that are made of that."""
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
+        """Return the table as keys know it, and fields that are made of what stands by names of one's own."""
         return data, {}
-
-    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        """Return the fields, made from the keys that stand for them."""
-        return data
 
     def _faults_together(self) -> Iterable[str]:
         """Return the contradictions between those fields that are valid by themselves."""
@@ -380,12 +392,3 @@ def as_lists(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: as_lists(item) for key, item in value.items()}
     return [as_lists(item) for item in value] if isinstance(value, tuple) else value
-
-
-def one_of(section: type[Section], data: Mapping[str, object], keys: tuple[str, ...], faults: list[str]) -> str:
-    """Return the exclusive key that is given, or an empty string; several keys add a fault."""
-    given = [key for key in keys if key in data]
-    if len(given) > 1:
-        path = joined(section._path, given[1])
-        faults.append(fault(path, data[given[1]], f"{' or '.join(given)}, not {'both' if len(given) == 2 else 'all'}"))
-    return given[0] if len(given) == 1 else ""

@@ -2,40 +2,130 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from rbfmu.scene import own as named
-from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import ZERO, Body
-from rbfmu.scene.own import Named, Port, Shown
 
 from rbfmu.scene.section import (  # isort: skip
-    POSITIVE, Numbers, Rule, Section, as_lists, checked, fault, line, names, numbers, one_of,
+    POSITIVE, Apart, Numbers, Rule, Section, as_lists, checked, fault, line, names, numbers, one_word, texts,
 )  # fmt: skip
 from rbfmu.types import Array
-from rbfmu_kernels import quantities
-from rbfmu_kernels.quantities import LOADS, OUTPUTS, TORQUES
-from rbfmu_kernels.types import Quaternion, Vec3
+from rbfmu_kernels.compile.tiered import evaluated
+from rbfmu_kernels.quantities import IN_BUFFER_ORDER, LOADS, OUTPUT, OUTPUTS, PORTS, TORQUES
+from rbfmu_kernels.rotations import euler_angles, quaternion
+from rbfmu_kernels.rotations import matrix as rotation
+from rbfmu_kernels.rotations import rotation_vector as rotvec
+from rbfmu_kernels.types import Matrix, Quaternion, Vec3
 
-PORTS = quantities.PORTS
-PARAMETERS = tuple(row.name for row in quantities.IN_BUFFER_ORDER)
-QUANTITIES = tuple(quantities.OUTPUT)
+PARAMETERS = tuple(row.name for row in IN_BUFFER_ORDER)
+QUANTITIES = tuple(OUTPUT)
 MAX_STEPS = 1e8
 """The largest number of communication steps of a run; their results take some 20 GB."""
-NOTHING: Mapping[str, Any] = Named()
+NOTHING: Mapping[str, Any] = named.Named()
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
-_DEGREES = Numbers((3,), "deg/s")
+
+
+# The attitude at the start, by any representation
+
+UNIT_TOLERANCE = 1e-6
+"""The largest deviation of a quaternion's length from 1, or of R R^T from the identity; seven digits suffice."""
+LARGEST_ANGLE = 1e9
+"""A float resolves a larger angle no finer than 1e-7, so a larger angle must be a mistake."""
+NORMALIZED = 8 * 2.0**-52
+"""A quaternion whose |q|^2 differs from 1 by no more than this is already normalised, and no bit of it changes."""
+
+
+def unit_quaternion(q: Quaternion) -> Quaternion:
+    """Return the quaternion, of unit length to round-off; raise ValueError with what was expected for any other."""
+    length = math.hypot(*q)
+    if length == 0.0:
+        raise ValueError("a unit quaternion, not zero")
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
+        raise ValueError(f"a unit quaternion to {UNIT_TOLERANCE:g}, not one of length {length:.9g}")
+    return normalized(q)
+
+
+def normalized(q: Quaternion) -> Quaternion:
+    """Return q / |q|; one that is unit to round-off stays as it is, so that reading what was written changes no bit."""
+    square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    return q if abs(square - 1.0) <= NORMALIZED else evaluated(quaternion.normalize, q)
+
+
+def rotation_matrix(R: Matrix) -> Matrix:
+    """Return the rows of R_ab, orthogonal to 1e-6 and right-handed; raise ValueError for any other."""
+    with np.errstate(all="ignore"):
+        error = float(np.max(np.abs(np.array(R) @ np.array(R).T - np.eye(3))))
+    if not error <= UNIT_TOLERANCE:
+        raise ValueError(f"a rotation matrix: R R^T is off the identity by {error:.2g}, above {UNIT_TOLERANCE:g}")
+    if np.linalg.det(np.array(R)) < 0.0:
+        raise ValueError("a rotation matrix: the determinant is -1, a reflection")
+    return R
+
+
+def _angles(unit: str, meaning: str) -> Numbers:
+    return Numbers((3,), unit, " from -1e9 to 1e9", lambda angle: abs(angle) <= LARGEST_ANGLE).means(meaning)
+
+
+_EULER = one_word(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or "xyz"').means(
+    'Euler sequence such as "ZYX" (intrinsic) or "xyz" (extrinsic), with angles_deg or angles'
+)
+_QUATERNION = Numbers((4,), bound=": eta, eps_1, eps_2, eps_3", then=unit_quaternion)
+_MATRIX = Numbers((3, 3), then=rotation_matrix)
+_IN_ORDER = "Euler angles in the sequence's order"
+
+
+class Attitude(Section, path="initial.attitude"):
+    """The table `initial.attitude`, which gives the attitude in exactly one representation."""
+
+    euler: Annotated[str | None, _EULER] = None
+    angles_deg: Annotated[Vec3 | None, _angles("deg", _IN_ORDER)] = None
+    angles: Annotated[Vec3 | None, _angles("rad", _IN_ORDER)] = None
+    quaternion: Annotated[Quaternion | None, _QUATERNION.means("Euler parameters q_ab, scalar first")] = None
+    rotvec: Annotated[Vec3 | None, _angles("rad", "rotation vector: axis times angle")] = None
+    matrix: Annotated[Matrix | None, _MATRIX.means("rotation matrix R_ab, by rows")] = None
+
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
+        given, known = set(data) - {"angles_deg", "angles"}, set(data) <= self._keys.keys()
+        ways = "euler (with angles_deg or angles), quaternion, rotvec or matrix"
+        if len(given) != 1 and known:
+            faults.append(fault(self._path, data, f"exactly one of {ways}"))
+        elif given == {"euler"} and len(data) != 2:
+            faults.append(fault(self._path, data, "euler with either angles_deg or angles"))
+        elif len(given) == 1 and given != {"euler"} and len(data) != 1:
+            faults.append(fault(self._path, data, f"{given.pop()} alone; angles belong to euler"))
+        return data, {}
+
+    def q_ab(self) -> Quaternion:
+        """Return q_ab."""
+        if self.euler is not None:
+            x, y, z = self.angles or map(math.radians, self.angles_deg or ())
+            sequence = euler_angles.sequence(self.euler)
+            return normalized(evaluated(euler_angles.quaternion_from_euler, sequence, (x, y, z)))
+        if self.rotvec is not None:
+            return normalized(evaluated(rotvec.quaternion_from_rotvec, self.rotvec))
+        if self.matrix is not None:
+            return normalized(evaluated(rotation.quaternion_from_matrix, self.matrix))
+        assert self.quaternion is not None
+        return self.quaternion
+
+
+# Other tables
+
+_DEGREES = Numbers((3,), "deg/s", then=lambda rates: tuple(map(math.radians, rates))).means("in place of omega_b")
+_ATTITUDE = Rule("a table", lambda value: Attitude.read(value).q_ab()).means(
+    "a table: initial attitude of the body (b) in space (a)"
+)
 _PORTS = names(PORTS).means(
     "loads that another unit supplies, added to the known ones; omega_b alone (prescribed rates); inputs of one's own "
     "that formulas read, { name, size, unit, start }"
 )
 _KNOWN = names(PARAMETERS)
-_PARAMETERS = Rule(
-    _KNOWN.words, lambda value: tuple(value) if isinstance(value, list | tuple) else None, _KNOWN.choice
-).means("FMU parameters that an importer will change, so that the plan holds for every value")
+_PARAMETERS = Rule(_KNOWN.words, texts, _KNOWN.choice).means(
+    "FMU parameters that an importer will change, so that the plan holds for every value"
+)
 _ACCURACY = Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
     "largest error over the run: attitude in rad, rates relative to their largest, position and velocity relative to "
     "theirs, at least 1 m and 1 m/s"
@@ -46,47 +136,33 @@ _TEXT = line("at most 1000 printable characters", 1000)
 class Initial(Section, path="initial"):
     """The initial state; `quaternion` comes from the table `attitude`."""
 
-    _spellings: ClassVar = {"quaternion": ("attitude",), "omega_b": ("omega_b", "omega_b_deg")}
-    _other_keys: ClassVar = {
-        "attitude": ("", "a table: initial attitude of the body (b) in space (a)"),
-        "omega_b_deg": ("deg/s", "in place of omega_b"),
-    }
+    _hidden: ClassVar = ("quaternion",)
+    _instead: ClassVar = {"attitude": ("quaternion", _ATTITUDE), "omega_b_deg": ("omega_b", _DEGREES)}
 
     position: Annotated[Vec3, numbers("position_0")] = ZERO
     velocity: Annotated[Vec3, numbers("velocity_0")] = ZERO
     quaternion: Annotated[Quaternion, numbers("quaternion_0")] = _IDENTITY
     omega_b: Annotated[Vec3, numbers("omega_b_0")] = ZERO
 
-    def _resolved(self, data: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-        if "attitude" in data:
-            attitude: Attitude | None = checked(Attitude, data.pop("attitude"), "", faults)
-            data |= {"quaternion": attitude.q_ab()} if attitude else {}
-        given = one_of(Initial, data, ("omega_b", "omega_b_deg"), faults)
-        degrees = data.pop("omega_b_deg", None)
-        if given == "omega_b_deg":
-            rates: Vec3 | None = checked(_DEGREES, degrees, "initial.omega_b_deg", faults)
-            data |= {"omega_b": tuple(map(math.radians, rates))} if rates else {}
-            vars(self)["rates_said"] = "initial.omega_b_deg", degrees
-        return data
-
-    @cached_property
+    @property
     def rates_said(self) -> tuple[str, object]:
         """Return the key and the value by which the initial rates were given."""
-        return "initial.omega_b", self.omega_b
+        key, value = self._given.get("omega_b", ("omega_b", None))
+        return f"initial.{key}", self.omega_b if value is None else value
 
-    def _shown(self) -> dict[str, Any]:
+    def _shown(self) -> dict[str, object]:
         return dict(("attitude", {k: x}) if k == "quaternion" else (k, x) for k, x in self._set().items())
 
     def table(self) -> dict[str, Any]:
         """Return the table as a file has it."""
-        found = super().table()
+        found = {name: as_lists(value) for name, value in self._values().items()}
         return found | {"attitude": {"quaternion": found.pop("quaternion")}}
 
 
 class Loads(Section, path="loads"):
     """The known loads; those that are formulas stand in `formulas`, and are zero here."""
 
-    _spellings: ClassVar = {"formulas": ()}
+    _hidden: ClassVar = ("formulas",)
 
     gravity_a: Annotated[Vec3, numbers("gravity_a")] = (0.0, 0.0, -9.81)
     force_a: Annotated[Vec3, numbers("force_a")] = ZERO
@@ -96,7 +172,7 @@ class Loads(Section, path="loads"):
     damping_b: Annotated[Vec3, numbers("damping_b")] = ZERO
     formulas: Annotated[Mapping[str, str], named.LOAD_FORMULAS] = NOTHING
 
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         texts = {name: value for name, value in data.items() if named.is_formula(name, value)}
         return {name: value for name, value in data.items() if name not in texts}, {"formulas": texts} if texts else {}
 
@@ -104,27 +180,27 @@ class Loads(Section, path="loads"):
 class Inputs(Section, path="inputs"):
     """The inputs that other FMUs supply, and the parameters that an importer may change."""
 
-    _spellings: ClassVar = {"own": ()}
+    _hidden: ClassVar = ("own",)
 
     ports: Annotated[tuple[str, ...], _PORTS] = ()
     parameters: Annotated[tuple[str, ...], _PARAMETERS] = ()
-    own: Annotated[Mapping[str, Port], named.PORTS] = NOTHING
+    own: Annotated[Mapping[str, named.Port], named.PORTS] = NOTHING
 
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         ports = data.get("ports")
         if not isinstance(ports, list | tuple) or not (rows := [x for x in ports if isinstance(x, Mapping)]):
             return data, {}
         own = [one for row in rows if (one := checked(named.Port, row, "inputs.ports", faults))]
-        found = Named({one.name: one for one in own})
+        found = named.Named({one.name: one for one in own})
         if twice := [one.name for one in own if one is not found[one.name]]:
             faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")
         return {**data, "ports": [x for x in ports if not isinstance(x, Mapping)]}, {"own": found}
 
-    def _faults_together(self) -> Iterator[str]:
+    def _faults_together(self) -> tuple[()]:
         """Let the ports have those of one's own among them."""
         if "ports" in vars(self):
             vars(self)["ports"] += tuple(self.own)
-        yield from ()
+        return ()
 
     def table(self) -> dict[str, Any]:
         """Return the table as a file has it."""
@@ -135,11 +211,11 @@ class Inputs(Section, path="inputs"):
 class Outputs(Section, path="outputs"):
     """The requested output quantities, and those of one's own, which are always shown."""
 
-    _spellings: ClassVar = {"own": ()}
+    _hidden: ClassVar = ("own",)
     quantities: Annotated[tuple[str, ...], names(QUANTITIES).means("what someone will look at")] = QUANTITIES
-    own: Annotated[Mapping[str, Shown], named.OUTPUTS] = NOTHING
+    own: Annotated[Mapping[str, named.Shown], named.OUTPUTS] = NOTHING
 
-    def _apart(self, data: Mapping[str, Any], faults: list[str]) -> tuple[Mapping[str, Any], dict[str, Any]]:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         """Return whatever is a table or a text as an output of one's own, and energies that are asked for."""
         shown = {name: x for name, x in data.items() if isinstance(x, Mapping | str) and name not in self._keys}
         left = {name: x for name, x in data.items() if name not in shown}

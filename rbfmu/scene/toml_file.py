@@ -41,7 +41,7 @@ def read_file(path: Path) -> tuple[dict[str, Any], str]:
         raise SceneError(f"not TOML: {error}", str(path)) from None
 
 
-def with_description(tables: dict[str, Any], text: str, file_name: str) -> dict[str, Any]:
+def with_description(tables: dict[str, object], text: str, file_name: str) -> dict[str, object]:
     """Return the tables with the first paragraph of the file's comment for a description, where they have none."""
     about, comment = tables.get("about", {}), _first_paragraph(text, file_name)
     if not comment or not isinstance(about, dict) or "description" in about:
@@ -95,7 +95,7 @@ def _refuse_what_stands_twice(lines: list[str], message: str, path: Path) -> Non
         raise SceneError(f"not TOML: {key} stands twice, again in line {first + 1}: {expected}", str(path)) from None
 
 
-def _path(*nested: Any) -> str:
+def _path(*nested: object) -> str:
     path = ""
     for tables in nested:
         while isinstance(tables, dict) and len(tables) == 1:
@@ -105,7 +105,7 @@ def _path(*nested: Any) -> str:
     return path
 
 
-def _parsed(lines: list[str]) -> dict[str, Any] | None:
+def _parsed(lines: list[str]) -> dict[str, object] | None:
     try:
         return tomllib.loads("\n".join(lines))
     except ValueError:

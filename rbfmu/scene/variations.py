@@ -5,12 +5,10 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from itertools import repeat, starmap
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.scene.attitude import Attitude
 from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
 from rbfmu.scene.own import is_own
 
@@ -18,6 +16,7 @@ from rbfmu.scene.section import (  # isort: skip
     NOT_NEGATIVE, POSITIVE, Numbers, Rule, SceneError, as_toml, checked, closest, fault, flattened, joined,
     numbers, plain,
 )  # fmt: skip
+from rbfmu.scene.tables import Attitude
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, PARAMETERS, Load, Parameter, indices
 
 _BY_NAME = {row.name: row for row in IN_BUFFER_ORDER}
@@ -116,6 +115,8 @@ INERTIA, ATTITUDE, SHAPE, DEGREES = "body.inertia", "initial.attitude", "body.sh
 AXES = "axes_deg"
 ABOUT = {"rotvec_deg": "deg", "rotvec": "rad"}
 """Ways to give standard deviations of a rotation vector, by their unit."""
+ATTITUDES = ({"rotvec_deg"}, {"rotvec"}, {"euler", "angles_deg"}, {"euler", "angles"})
+"""The keys that say together how an attitude varies."""
 VARYING_ANGLES = ("angles_deg", "angles", "rotvec")
 """Representations of an attitude whose numbers may vary one by one."""
 
@@ -177,14 +178,14 @@ def read_variations(vary: object) -> tuple[Variation, ...] | None:
     return tuple(found)
 
 
-def _variation(key: str, value: Any, path: str) -> Variation:
+def _variation(key: str, value: object, path: str) -> Variation:
     marginals, form = _READERS.get(key, partial(_numbers, key))(value, path)
     if not any(m.varies for m in marginals) and key != SHAPE:
         raise SceneError(fault(path, value, "a distribution in which something varies"))
     return Variation(key, form, marginals, json.dumps(value, default=_for_json))
 
 
-def _for_json(value: Any) -> Any:
+def _for_json(value: object) -> object:
     """Return what JSON does not know as what it knows."""
     return dict(value) if isinstance(value, Mapping) else plain(value)
 
@@ -214,8 +215,8 @@ class Distributed:
         points = checked(points_rule, value.get("points", 0), f"{path}.points", faults)
         if faults:
             raise SceneError(faults)
-        columns = zip(*rows, strict=True)
-        return tuple(starmap(Marginal, zip(self.names, repeat(kind, len(self.names)), columns, points, strict=True)))
+        each = zip(self.names, zip(*rows, strict=True), points, strict=True)
+        return tuple(Marginal(name, kind, arguments, n) for name, arguments, n in each)
 
     def _arguments(self, kind: str) -> Rule:
         """Return the rule of the numbers of each argument, flattened to the key's components."""
@@ -251,21 +252,22 @@ def _about_zero(name: str, unit: str) -> Numbers:
     )
 
 
-def _numbers(key: str, value: Any, path: str) -> Found:
+_REFUSED = {
+    f"{SHAPE}.": f'no such key without body.shape; or "{SHAPE}" = {{ kind = ..., sides = {{ normal = ... }} }}',
+    f"{ATTITUDE}.": f'"{ATTITUDE}" = {{ rotvec_deg = 2.0 }}, {{ euler = "ZYX", angles_deg = {{ normal = ... }} }}',
+    "run.": "a key of body, initial or loads: all runs have the same times and accuracy",
+}
+"""What is expected in place of keys that begin so."""
+
+
+def _numbers(key: str, value: object, path: str) -> Found:
     """Return how numbers vary that stand for themselves: of a body, a start or a load, or of one's own."""
     if key in RULES:
         rule = RULES[key]
     elif is_own(key):
         given = value.items() if isinstance(value, Mapping) else ()
         rule = Numbers((3,) if any(_nested(x, 1 if kind == RELATIVE else 2) for kind, x in given) else ())
-    elif key.startswith(f"{SHAPE}."):
-        expected = f'no such key without body.shape; or "{SHAPE}" = {{ kind = ..., sides = {{ normal = ... }} }}'
-        raise SceneError(fault(path, value, expected))
-    elif key.startswith(f"{ATTITUDE}."):
-        expected = f'"{ATTITUDE}" = {{ rotvec_deg = 2.0 }}, {{ euler = "ZYX", angles_deg = {{ normal = ... }} }}'
-        raise SceneError(fault(path, value, expected))
-    elif key.startswith("run."):
-        expected = "a key of body, initial or loads: all runs have the same times and accuracy"
+    elif expected := next((said for begin, said in _REFUSED.items() if key.startswith(begin)), ""):
         raise SceneError(fault(path, value, expected))
     else:
         near = closest(key, KEYS)
@@ -275,7 +277,7 @@ def _numbers(key: str, value: Any, path: str) -> Found:
     return marginals, marginals[0].kind
 
 
-def _inertia(value: Any, path: str) -> Found:
+def _inertia(value: object, path: str) -> Found:
     moments, faults = value, list[str]()
     found, axes = (), ()
     if isinstance(value, Mapping) and AXES in value:
@@ -293,19 +295,14 @@ def _inertia(value: Any, path: str) -> Found:
     return (*found, *axes), found[0].kind if found else ""
 
 
-def _attitude(value: Any, path: str) -> Found:
+def _attitude(value: object, path: str) -> Found:
     if value == UNIFORM:
         names = component_names(f"{ATTITUDE}.{UNIFORM}", (3,))
         return tuple(Marginal(name, UNIFORM, (0.0, 1.0)) for name in names), UNIFORM
-    given = [key for key in value if key != "euler"] if isinstance(value, Mapping) else []
-    if (
-        len(given) != 1
-        or given[0] not in {*VARYING_ANGLES, *ABOUT}
-        or ("euler" in value) != given[0].startswith("angles")
-    ):
+    if not isinstance(value, Mapping) or set(value) not in ATTITUDES:
         ways = '"uniform", { rotvec_deg = 2.0 } about the scene\'s, or { euler = "ZYX", angles_deg = { normal = ... } }'
         raise SceneError(fault(path, value, f"{ways}, or {{ rotvec = {{ normal = ... }} }}"))
-    name = given[0]
+    name = next(key for key in value if key != "euler")
     angles, here = value[name], f"{path}.{name}"
     if name in ABOUT and not isinstance(angles, Mapping):
         return _about_zero(f"{ATTITUDE}.{name}", ABOUT[name]).read(angles, here), f"about {name}"
@@ -315,9 +312,8 @@ def _attitude(value: Any, path: str) -> Found:
     return Distributed(f"{ATTITUDE}.{name}", rule, relative=False).read(angles, here), name
 
 
-def _shape(value: Any, path: str) -> Found:
-    kind = value.get("kind") if isinstance(value, Mapping) else None
-    if not isinstance(kind, str) or kind not in SHAPES:
+def _shape(value: object, path: str) -> Found:
+    if not isinstance(value, Mapping) or not isinstance(kind := value.get("kind"), str) or kind not in SHAPES:
         raise SceneError(fault(path, value, f"a table with kind out of {', '.join(SHAPES)}, and its sizes"))
     keys, faults, found = SHAPES[kind].sizes(), list[str](), list[Marginal]()
     if set(value) != {"kind", *keys}:
@@ -334,7 +330,7 @@ def _shape(value: Any, path: str) -> Found:
     return tuple(found), kind
 
 
-_READERS: Mapping[str, Callable[[Any, str], Found]] = {INERTIA: _inertia, ATTITUDE: _attitude, SHAPE: _shape}
+_READERS: Mapping[str, Callable[[object, str], Found]] = {INERTIA: _inertia, ATTITUDE: _attitude, SHAPE: _shape}
 """What reads the keys whose tables have forms of their own."""
 
 

@@ -142,6 +142,13 @@ def test_columns_of_others_are_left_out(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.omega_b, [[1, 2, 3], [4, 5, 6]])
 
 
+def test_numbers_in_quotes_are_the_same_numbers(tmp_path: Path) -> None:
+    (tmp_path / "it.csv").write_text(GOOD + '"0", "1.5" ,2,3\n\n1,4,5,-6e-3\n')
+    read = Result.load(tmp_path / "it.csv")
+    np.testing.assert_array_equal(read.time, [0.0, 1.0])
+    np.testing.assert_array_equal(read.omega_b, [[1.5, 2.0, 3.0], [4.0, 5.0, -0.006]])
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
