@@ -11,7 +11,6 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from time import perf_counter
@@ -67,22 +66,21 @@ def run_demo(folder: Path, console: Console) -> bool:
     """Run all, write FMU, results and picture to `folder`, print a short table; False if anything disagrees."""
     check_plain(tempfile.gettempdir())
     folder.mkdir(parents=True, exist_ok=True)
-    doing = partial(_stage, console)
-    with doing("planning"):
+    with _stage(console, "planning"):
         scene = rbfmu.load_scene(scene_file("tumbling_brick.toml"))
         planned = rbfmu.plan(scene)
-    with doing("simulating with the kernels"):
+    with _stage(console, "simulating with the kernels"):
         result, kernels = _by_kernels(scene, planned)
         result.save(folder / "kernels.csv")
-    with doing("building the FMU"):
+    with _stage(console, "building the FMU"):
         fmu = build_python_fmu(scene, planned, folder / "tumbling_brick.fmu")
-    with doing("simulating the FMU through FMPy's API"):
+    with _stage(console, "simulating the FMU through FMPy's API"):
         by_api = _by_api(fmu, list(kernels.columns)[1:])
-    with doing("simulating the FMU through the fmpy command"):
+    with _stage(console, "simulating the FMU through the fmpy command"):
         by_command = _by_command(fmu, folder / "fmpy_command.csv", list(kernels.columns)[1:])
-    with doing("verifying the FMU against the kernels"):
+    with _stage(console, "verifying the FMU against the kernels"):
         verified = verify(fmu)
-    with doing("drawing"):
+    with _stage(console, "drawing"):
         draw(result, folder / "tumbling_brick.png")
     passed = _report(console, scene, planned, result, [kernels, by_api, by_command], verified)
     names = ("tumbling_brick.png", "tumbling_brick.fmu", "kernels.csv", "kernels.units.csv", "fmpy_command.csv")

@@ -271,6 +271,6 @@ def osp_description(d: Description) -> Element:
 def _osp_group(block: str, variables: list[Variable]) -> Element:
     group = Element(KINDS[block], name=block)
     for k, v in enumerate(variables):
-        axis = {"axis": AXES[k]} if len(variables) == 3 else {}
-        SubElement(group, "Variable", {"ref": v.name, "unit": unit_of(v), **axis})
+        axis = AXES[k] if len(variables) == 3 else ""
+        SubElement(group, "Variable", _said(ref=v.name, unit=unit_of(v), axis=axis))
     return group

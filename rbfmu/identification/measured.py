@@ -48,13 +48,10 @@ def read_measured(scene: Scene, data: Data) -> Measured:
     Roll, pitch and yaw count as the attitude that they describe.
     Raises ValueError.
     """
+    where = "data"
     if isinstance(data, str | Path):
         path = Path(data)
-        if path.suffix == ".csv":
-            return _check(scene, _read(scene, path), str(path))
-        data, where = Result.load(path), str(path)
-    else:
-        where = "data"
+        data, where = _read(scene, path) if path.suffix == ".csv" else Result.load(path), str(path)
     known = {"time": data.time, **data.quantities} if isinstance(data, Result) else data
     if not isinstance(known, Mapping) or "time" not in known:
         raise ValueError(f"{where}: expected a file, a Result, or a mapping with time and outputs by name")
