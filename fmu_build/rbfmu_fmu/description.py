@@ -214,11 +214,9 @@ def _blocks(scene: Scene, plan: Plan) -> list[_Block]:
     for name, port in scene.inputs.own.items():
         own = Parameter(name, port.size, port.unit or "1", port.about or "input")
         found.append(_Block(own, places[name], "input"))
-    for row in quantities.IN_BUFFER_ORDER:
-        if row.name in needed and row.name not in ports:  # a port's name is taken: its known part stays inside
-            found.append(_Block(row, places[row.block], "parameter"))
-    of_own = scene.own_parameters.values()
-    found += [_Block(row, places[row.block], "parameter") for row in of_own if row.name in needed]
+    known = [row for row in quantities.IN_BUFFER_ORDER if row.name not in ports]  # a port's known part stays inside
+    parameters = (row for row in (*known, *scene.own_parameters.values()) if row.name in needed)
+    found += [_Block(row, places[row.block], "parameter") for row in parameters]
     found += [_output(row, scene, plan) for row in _output_rows(scene, plan)]
     for e, (name, event) in enumerate(scene.events.items()):
         first = places["events.times"].start + e
