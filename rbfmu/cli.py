@@ -19,7 +19,7 @@ from rbfmu.cli_output import (  # isort: skip
 )  # fmt: skip
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
-from rbfmu.kept_plans import KeptPlan
+from rbfmu.kept_plans import kept_plan
 from rbfmu.progress import bar, progress_bar
 
 
@@ -89,22 +89,21 @@ def show_plan(asked: Asked, as_json: bool, code: bool) -> None:
 
 def _plan_of(asked: Asked, opened: AbstractContextManager["rbfmu.Scene"]) -> dict[str, Any]:
     """Return what is said of a scene's plan and of doubts: kept, or made now, and kept where no inputs are given."""
-    is_driven, kept = asked.driven["inputs"] is not None, KeptPlan(asked.file, {"model": asked.model, **asked.run})
-    if not is_driven and (known := kept.read()) is not None:
-        return known
-    from rbfmu.scene.consistency import doubts_before
-    from rbfmu_fmu.description import sizes
+    is_driven = asked.driven["inputs"] is not None
 
-    with opened as scene:
-        with bar(f"planning {scene.name}") as tell:
-            chosen = rbfmu.plan(scene, full=asked.model == "full", progress=tell, **asked.driven)
-        variables, full = sizes(scene, chosen)
-        text = plan_text(scene, chosen, variables, full, is_driven)
-        doubts = [f"{scene.name}: {doubt}" for doubt in doubts_before(scene)]
-    known = {"plan": chosen.to_dict(), "variables": variables, "text": text, "doubts": doubts}
-    if not is_driven:
-        kept.keep(known)
-    return known
+    def made() -> dict[str, Any]:
+        from rbfmu.scene.consistency import doubts_before
+        from rbfmu_fmu.description import sizes
+
+        with opened as scene:
+            with bar(f"planning {scene.name}") as tell:
+                chosen = rbfmu.plan(scene, full=asked.model == "full", progress=tell, **asked.driven)
+            variables, full = sizes(scene, chosen)
+            text = plan_text(scene, chosen, variables, full, is_driven)
+            doubts = [f"{scene.name}: {doubt}" for doubt in doubts_before(scene)]
+        return {"plan": chosen.to_dict(), "variables": variables, "text": text, "doubts": doubts}
+
+    return made() if is_driven else kept_plan(asked.file, {"model": asked.model, **asked.run}, made)
 
 
 @main.command(cls=SceneCommand, shared=[*INPUTS, MODEL, *RUN_OPTIONS])
