@@ -45,23 +45,26 @@ def kept(file: Path | None, make: Callable[[], bytes], most: int) -> bytes:
         if checksum == _checksum(file, content):
             return content
     content = make()
-    with suppress(OSError):  # such as a folder that cannot be written
-        _write(file, _checksum(file, content) + b"\n" + content)
+    with suppress(OSError):  # of a folder that cannot be written; on Windows, where another process reads the file
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(file, _checksum(file, content) + b"\n" + content)
         for old in sorted(file.parent.glob(f"*{file.suffix}"), key=lambda path: path.stat().st_mtime)[:-most]:
             old.unlink()
     return content
 
 
-def _write(file: Path, content: bytes) -> None:
-    """Write a file, whole or not at all."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".part")
-    with os.fdopen(handle, "wb") as part:
-        part.write(content)
+def write_whole(file: Path, content: bytes) -> None:
+    """Write a file, whole or not at all: what stands there is replaced when all is written."""
+    handle, temporary = tempfile.mkstemp(prefix=file.name, suffix=".part", dir=file.parent)
     try:
+        with os.fdopen(handle, "wb") as part:
+            part.write(content)
+        os.chmod(temporary, 0o644)
         os.replace(temporary, file)
-    except OSError:  # on Windows where another process reads the file
+    except BaseException as error:
         os.unlink(temporary)
+        if isinstance(error, OSError):
+            error.filename = str(file)  # else a full disk names no file
         raise
 
 
