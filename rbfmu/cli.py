@@ -5,6 +5,7 @@ import shlex
 import tomllib
 import warnings
 from contextlib import AbstractContextManager, nullcontext
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import rbfmu
 from rbfmu.cli_output import (  # isort: skip
     INPUTS, MODEL, PATH, RUN_OPTIONS, Asked, Commands, SceneCommand, check_target, choice, file_option, folder_option,
     keys_option, method_option, more_keys, plan_text, plot_option, print_columns, print_end, print_ensemble, print_fit,
-    print_keys, print_written, say_where_nothing_is_kept, usage_errors, write,
+    print_written, say_where_nothing_is_kept, usage_errors, write,
 )  # fmt: skip
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
@@ -49,7 +50,17 @@ def demo(folder: Path) -> None:
 @main.command()
 def keys() -> None:
     """List every key of a scene file: unit, default, meaning."""
-    print_keys()
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from rbfmu.scene.keys import scene_keys
+
+    for name, group in groupby(scene_keys(), lambda key: key.table):
+        table = Table(escape(f"[{name}]") if name else "", "unit", "default", "meaning", box=None)
+        for key in group:
+            table.add_row(key.name, key.unit, escape(key.default), escape(key.meaning))
+        Console(highlight=False).print(table)
 
 
 @main.command()

@@ -8,7 +8,6 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from itertools import groupby
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -191,21 +190,6 @@ def print_columns(rows: Sequence[Sequence[str]]) -> None:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         click.echo("  ".join(map(str.ljust, row, widths)).rstrip())
-
-
-def print_keys() -> None:
-    """Print all keys of a scene, a table for each of its tables."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    from rbfmu.scene.keys import scene_keys
-
-    for name, group in groupby(scene_keys(), lambda key: key.table):
-        table = Table(escape(f"[{name}]") if name else "", "unit", "default", "meaning", box=None)
-        for key in group:
-            table.add_row(key.name, key.unit, escape(key.default), escape(key.meaning))
-        Console(highlight=False).print(table)
 
 
 PATH = click.Path(path_type=Path)
