@@ -10,14 +10,13 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple
 
 import fmpy
 import numpy as np
-from fmpy.util import read_csv
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.console import Console
@@ -44,8 +43,7 @@ ROUND_OFF = 1e-13 if FMPY_ROUNDS else 0.0
 Columns = dict[str, Array]
 
 
-@dataclass(frozen=True)
-class Way:
+class Way(NamedTuple):
     """One way of simulating: its columns by FMU variable name, and its cost per communication step in s."""
 
     name: str
@@ -115,7 +113,7 @@ def _by_command(fmu: Path, target: Path, outputs: list[str]) -> Way:
     seconds = perf_counter() - start
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")
-    return _way("FMU, fmpy command", read_csv(target), seconds)
+    return _way("FMU, fmpy command", fmpy.read_csv(target), seconds)
 
 
 def _way(name: str, recorded: NDArray[np.void], seconds: float) -> Way:

@@ -326,8 +326,7 @@ def nominal_sizes(scene: Scene, kernels: Model, filled: Buffer) -> Mapping[str, 
     return {name: float(f"{size:.0e}") for name, size in sizes.items() if 0.0 < size < math.inf}
 
 
-@dataclass(frozen=True)
-class FmiVariable:
+class FmiVariable(NamedTuple):
     """A variable of the model description; its value reference is its place among all of them.
 
     elements: numbers of `Description.variables`, row by row; dimensions: none of a scalar.
