@@ -29,7 +29,7 @@ AXES = ("x", "y", "z")
 _EULER_PARAMETERS = ("scalar part", "vector part x", "vector part y", "vector part z")
 _INERTIA = {"inertia": 3}
 """Numbers of a block that say its size, where that is not all."""
-_AS_IT_IS = ("identifier", "counts", "start_buffer", "outputs_end", "start_place", "last_time")
+_AS_IT_IS = ("identifier", "about", "counts", "start_buffer", "outputs_end", "start_place", "last_time")
 """What a slave knows of a description besides its variables; of these it knows all but what only XML says."""
 _OF_XML = ("follows", "begins_with")
 
@@ -88,6 +88,11 @@ class Description:
     start_place: int
 
     @property
+    def about(self) -> dict[str, str]:
+        """Return what tools show of it: the scene's table `about`."""
+        return {name: getattr(self.scene.about, name) for name in ("description", "author", "version", "license")}
+
+    @property
     def last_time(self) -> float:
         """Return the time from which on `status` is 2."""
         return last_time(self.scene.run.stop, self.scene.run.step)
@@ -114,8 +119,9 @@ class Description:
 
     def to_dict(self) -> dict[str, object]:
         """Return a dict for JSON: this, and what is said of parameters that a model does not serve."""
-        known = {"name": self.scene.name, "about": self.scene.about.model_dump(), **self.scene.run.model_dump()}
-        known |= {name: getattr(self, name) for name in _AS_IT_IS} | {"model": self.plan.kernels.name}
+        known = {"name": self.scene.name, "model": self.plan.kernels.name}
+        known |= {name: getattr(self.scene.run, name) for name in ("start", "stop", "step", "accuracy")}
+        known |= {name: getattr(self, name) for name in _AS_IT_IS}
         variables = [{k: x for k, x in asdict(v).items() if k not in _OF_XML} for v in self.variables]
         return known | {"variables": variables, "faults": FAULTS, "changed": CHANGED}
 

@@ -33,7 +33,7 @@ UNSET = "{}"
 def model_description(version: FmiVersion, d: Description, co_simulation: dict[str, str]) -> Element:
     """Return modelDescription.xml, without identity; `co_simulation` has attributes in which kinds of FMU differ."""
     about = {"generationTool": f"rbfmu {rbfmu.__version__}", "description": "One rigid body", "license": LICENSE}
-    about |= _said(**d.scene.about.model_dump())
+    about |= _said(**d.about)
     root = Element("fmiModelDescription", {
         "fmiVersion": version.name, "modelName": d.scene.name, version.identity: UNSET, **about,
         "variableNamingConvention": "structured",
