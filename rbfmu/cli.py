@@ -5,6 +5,7 @@ import shlex
 import tomllib
 import warnings
 from contextlib import AbstractContextManager, nullcontext
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,13 @@ import click
 import rbfmu
 
 from rbfmu.cli_output import (  # isort: skip
-    INPUTS, MODEL, PATH, RUN_OPTIONS, Asked, Commands, check_target, choice_option, file_option, folder_option,
+    INPUTS, MODEL, PATH, RUN_OPTIONS, Asked, Commands, SceneCommand, check_target, choice, file_option, folder_option,
     keys_option, method_option, more_keys, plan_text, plot_option, print_columns, print_end, print_ensemble, print_fit,
-    print_keys, print_written, say_where_nothing_is_kept, scene_argument, scene_options, usage_errors, with_options,
-    write,
+    print_written, say_where_nothing_is_kept, usage_errors, write,
 )  # fmt: skip
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
-from rbfmu.kept_plans import KeptPlan
+from rbfmu.kept_plans import kept_plan
 from rbfmu.progress import bar, progress_bar
 
 
@@ -50,7 +50,17 @@ def demo(folder: Path) -> None:
 @main.command()
 def keys() -> None:
     """List every key of a scene file: unit, default, meaning."""
-    print_keys()
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from rbfmu.scene.keys import scene_keys
+
+    for name, group in groupby(scene_keys(), lambda key: key.table):
+        table = Table(escape(f"[{name}]") if name else "", "unit", "default", "meaning", box=None)
+        for key in group:
+            table.add_row(key.name, key.unit, escape(key.default), escape(key.meaning))
+        Console(highlight=False).print(table)
 
 
 @main.command()
@@ -71,11 +81,9 @@ def new(name: str) -> None:
     click.echo(f"{path} (next: rbfmu run {shlex.quote(str(path))})")
 
 
-@main.command("plan")
-@scene_argument
+@main.command("plan", cls=SceneCommand, shared=[*INPUTS, MODEL, *RUN_OPTIONS])
 @click.option("--json", "as_json", is_flag=True, help="Print model, method, substep, states and reasons as JSON.")
 @click.option("--code", is_flag=True, help="Print the kernels that are made from the scene's formulas.")
-@scene_options(*INPUTS, *MODEL, *RUN_OPTIONS)
 def show_plan(asked: Asked, as_json: bool, code: bool) -> None:
     """Say which model and method a scene gets, and why."""
     if code:
@@ -92,29 +100,26 @@ def show_plan(asked: Asked, as_json: bool, code: bool) -> None:
 
 def _plan_of(asked: Asked, opened: AbstractContextManager["rbfmu.Scene"]) -> dict[str, Any]:
     """Return what is said of a scene's plan and of doubts: kept, or made now, and kept where no inputs are given."""
-    is_driven, kept = asked.driven["inputs"] is not None, KeptPlan(asked.file, {"model": asked.model, **asked.run})
-    if not is_driven and (known := kept.read()) is not None:
-        return known
-    from rbfmu.scene.scene import doubts_before
-    from rbfmu_fmu.description import sizes
+    is_driven = asked.driven["inputs"] is not None
 
-    with opened as scene:
-        with bar(f"planning {scene.name}") as tell:
-            chosen = rbfmu.plan(scene, full=asked.model == "full", progress=tell, **asked.driven)
-        variables, full = sizes(scene, chosen)
-        text = plan_text(scene, chosen, variables, full, is_driven)
-        doubts = [f"{scene.name}: {doubt}" for doubt in doubts_before(scene)]
-    known = {"plan": chosen.to_dict(), "variables": variables, "text": text, "doubts": doubts}
-    if not is_driven:
-        kept.keep(known)
-    return known
+    def made() -> dict[str, Any]:
+        from rbfmu.scene.scene import doubts_before
+        from rbfmu_fmu.description import sizes
+
+        with opened as scene:
+            with bar(f"planning {scene.name}") as tell:
+                chosen = rbfmu.plan(scene, full=asked.model == "full", progress=tell, **asked.driven)
+            variables, full = sizes(scene, chosen)
+            text = plan_text(scene, chosen, variables, full, is_driven)
+            doubts = [f"{scene.name}: {doubt}" for doubt in doubts_before(scene)]
+        return {"plan": chosen.to_dict(), "variables": variables, "text": text, "doubts": doubts}
+
+    return made() if is_driven else kept_plan(asked.file, {"model": asked.model, **asked.run}, made)
 
 
-@main.command()
-@scene_argument
+@main.command(cls=SceneCommand, shared=[*INPUTS, MODEL, *RUN_OPTIONS])
 @file_option("Save to FILE (.csv, .npz or .aem).", (".csv", ".npz", ".aem"))
 @plot_option("Draw")
-@scene_options(*INPUTS, *MODEL, *RUN_OPTIONS)
 def run(asked: Asked, output: Path | None, plot: Path | None) -> None:
     """Simulate a scene, its ports at zero or driven by a file.
 
@@ -143,15 +148,13 @@ def warm(scenes: tuple[Path, ...]) -> None:
             warm_scene(scene, rbfmu.Plan.from_dict(_plan_of(asked, nullcontext(scene))["plan"]))
 
 
-@main.command()
-@scene_argument
+@main.command(cls=SceneCommand, shared=[*INPUTS, *RUN_OPTIONS])
 @file_option("Keep in STORE (.npz or .zarr).", (".npz", ".zarr"), metavar="STORE", type=PATH)
 @click.option("--runs", type=click.IntRange(1), help="In place of the scene's ensemble.runs.")
 @click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
 @click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
 @click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
 @plot_option("Draw")
-@scene_options(*INPUTS, *RUN_OPTIONS)
 def ensemble(
     asked: Asked, output: Path | None, runs: int | None, workers: int | None, scheduler: str | None, resume: bool,
     plot: Path | None,
@@ -191,13 +194,11 @@ def ensemble(
     print_written(output, plot)
 
 
-@main.command("sensitivity")
-@scene_argument
+@main.command("sensitivity", cls=SceneCommand, shared=[*INPUTS, *RUN_OPTIONS])
 @keys_option("--by", "Such as initial.omega_b; several stand one after another.")
 @more_keys
 @file_option("Save to FILE (.csv or .npz).", (".csv", ".npz"))
 @plot_option("Draw what matters when")
-@scene_options(*INPUTS, *RUN_OPTIONS)
 def show_sensitivity(
     asked: Asked, by: tuple[str, ...], more: tuple[str, ...], output: Path | None, plot: Path | None
 ) -> None:
@@ -211,16 +212,16 @@ def show_sensitivity(
     print_written(output, plot)
 
 
-@main.command("fit")
-@scene_argument
+@main.command("fit", cls=SceneCommand, shared=INPUTS)
 @click.argument("data", metavar="DATA", type=PATH)
 @keys_option("--free", "What is fitted, such as body.inertia; several stand one after another.")
 @more_keys
 @click.option("--sigma", metavar="NUMBER|FILE", help="Noise: a number, or a CSV file with a column an output.")
-@choice_option("--loss", ["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
+@click.option(
+    "--loss", **choice(["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
+)
 @file_option("Write the fitted scene to FILE.toml.", (".toml",))
 @plot_option("Draw residuals")
-@scene_options(*INPUTS)
 def fit_scene(
     asked: Asked, data: Path, free: tuple[str, ...], more: tuple[str, ...], sigma: str | None, loss: str,
     output: Path | None, plot: Path | None,
@@ -250,7 +251,6 @@ def fit_scene(
 @click.option("--stop", type=float, help="End of what is shown (s).")
 @click.option("--ghosts", type=click.IntRange(0), default=0, metavar="N",
               help="Show N runs of the scene's ensemble as pale bodies.")  # fmt: skip
-@with_options(*INPUTS)
 def view(source: Path, output: Path | None, **shown: Any) -> None:
     """Write a page that plays a motion in 3D, in any browser and without network.
 
@@ -266,16 +266,17 @@ def view(source: Path, output: Path | None, **shown: Any) -> None:
     click.echo(f"{target}: {size:.1f} MB, {len(motion.result.time)} pictures, played in {motion.played:.3g} s")
 
 
-@main.command()
-@scene_argument
+view.params += INPUTS  # for a SCENE, after its own
+
+
+@main.command(cls=SceneCommand, shared=[MODEL, *RUN_OPTIONS])
 @file_option("FMU to write.  [NAME.fmu]", (".fmu",))
 @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
 @click.option("--platform", default="", metavar="NAME,...",
               help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64; all.")  # fmt: skip
-@choice_option("--fmi", ["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")
+@click.option("--fmi", **choice(["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native."))
 @click.option("--scalars", is_flag=True, help="Of FMI 3.0: no arrays, as importers that cannot take them need it.")
 @click.option("--terminals", is_flag=True, help="Of FMI 2.0: list terminals, at which some importers fail; 3.0 does.")
-@scene_options(*MODEL, *RUN_OPTIONS)
 def build(
     asked: Asked, output: Path | None, native: bool, platform: str, fmi: str, scalars: bool, terminals: bool
 ) -> None:

@@ -8,8 +8,6 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import reduce, wraps
-from itertools import groupby
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -194,52 +192,35 @@ def print_columns(rows: Sequence[Sequence[str]]) -> None:
         click.echo("  ".join(map(str.ljust, row, widths)).rstrip())
 
 
-def print_keys() -> None:
-    """Print all keys of a scene, a table for each of its tables."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    from rbfmu.scene.keys import scene_keys
-
-    for name, group in groupby(scene_keys(), lambda key: key.table):
-        table = Table(escape(f"[{name}]") if name else "", "unit", "default", "meaning", box=None)
-        for key in group:
-            table.add_row(key.name, key.unit, escape(key.default), escape(key.meaning))
-        Console(highlight=False).print(table)
-
-
 PATH = click.Path(path_type=Path)
 PICTURES = (".png", ".svg", ".pdf")
-Command = Callable[..., None]
-Option = Callable[[Command], Command]
-scene_argument: Option = click.argument("scene", metavar="SCENE", type=PATH)
+Option = Callable[[Callable[..., None]], Callable[..., None]]
 more_keys: Option = click.argument("more", metavar="[KEY]...", nargs=-1)
 """Keys behind an option that has the first of them."""
-
-
-def choice_option(name: str, known: Sequence[str], text: str) -> Option:
-    """Return the option of a choice, by default the first."""
-    return click.option(name, type=click.Choice(known), default=known[0], show_default=True, help=text)
-
-
-_INPUTS = "Drive the ports: columns time, torque_b[1], ...  [ports at zero]"
-INPUTS = (
-    click.option("--inputs", type=PATH, metavar="FILE.csv", help=_INPUTS),
-    choice_option("--interpolate", ["hold", "linear"], "Between the rows of --inputs."),
-)
-MODEL = (
-    choice_option("--model", ["planned", "full"], "The smallest that serves the scene, or all degrees of freedom."),
-)
-RUN = {"accuracy": "", "stop": " (s)", "step": " (s)"}
-"""Keys of a scene's table [run] with their units."""
-RUN_OPTIONS = tuple(
-    click.option(f"--{key}", type=float, help=f"In place of the scene's run.{key}{unit}.") for key, unit in RUN.items()
-)
 method_option: Option = click.option(
     "--method", type=PATH, metavar="FILE.py",
     help="Besides, a method of your own: step(q, omega, h, body, loads) in FILE.",
 )  # fmt: skip
+
+
+def choice(known: Sequence[str], text: str) -> dict[str, Any]:
+    """Return what makes an option a choice, by default the first."""
+    return {"type": click.Choice(known), "default": known[0], "show_default": True, "help": text}
+
+
+_INPUTS = "Drive the ports: columns time, torque_b[1], ...  [ports at zero]"
+_MODELS = choice(["planned", "full"], "The smallest that serves the scene, or all degrees of freedom.")
+INPUTS = [
+    click.Option(["--inputs"], type=PATH, metavar="FILE.csv", help=_INPUTS),
+    click.Option(["--interpolate"], **choice(["hold", "linear"], "Between the rows of --inputs.")),
+]
+MODEL = click.Option(["--model"], **_MODELS)
+RUN = {"accuracy": "", "stop": " (s)", "step": " (s)"}
+"""Keys of a scene's table [run] with their units."""
+RUN_OPTIONS = [
+    click.Option([f"--{key}"], type=float, help=f"In place of the scene's run.{key}{unit}.")
+    for key, unit in RUN.items()
+]
 
 
 class Driven(TypedDict):
@@ -271,25 +252,23 @@ class Asked:
             yield loaded.replace(run=given)
 
 
-def scene_options(*options: Option) -> Option:
-    """Return what adds such options to a command on a scene, which gets all of them, and the file, as one."""
+class SceneCommand(click.Command):
+    """A command on a scene file, which gets the file and what is asked for beside it as one.
 
-    def add(command: Command) -> Command:
-        @wraps(command)
-        def call(
-            scene: Path, model: str = "planned", inputs: Path | None = None, interpolate: str = "hold", **others: Any
-        ) -> None:
-            run = {key: others.pop(key) for key in [*others] if key in RUN}  # as they were typed
-            command(Asked(scene, run, model, Driven(inputs=inputs, interpolate=interpolate)), **others)
+    shared: options that it shares with others, after its own.
+    """
 
-        return with_options(*options)(call)
+    def __init__(self, params: list[click.Parameter], shared: Sequence[click.Parameter], **others: Any) -> None:
+        file = click.Argument(["scene"], metavar="SCENE", type=PATH)
+        super().__init__(params=[file, *params, *shared], **others)
 
-    return add
-
-
-def with_options(*options: Option) -> Option:
-    """Return what adds options, in their order."""
-    return lambda command: reduce(lambda with_others, option: option(with_others), reversed(options), command)
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command."""
+        given = ctx.params
+        run = {key: given.pop(key) for key in [*given] if key in RUN}  # as they were typed
+        driven = Driven(inputs=given.pop("inputs", None), interpolate=given.pop("interpolate", "hold"))
+        given["asked"] = Asked(given.pop("scene"), run, given.pop("model", "planned"), driven)
+        return super().invoke(ctx)
 
 
 def file_option(text: str, endings: Sequence[str], *names: str, **more: Any) -> Option:

@@ -8,7 +8,7 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,55 +21,51 @@ VERSIONS = {"numba": "_version.py", "numpy": "version.py"}
 """The modules that say their versions: read as files in a hundredth of the time that `importlib.metadata` takes."""
 
 
-class KeptPlan:
-    """The place of what is known of a scene file's plan."""
-
-    def __init__(self, scene: Path, options: Mapping[str, object]) -> None:
-        self._file: Path | None = None
-        with suppress(OSError):
-            digest = hashlib.sha256(_stamp())
-            digest.update(json.dumps([str(scene), dict(options)], sort_keys=True).encode())
-            digest.update(scene.read_bytes())
-            self._file = _folder() / f"{digest.hexdigest()}.json"
-
-    def read(self) -> dict[str, Any] | None:
-        """Return what was kept, or None where there is none or it is not what was written."""
-        content = read_kept(self._file) if self._file else None
-        known: dict[str, Any] | None = json.loads(content) if content is not None else None
-        return known
-
-    def keep(self, known: Mapping[str, Any]) -> None:
-        """Keep what is known, where that can be written."""
-        if self._file:
-            with suppress(OSError):
-                keep_file(self._file, json.dumps(dict(known)).encode(), MOST)
+def kept_plan(scene: Path, options: Mapping[str, object], make: Callable[[], Mapping[str, object]]) -> dict[str, Any]:
+    """Return what is known of a scene file's plan: what was kept, or what is made now and kept."""
+    file = None
+    with suppress(OSError):
+        digest = hashlib.sha256(_stamp())
+        digest.update(json.dumps([str(scene), dict(options)], sort_keys=True).encode())
+        digest.update(scene.read_bytes())
+        file = _folder() / f"{digest.hexdigest()}.json"
+    known: dict[str, Any] = json.loads(kept(file, lambda: json.dumps(make()).encode(), MOST))
+    return known
 
 
-def read_kept(file: Path) -> bytes | None:
-    """Return what `keep_file` was given, or None where there is no such file, or it is not what was written there."""
+def kept(file: Path | None, make: Callable[[], bytes], most: int) -> bytes:
+    """Return what a file keeps or, where there is none or it is not what was written there, what is made now and kept.
+
+    The oldest of its kind in its folder go beyond `most`.
+    """
+    if file is None:
+        return make()
     with suppress(OSError):
         checksum, _, content = file.read_bytes().partition(b"\n")
         if checksum == _checksum(file, content):
             return content
-    return None
+    content = make()
+    with suppress(OSError):  # of a folder that cannot be written; on Windows, where another process reads the file
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(file, _checksum(file, content) + b"\n" + content)
+        for old in sorted(file.parent.glob(f"*{file.suffix}"), key=lambda path: path.stat().st_mtime)[:-most]:
+            old.unlink()
+    return content
 
 
-def keep_file(file: Path, content: bytes, most: int) -> None:
-    """Write a file, whole or not at all, and remove the oldest of its kind in its folder beyond `most`.
-
-    It begins with a checksum, by which `read_kept` tells a damaged one.
-    """
-    file.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".part")
-    with os.fdopen(handle, "wb") as part:
-        part.write(_checksum(file, content) + b"\n" + content)
+def write_whole(file: Path, content: bytes) -> None:
+    """Write a file, whole or not at all: what stands there is replaced when all is written."""
+    handle, temporary = tempfile.mkstemp(prefix=file.name, suffix=".part", dir=file.parent)
     try:
+        with os.fdopen(handle, "wb") as part:
+            part.write(content)
+        os.chmod(temporary, 0o644)
         os.replace(temporary, file)
-    except OSError:  # on Windows where another process reads the file
+    except BaseException as error:
         os.unlink(temporary)
+        if isinstance(error, OSError):
+            error.filename = str(file)  # else a full disk names no file
         raise
-    for old in sorted(file.parent.glob(f"*{file.suffix}"), key=lambda path: path.stat().st_mtime)[:-most]:
-        old.unlink()
 
 
 def _checksum(file: Path, content: bytes) -> bytes:

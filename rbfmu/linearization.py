@@ -4,13 +4,14 @@ import math
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rbfmu.exceptions import SceneWarning
 from rbfmu.formulas.dual import Dual, jacobian, variables
-from rbfmu.formulas.graph import Number, gradient, numbers_of
+from rbfmu.formulas.graph import Graph, Number, Symbol, gradient, numbers_of
 from rbfmu.formulas.motion import STATE, by_element
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.inputs import size_of
@@ -218,20 +219,24 @@ def _of_formulas(scene: Scene, t: float, ports: Ports) -> _Point:
     before = variables([0.0] * len(moved), 0, point.count)
     of_own = variables([0.0] * len(own), len(moved) + 6, point.count)
     by_error = jacobian([*before, *point.q_ab, *omega, *of_own, *point.inputs], point.count)
-
-    def errors_of(numbers: Iterable[Number]) -> list[Dual]:
-        """Return what errors make of numbers of the graph; their values are not asked for."""
-        rows = [gradient(x, of) for x in numbers]
-        try:
-            found = numbers_of(graph, [x for row in rows for x in row], known)
-        except (ArithmeticError, ValueError):
-            found = [math.nan]
-        if not np.isfinite(found).all():
-            raise ValueError(f"{scene.name}: a formula has no finite derivative at t = {t!r} s")
-        return [Dual(math.nan, row) for row in np.reshape(found, (len(rows), len(of))) @ by_error]
-
-    turned_by = [all_rates[name] for name in (*elements("omega", 3), *own)]
-    in_space = errors_of(all_rates[name] for name in moved)
-    point.rates = [*in_space, *point.turning(omega_0, tuple(omega)), *errors_of(turned_by)]
-    point.shown = {name: errors_of(np.ravel(formulas.shown[name])) for name in scene.outputs.names if name != "rpy"}
+    made = partial(_made_of, scene.name, graph, of, known, by_error)
+    in_space, turned_by = (
+        made([all_rates[name] for name in names]) for names in (moved, (*elements("omega", 3), *own))
+    )
+    point.rates = [*in_space, *point.turning(omega_0, tuple(omega)), *turned_by]
+    point.shown = {name: made(np.ravel(formulas.shown[name])) for name in scene.outputs.names if name != "rpy"}
     return point
+
+
+def _made_of(
+    name: str, graph: Graph, leaves: list[Symbol], known: dict[str, float], by_error: Array, numbers: Iterable[Number]
+) -> list[Dual]:
+    """Return what errors make of numbers of the graph by its leaves; their values are not asked for."""
+    rows = [gradient(x, leaves) for x in numbers]
+    try:
+        found = numbers_of(graph, [x for row in rows for x in row], known)
+    except (ArithmeticError, ValueError):
+        found = [math.nan]
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name}: a formula has no finite derivative at t = {known['t']!r} s")
+    return [Dual(math.nan, row) for row in np.reshape(found, (len(rows), len(leaves))) @ by_error]

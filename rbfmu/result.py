@@ -5,6 +5,7 @@ Files are also the CSV that importers of FMUs write.
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
@@ -197,15 +198,7 @@ class Result:
             with named(path):
                 np.savez(path, time=self.time, **self.quantities, **events)  # type: ignore[arg-type]
         elif path.suffix == ".csv":
-            self._write_csv(path)
-            known, columns = {"time": TIME} | self.rows, self.columns()
-            units = ((name, known[name.partition("[")[0]]) for name in columns)
-            rows = [("name", "unit", "meaning"), *((name, row.unit, row.meaning) for name, row in units)]
-            _write_table(path.with_suffix(".units.csv"), rows, csv.QUOTE_ALL)
-            if self.events:
-                kinds = {"event": self.events, "touch": self.touches}
-                listed = [(t, n, kind) for kind in kinds for n, times in kinds[kind].items() for t in times.tolist()]
-                _write_table(path.with_suffix(".events.csv"), [("time", "name", "kind"), *sorted(listed)])
+            self._write_tables(path)
         elif path.suffix == ".aem":
             from rbfmu.aem import write_aem
 
@@ -214,13 +207,17 @@ class Result:
         else:
             raise ValueError(f"cannot save to {str(path)!r}: the name must end in {ENDINGS}")
 
-    def _write_csv(self, path: Path) -> None:
-        columns = self.columns()
-        with named(path), path.open("w", encoding="utf-8", newline="") as file:
-            file.write(",".join(f'"{name}"' for name in columns) + "\n")
-            for first in range(0, len(self.time), CHUNK):
-                rows = zip(*(c[first : first + CHUNK].tolist() for c in columns.values()), strict=True)
-                file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+    def _write_tables(self, path: Path) -> None:
+        columns, known, points = self.columns(), {"time": TIME} | self.rows, range(0, len(self.time), CHUNK)
+        parts = (zip(*(c[k : k + CHUNK].tolist() for c in columns.values()), strict=True) for k in points)
+        _write_table(path, chain([[*columns]], chain.from_iterable(parts)), csv.QUOTE_NONNUMERIC)
+        units = ((name, known[name.partition("[")[0]]) for name in columns)
+        rows = [("name", "unit", "meaning"), *((name, row.unit, row.meaning) for name, row in units)]
+        _write_table(path.with_suffix(".units.csv"), rows, csv.QUOTE_ALL)
+        if self.events:
+            kinds = {"event": self.events, "touch": self.touches}
+            listed = [(t, n, kind) for kind in kinds for n, times in kinds[kind].items() for t in times.tolist()]
+            _write_table(path.with_suffix(".events.csv"), [("time", "name", "kind"), *sorted(listed)])
 
 
 def _check_shape(row: Quantity, values: Array, points: int, where: str = "") -> None:
@@ -233,7 +230,7 @@ def _arrays(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
     return {name: np.asarray(one, dtype=np.float64) for name, one in values.items()}
 
 
-def _write_table(path: Path, rows: Iterable[Sequence[object]], quoting: Literal[0, 1] = csv.QUOTE_MINIMAL) -> None:
+def _write_table(path: Path, rows: Iterable[Sequence[object]], quoting: Literal[0, 1, 2] = csv.QUOTE_MINIMAL) -> None:
     with named(path), path.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, quoting=quoting, lineterminator="\n").writerows(rows)
 

@@ -5,9 +5,8 @@ code behind a layer of C, one library for each platform.
 """
 
 import hashlib
+import io
 import json
-import os
-import tempfile
 import uuid
 import zipfile
 import zlib
@@ -19,6 +18,7 @@ import pythonfmu
 
 import rbfmu_kernels
 from rbfmu import Plan, Scene
+from rbfmu.kept_plans import write_whole
 from rbfmu.planning.select import plan
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe
@@ -217,18 +217,11 @@ def hash_of(files: dict[str, bytes]) -> str:
 
 def write_archive(contents: dict[str, bytes], path: Path) -> Path:
     """Write files sorted and without times; a file that stands at `path` is replaced when all is written."""
-    handle, temporary = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name in sorted(contents, key=lambda n: (n != "modelDescription.xml", n)):
-                entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
-                entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
-                archive.writestr(entry, contents[name], compresslevel=9)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException as error:
-        os.unlink(temporary)
-        if isinstance(error, OSError):
-            error.filename = str(path)  # else a full disk names no file
-        raise
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name in sorted(contents, key=lambda n: (n != "modelDescription.xml", n)):
+            entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+            entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+            archive.writestr(entry, contents[name], compresslevel=9)
+    write_whole(path, file.getvalue())
     return path

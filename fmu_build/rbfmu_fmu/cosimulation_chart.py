@@ -3,9 +3,9 @@
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -136,8 +136,7 @@ def attitude_loop() -> Iterator[Loop]:
             unit.fmu.terminate()
 
 
-@dataclass(frozen=True)
-class Point:
+class Point(NamedTuple):
     """The loop's attitude error at the final time, rad, and what it took."""
 
     way: str
@@ -170,7 +169,7 @@ def run_cosimulation_chart(folder: Path, quick: bool, progress: Progress) -> lis
     points = collect(counts, progress)
     folder.mkdir(parents=True, exist_ok=True)
     loop = f"torque = -{STIFFNESS:g} * 2 eps sign(eta) - {DAMPING:g} omega, inertia 1, 2, 3, t = {FINAL_TIME:g} s"
-    figures = write_rows(folder / "cosimulation.csv", map(asdict, points), [*machine(), loop])
+    figures = write_rows(folder / "cosimulation.csv", (point._asdict() for point in points), [*machine(), loop])
     return [figures, draw(points, folder / "cosimulation.png")]
 
 

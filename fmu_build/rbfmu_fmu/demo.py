@@ -10,15 +10,13 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple
 
 import fmpy
 import numpy as np
-from fmpy.util import read_csv
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.console import Console
@@ -45,8 +43,7 @@ ROUND_OFF = 1e-13 if FMPY_ROUNDS else 0.0
 Columns = dict[str, Array]
 
 
-@dataclass(frozen=True)
-class Way:
+class Way(NamedTuple):
     """One way of simulating: its columns by FMU variable name, and its cost per communication step in s."""
 
     name: str
@@ -67,22 +64,21 @@ def run_demo(folder: Path, console: Console) -> bool:
     """Run all, write FMU, results and picture to `folder`, print a short table; False if anything disagrees."""
     check_plain(tempfile.gettempdir())
     folder.mkdir(parents=True, exist_ok=True)
-    doing = partial(_stage, console)
-    with doing("planning"):
+    with _stage(console, "planning"):
         scene = rbfmu.load_scene(scene_file("tumbling_brick.toml"))
         planned = rbfmu.plan(scene)
-    with doing("simulating with the kernels"):
+    with _stage(console, "simulating with the kernels"):
         result, kernels = _by_kernels(scene, planned)
         result.save(folder / "kernels.csv")
-    with doing("building the FMU"):
+    with _stage(console, "building the FMU"):
         fmu = build_python_fmu(scene, planned, folder / "tumbling_brick.fmu")
-    with doing("simulating the FMU through FMPy's API"):
+    with _stage(console, "simulating the FMU through FMPy's API"):
         by_api = _by_api(fmu, list(kernels.columns)[1:])
-    with doing("simulating the FMU through the fmpy command"):
+    with _stage(console, "simulating the FMU through the fmpy command"):
         by_command = _by_command(fmu, folder / "fmpy_command.csv", list(kernels.columns)[1:])
-    with doing("verifying the FMU against the kernels"):
+    with _stage(console, "verifying the FMU against the kernels"):
         verified = verify(fmu)
-    with doing("drawing"):
+    with _stage(console, "drawing"):
         draw(result, folder / "tumbling_brick.png")
     passed = _report(console, scene, planned, result, [kernels, by_api, by_command], verified)
     names = ("tumbling_brick.png", "tumbling_brick.fmu", "kernels.csv", "kernels.units.csv", "fmpy_command.csv")
@@ -117,7 +113,7 @@ def _by_command(fmu: Path, target: Path, outputs: list[str]) -> Way:
     seconds = perf_counter() - start
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")
-    return _way("FMU, fmpy command", read_csv(target), seconds)
+    return _way("FMU, fmpy command", fmpy.read_csv(target), seconds)
 
 
 def _way(name: str, recorded: NDArray[np.void], seconds: float) -> Way:

@@ -29,7 +29,7 @@ AXES = ("x", "y", "z")
 _EULER_PARAMETERS = ("scalar part", "vector part x", "vector part y", "vector part z")
 _INERTIA = {"inertia": 3}
 """Numbers of a block that say its size, where that is not all."""
-_AS_IT_IS = ("identifier", "counts", "start_buffer", "outputs_end", "start_place", "last_time")
+_AS_IT_IS = ("identifier", "about", "counts", "start_buffer", "outputs_end", "start_place", "last_time")
 """What a slave knows of a description besides its variables; of these it knows all but what only XML says."""
 _OF_XML = ("follows", "begins_with")
 
@@ -88,6 +88,11 @@ class Description:
     start_place: int
 
     @property
+    def about(self) -> dict[str, str]:
+        """Return what tools show of it: the scene's table `about`."""
+        return {name: getattr(self.scene.about, name) for name in ("description", "author", "version", "license")}
+
+    @property
     def last_time(self) -> float:
         """Return the time from which on `status` is 2."""
         return last_time(self.scene.run.stop, self.scene.run.step)
@@ -114,8 +119,9 @@ class Description:
 
     def to_dict(self) -> dict[str, object]:
         """Return a dict for JSON: this, and what is said of parameters that a model does not serve."""
-        known = {"name": self.scene.name, "about": self.scene.about.table(), **self.scene.run.table()}
-        known |= {name: getattr(self, name) for name in _AS_IT_IS} | {"model": self.plan.kernels.name}
+        known = {"name": self.scene.name, "model": self.plan.kernels.name}
+        known |= {name: getattr(self.scene.run, name) for name in ("start", "stop", "step", "accuracy")}
+        known |= {name: getattr(self, name) for name in _AS_IT_IS}
         variables = [{k: x for k, x in asdict(v).items() if k not in _OF_XML} for v in self.variables]
         return known | {"variables": variables, "faults": FAULTS, "changed": CHANGED}
 
@@ -214,11 +220,9 @@ def _blocks(scene: Scene, plan: Plan) -> list[_Block]:
     for name, port in scene.inputs.own.items():
         own = Parameter(name, port.size, port.unit or "1", port.about or "input")
         found.append(_Block(own, places[name], "input"))
-    for row in quantities.IN_BUFFER_ORDER:
-        if row.name in needed and row.name not in ports:  # a port's name is taken: its known part stays inside
-            found.append(_Block(row, places[row.block], "parameter"))
-    of_own = scene.own_parameters.values()
-    found += [_Block(row, places[row.block], "parameter") for row in of_own if row.name in needed]
+    known = [row for row in quantities.IN_BUFFER_ORDER if row.name not in ports]  # a port's known part stays inside
+    parameters = (row for row in (*known, *scene.own_parameters.values()) if row.name in needed)
+    found += [_Block(row, places[row.block], "parameter") for row in parameters]
     found += [_output(row, scene, plan) for row in _output_rows(scene, plan)]
     for e, (name, event) in enumerate(scene.events.items()):
         first = places["events.times"].start + e
@@ -328,8 +332,7 @@ def nominal_sizes(scene: Scene, kernels: Model, filled: Buffer) -> Mapping[str, 
     return {name: float(f"{size:.0e}") for name, size in sizes.items() if 0.0 < size < math.inf}
 
 
-@dataclass(frozen=True)
-class FmiVariable:
+class FmiVariable(NamedTuple):
     """A variable of the model description; its value reference is its place among all of them.
 
     elements: numbers of `Description.variables`, row by row; dimensions: none of a scalar.

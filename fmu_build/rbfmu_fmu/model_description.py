@@ -33,7 +33,7 @@ UNSET = "{}"
 def model_description(version: FmiVersion, d: Description, co_simulation: dict[str, str]) -> Element:
     """Return modelDescription.xml, without identity; `co_simulation` has attributes in which kinds of FMU differ."""
     about = {"generationTool": f"rbfmu {rbfmu.__version__}", "description": "One rigid body", "license": LICENSE}
-    about |= _said(**d.scene.about.table())
+    about |= _said(**d.about)
     root = Element("fmiModelDescription", {
         "fmiVersion": version.name, "modelName": d.scene.name, version.identity: UNSET, **about,
         "variableNamingConvention": "structured",
@@ -271,6 +271,6 @@ def osp_description(d: Description) -> Element:
 def _osp_group(block: str, variables: list[Variable]) -> Element:
     group = Element(KINDS[block], name=block)
     for k, v in enumerate(variables):
-        axis = {"axis": AXES[k]} if len(variables) == 3 else {}
-        SubElement(group, "Variable", {"ref": v.name, "unit": unit_of(v), **axis})
+        axis = AXES[k] if len(variables) == 3 else ""
+        SubElement(group, "Variable", _said(ref=v.name, unit=unit_of(v), axis=axis))
     return group

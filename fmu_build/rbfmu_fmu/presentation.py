@@ -18,7 +18,6 @@ import numpy as np
 
 import rbfmu
 from rbfmu import Scene
-from rbfmu.scene.scene import About
 from rbfmu.types import Array
 from rbfmu.viewer.shape import Shape, shape_of
 from rbfmu_fmu.description import Description, Variable, blocks, scalars
@@ -59,7 +58,7 @@ def _text(name: str) -> Template:
 def page(d: Description, version: FmiVersion, needs_python: bool) -> str:
     """Return the page, which says how inputs change within a step, if they can."""
     scene, plan = d.scene, d.plan
-    run, about, pivot = scene.run, scene.about, scene.body is not None and scene.body.pivot
+    run, pivot = scene.run, scene.body is not None and scene.body.pivot
     said = {"name": scene.name, "icon": version.icon, "status": STATUS_MEANING, "version": rbfmu.__version__}
     said |= {"model": plan.model, "states": str(plan.states), "method": plan.method, "error": f"{plan.error:.1e}"}
     said |= {key: f"{getattr(run, key):g}" for key in ("accuracy", "start", "stop", "step")}
@@ -70,7 +69,7 @@ def page(d: Description, version: FmiVersion, needs_python: bool) -> str:
         "meanwhile comes on top, and is first order in the communication step.</p>\n"
     )
     made = {
-        "about": "".join(f"<p>{escape(text)}</p>\n" for text in (about.description, _by_whom(about)) if text),
+        "about": "".join(f"<p>{escape(text)}</p>\n" for text in (d.about["description"], _by_whom(d)) if text),
         "reasons": "".join(f"<li>{escape(reason)}</li>\n" for reason in plan.reasons),
         "tables": "".join(_table(d, causality) for causality in ("input", "output", "parameter")),
         "pivot": " The body's origin o is a pivot, fixed in space." if pivot else "",
@@ -96,9 +95,9 @@ def _html_table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return f"<table>\n{''.join(lines)}</table>\n"
 
 
-def _by_whom(about: About) -> str:
-    words = {"author": about.author, "version": about.version, "licence": about.license}
-    return "; ".join(f"{word}: {text}" for word, text in words.items() if text)
+def _by_whom(d: Description) -> str:
+    words = {"author": "author", "version": "version", "license": "licence"}
+    return "; ".join(f"{word}: {d.about[key]}" for key, word in words.items() if d.about[key])
 
 
 def _table(d: Description, causality: str) -> str:

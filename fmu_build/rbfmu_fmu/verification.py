@@ -13,8 +13,6 @@ from xml.etree import ElementTree
 import fmpy
 import numpy as np
 from fmpy.fmi1 import FMICallException
-from fmpy.model_description import ModelDescription
-from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
 
 from rbfmu import Plan, Scene, SceneError, planning
@@ -137,7 +135,7 @@ def _gaps(path: Path, d: Description) -> list[str]:
     return problems
 
 
-def _with_dependencies(path: Path, model: ModelDescription) -> dict[str, set[str]]:
+def _with_dependencies(path: Path, model: fmpy.model_description.ModelDescription) -> dict[str, set[str]]:
     """Return names of variables whose dependencies are said; older FMPy reads silence as no dependency."""
     with zipfile.ZipFile(path) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
@@ -157,7 +155,7 @@ def _signal(d: Description, steps: int, random: np.random.Generator) -> Array:
     return np.repeat(levels, HELD_STEPS, axis=0)[:steps]
 
 
-def version_in(model: ModelDescription) -> FmiVersion:
+def version_in(model: fmpy.model_description.ModelDescription) -> FmiVersion:
     """Return the version of FMI that FMPy's description of a model is of."""
     fmi = 3 if model.fmiVersion.startswith("3") else 2
     return version_of(fmi, scalars=fmi == 3 and not any(v.dimensions for v in model.modelVariables))
@@ -178,7 +176,7 @@ class Unit:
         self._counted = () if self._old else (len(d.outputs),)
         self._integers = [*(reference for reference, _ in version.counted(d)), version.status_reference(d)]
         self.messages: list[str] = []
-        self.fmu = instantiate_fmu(folder, model, "CoSimulation", debug_logging=True, logger=self._log)
+        self.fmu = fmpy.instantiate_fmu(folder, model, "CoSimulation", debug_logging=True, logger=self._log)
         self._get, self._set = (getattr(self.fmu, f"{call}{version.real}") for call in ("get", "set"))
         self._get_integers = getattr(self.fmu, f"get{version.integer}")
 

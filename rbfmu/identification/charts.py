@@ -7,7 +7,7 @@ vector in b. What else there is has its size for a unit.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -155,11 +155,11 @@ def value_of(scene: Scene, key: str) -> ArrayLike:
 def changes(charts: Sequence[Chart], p: Array) -> dict[str, Value]:
     """Return what `Scene.replace` takes for coordinates."""
     found: dict[str, Value] = {}
-    for chart, row in zip(charts, split(charts, p), strict=True):
+    for chart, row in by_chart(charts, p):
         found[chart.whole] = chart.value(row, found.get(chart.whole))
     return found
 
 
-def split(charts: Sequence[Chart], p: Array) -> list[Array]:
-    """Return the coordinates of each chart."""
-    return np.split(p, np.cumsum([chart.count for chart in charts])[:-1])
+def by_chart(charts: Sequence[Chart], p: Array) -> Iterator[tuple[Chart, Array]]:
+    """Return each chart with its coordinates."""
+    return zip(charts, np.split(p, np.cumsum([chart.count for chart in charts])[:-1]), strict=True)

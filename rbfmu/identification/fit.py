@@ -5,11 +5,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rbfmu.exceptions import SceneError, SimulationError
 from rbfmu.extras import needed
-from rbfmu.identification.charts import Chart, changes, chart_of, split
+from rbfmu.identification.charts import Chart, by_chart, changes, chart_of
 from rbfmu.identification.found import Fit
 from rbfmu.identification.measured import QUATERNION, Data, Measured, read_measured, residuals
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables
@@ -42,7 +41,7 @@ def fit(
     /,
     data: Data,
     free: Sequence[str],
-    sigma: float | Mapping[str, ArrayLike] | None = None,
+    sigma: float | Mapping[str, float] | None = None,
     loss: str = "linear",
     *,
     inputs: Any = None,
@@ -70,18 +69,16 @@ def fit(
     return _Search(scene, known, keys, _deviations(sigma, known), loss, (inputs, interpolate)).fit()
 
 
-def _deviations(sigma: float | Mapping[str, ArrayLike] | None, data: Measured) -> dict[str, float]:
+def _deviations(sigma: float | Mapping[str, float] | None, data: Measured) -> dict[str, float]:
     """Return the standard deviations that are given, by output."""
     given = dict.fromkeys(data.values, sigma) if not isinstance(sigma, Mapping) else dict(sigma)
     if unknown := [name for name in given if name not in data.values]:
         raise ValueError(f"sigma: {unknown[0]!r}: expected some of {', '.join(data.values)}")
-    found = dict[str, float]()
-    for name, value in given.items():
-        if isinstance(value, int | float) and 0.0 < value < math.inf:
-            found[name] = float(value)
-        elif value is not None:
+    found = {name: value for name, value in given.items() if value is not None}
+    for name, value in found.items():
+        if not (isinstance(value, int | float) and 0.0 < value < math.inf):
             raise ValueError(f"sigma: {name} = {value!r}: expected a number above 0")
-    return found
+    return {name: float(value) for name, value in found.items()}
 
 
 class _Search:
@@ -132,8 +129,7 @@ class _Search:
 
     def _slopes(self, p: Array) -> Array:
         """Return the derivatives of all numbers by coordinates."""
-        at = zip(self._charts, split(self._charts, p), strict=True)
-        return np.asarray(self._block_diagonal(*(chart.slopes(row) for chart, row in at)))
+        return np.asarray(self._block_diagonal(*(chart.slopes(row) for chart, row in by_chart(self._charts, p))))
 
     def _nearest(self, p: Array, data: Measured, sigma: Mapping[str, float], held: float) -> Array:
         """Return the coordinates of the least sum of squares, held to where they begin."""
@@ -169,9 +165,9 @@ class _Search:
         left, _ = self._evaluate(p, self._data)  # raises what the scene refuses
         f, J = self._stack(p, self._data, sigma)
         told, unknown = self._tell_apart(J, _scatter(f, self._loss, len(p)))
-        slopes, at = self._slopes(p), zip(self._charts, split(self._charts, p), strict=True)
+        slopes = self._slopes(p)
         covariance = slopes @ told @ slopes.T
-        values = np.concatenate([chart.numbers(row) for chart, row in at])
+        values = np.concatenate([chart.numbers(row) for chart, row in by_chart(self._charts, p)])
         sizes = np.concatenate([np.full(chart.count, chart.size) for chart in self._charts])
         lost = np.zeros(len(p), dtype=bool)
         for direction in unknown:

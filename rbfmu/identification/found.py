@@ -82,7 +82,7 @@ class Fit:
         """
         tomlkit = needed("tomlkit", "fit")
         with named(path):
-            plain = tomlkit.dumps(_without_none(self.scene.to_dict())) if source is None else ""
+            plain = tomlkit.dumps(self.scene.to_dict()) if source is None else ""
             document = tomlkit.parse(Path(source).read_text(encoding="utf-8-sig") if source else plain)
             for key, at in self._places.items():
                 errors = ("not told" if np.isinf(e) else f"{e:.2g}" for e in self.standard_errors[at])
@@ -97,15 +97,6 @@ class Fit:
 
         of = {name: rows / (self.sigma[name] or 1.0) for name, rows in self.residuals.items()}
         return plot_residuals(self.measured.time, of, path, self.scene.name)
-
-
-def _without_none(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Return tables without what is None, which TOML does not know."""
-    return {
-        name: _without_none(value) if isinstance(value, Mapping) else value
-        for name, value in tables.items()
-        if value is not None and value != {}
-    }
 
 
 def _put(tomlkit: Any, document: Any, scene: Scene, key: str, comment: str) -> None:

@@ -46,13 +46,12 @@ def read_measured(scene: Scene, data: Data) -> Measured:
     Roll, pitch and yaw count as the attitude that they describe.
     Raises ValueError.
     """
+    where = "data"
     if isinstance(data, str | Path):
         path = Path(data)
         if path.suffix == ".csv":
             return _check(scene, by_quantity(path, _columns(path)), str(path))
         data, where = Result.load(path), str(path)
-    else:
-        where = "data"
     known = {"time": data.time, **data.quantities} if isinstance(data, Result) else data
     if not isinstance(known, Mapping) or "time" not in known:
         raise ValueError(f"{where}: expected a file, a Result, or a mapping with time and outputs by name")

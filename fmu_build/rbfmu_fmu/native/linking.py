@@ -59,10 +59,10 @@ def link(
     """
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as place:
         folder, library = Path(place), f"{name}{platform.suffix}"
-        for file, content in {**{f: source(f) for f in (*layer, *HEADERS)}, **objects}.items():
+        contents = {f: source(f) for f in (*layer, *HEADERS)} | objects
+        contents |= {include: text.encode("ascii") for include, text in (includes or {}).items()}
+        for file, content in contents.items():
             (folder / file).write_bytes(content)
-        for include, text in (includes or {}).items():
-            (folder / include).write_text(text, encoding="ascii")
         command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], f"-I{FMI_HEADERS}"]
         command += [*layer, *objects, "-lm", "-o", library]
         done = subprocess.run(command, capture_output=True, cwd=folder, check=False, encoding="utf-8", errors="replace")

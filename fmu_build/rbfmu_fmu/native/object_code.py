@@ -14,7 +14,6 @@ import re
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -23,7 +22,7 @@ import llvmlite.binding as llvm
 import numba
 from numba import carray, types
 
-from rbfmu.kept_plans import keep_file, read_kept
+from rbfmu.kept_plans import kept
 from rbfmu_fmu.native.platforms import BuildError, Platform
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.code_cache import SOURCES
@@ -179,10 +178,4 @@ def keep_or_compile(what: str, compile_anew: Callable[[], bytes]) -> bytes:
     versions = [numba.__version__, llvmlite.__version__, sys.version, llvm.get_process_triple()]
     made_with = "\n".join([SOURCES, *versions, COMPILER.read_text(encoding="utf-8")])
     folder = Path(numba.config.CACHE_DIR or Path(__file__).parent / "__pycache__") / "rbfmu_objects"
-    file = folder / f"{hashlib.sha256((made_with + what).encode()).hexdigest()}.o"
-    code = read_kept(file)
-    if code is None:
-        code = compile_anew()
-        with suppress(OSError):
-            keep_file(file, code, MOST)
-    return code
+    return kept(folder / f"{hashlib.sha256((made_with + what).encode()).hexdigest()}.o", compile_anew, MOST)

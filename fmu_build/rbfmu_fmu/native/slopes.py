@@ -5,17 +5,15 @@ form as for a series: it comes of the graph of the motion, by forward accumulati
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu import Scene
-from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.graph import LEAVES, Graph, Number, Symbol, arctangent, changes_of, square_root
 from rbfmu.formulas.motion import STATE, Motion, by_element, product, rotation_of
 from rbfmu.formulas.source import VALUES, lines_of
-from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
+from rbfmu.models.formulas import texts_of
 from rbfmu_fmu.description import Description
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.inertia import parallel_axis
@@ -112,10 +110,7 @@ def _prescribed(start: _Start) -> Shown:
 
 
 def _of_body(start: _Start, scene: Scene) -> Shown:
-    body = BodyAtStart(scene)
-    given = given_to(scene, {name: body.z[block].tolist() for name, block in BLOCKS.items()}, bool(body.has_pivot))
-    derived = {"M", "M_inverse", "arm", "inverse_mass"}
-    texts = Texts(scene, replace(given, symbolic=given.symbolic | derived | {*start.set_by}))
+    _, given, texts = texts_of(scene, {"M", "M_inverse", "arm", "inverse_mass", *start.set_by})
     motion = texts.motion
     start.read(motion.graph)
     _begin(start, motion, given.pivot)
@@ -144,9 +139,7 @@ def _begin(start: _Start, motion: Motion, pivot: bool) -> None:
         start.set(inverse_mass, [-1.0 * inverse_mass[0] * inverse_mass[0] * start.of([mass])[0]])
         lever = interpreted(cross)(tuple(omega), tuple(arm))
         for state, first, beside in (("r_c", "position_0", arm), ("v_c", "velocity_0", lever)):
-            values = [
-                x + dx for x, dx in zip(start.leaves(first, 3), motion.to_a(np.array(beside, object)), strict=True)
-            ]
+            values = np.array(start.leaves(first, 3), object) + motion.to_a(np.array(beside, object))
             start.set(start.leaves(state, 3, "state"), start.of(values))
 
 
