@@ -6,12 +6,16 @@ import runpy
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from numba import NumbaError, njit
 
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
 from rbfmu_kernels.rotations.quaternion import normalize
+
+F = TypeVar("F", bound=Callable[..., object])
+compiled: Callable[[F], F] = njit(error_model="numpy", nogil=True)
+"""Compiles what takes any state: a method's step, or a loop of such."""
 
 
 def convert(kind: Any, attitude: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -53,13 +57,13 @@ class OneStepMethod:
 def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
     """Return a loop of n steps of a one-step kernel, compiled at the first call."""
 
-    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+    @compiled
     def loop(y: Any, h: float, n: int, body: Body, loads: Loads) -> Any:
         for _ in range(n):
             y = step(y, h, body, loads)
         return y
 
-    return loop  # type: ignore[no-any-return]
+    return loop
 
 
 # A method of the reader's own
@@ -81,7 +85,7 @@ def method_of_file(path: str | Path) -> OneStepMethod:
     except Exception as error:  # whatever a reader's file raises
         kind = "" if type(error) is ValueError else f"{type(error).__name__}: "
         raise ValueError(f"{path}: {kind}{error}") from error
-    name, loop = path.stem, compiled_loop(_step_of(njit(error_model="numpy", nogil=True)(step)))
+    name, loop = path.stem, compiled_loop(_step_of(compiled(step)))
     try:
         loop(State((0.0,) * 3, (0.0,) * 3, *_TRIED), 0.01, 1, Body(1.0, _I, _I, (0.0,) * 3, (0.0,) * 3, 1.0), NO_LOADS)
     except NumbaError:
@@ -102,7 +106,7 @@ def _check(found: Any) -> None:
 def _step_of(step: Any) -> Any:
     """Return the step of a state: arrays and tuples serve for attitude and rates, and the centre of mass stays."""
 
-    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+    @compiled
     def step_of_state(state: State, h: float, body: Body, loads: Loads) -> State:
         q, w = step(state.q_ab, state.omega_b, h, body, loads)
         attitude = (float(q[0]), float(q[1]), float(q[2]), float(q[3]))

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from rbfmu.studies.one_step import OneStepMethod, compiled_loop, convert
+from rbfmu.studies.one_step import OneStepMethod, compiled, compiled_loop, convert
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.integrators.splitting import rkn4_steps, rkn6_steps, strang_steps
 from rbfmu_kernels.mechanics import equations_of_motion as motion
@@ -101,7 +101,7 @@ def rk4(rates: Any, advance: Any) -> Any:
     """
     summed = _summed(advance)
 
-    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+    @compiled
     def step(y: Any, h: float, *more: Any) -> Any:
         k1 = rates(y, *more)
         k2 = rates(advance(y, 0.5 * h, k1), *more)
@@ -114,7 +114,7 @@ def rk4(rates: Any, advance: Any) -> Any:
 rk4_not_normalised_step = rk4(state_rates, advance)
 
 
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def rk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Take a step of classical Runge-Kutta and normalise the attitude after it."""
     return _unit_attitude(rk4_not_normalised_step(state, h, body, loads))
@@ -203,14 +203,14 @@ def _local_rates(local: OtherState, q: Quaternion, correction: float, body: Body
 _local_rk4, _summed_rates = rk4(_local_rates, _advance_vector), _summed(_advance_vector)
 
 
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def rkmk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Take a step of classical Runge-Kutta on the rotation vector of the step (Munthe-Kaas 1998)."""
     r, v, q, omega = state
     return _local_state(_local_rk4(OtherState(r, v, NONE, omega), h, q, 1.0, body, loads), q)
 
 
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def cf4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Take a step of the commutator-free Lie group method of order 4 (Celledoni, Marthinsen & Owren 2003)."""
     r, v, q, omega = state

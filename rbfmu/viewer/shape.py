@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.scene.scene import Scene
+from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics.inertia import principal_axes
 from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
@@ -63,7 +64,7 @@ def shape_of(scene: Scene | None, written: dict[str, Any] | None = None) -> Shap
     return Shape("box", _visible_sides(sides), f"box with the body's mass and inertia, {_metres(sides)}", centre, q_bp)
 
 
-def equivalent_box(mass: float, moments: Any) -> Vec3:
+def equivalent_box(mass: float, moments: Vec3 | Array) -> Vec3:
     """Return the sides (m) of the homogeneous box with these principal moments (kg m2), along their axes."""
     squares = 6.0 * (np.sum(moments) - 2.0 * np.asarray(moments)) / mass
     x, y, z = np.sqrt(np.maximum(squares, 0.0)).tolist()

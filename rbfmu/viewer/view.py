@@ -95,7 +95,7 @@ NOT_DRIVEN: Mapping[str, Any] = {}
 def motion_of_scene(
     scene: Scene,
     written: Written = None,
-    progress: Callable[[float], Any] | None = None,
+    progress: Callable[[float], object] | None = None,
     ghosts: int = 0,
     driven: Mapping[str, Any] = NOT_DRIVEN,
 ) -> Motion:
@@ -164,7 +164,7 @@ def view(
     stop: float | None = None,
     inputs: Any = None,
     interpolate: str = "hold",
-    progress: Callable[[float], Any] | None = None,
+    progress: Callable[[float], object] | None = None,
     ghosts: int = 0,
 ) -> Motion:
     """Return a motion that a notebook plays in 3D; with a path, write the page that plays it in any browser as well.
@@ -177,31 +177,25 @@ def view(
     """
     needed("viser", "view")
     driven = {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
-    motion = _motion_of(source, scene, stop, driven, progress, ghosts)
+    title = "motion"
+    if isinstance(source, str | Path) and Path(source).suffix in FORMATS:
+        title, source = Path(source).stem, Result.load(source)
+    if ghosts and (isinstance(source, Result) or driven):
+        raise ValueError(f"ghosts = {ghosts}: expected a scene with them, and no inputs")
+    if isinstance(source, Result):
+        if driven:
+            raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
+        motion = motion_of_result(source.until(stop), title, *_scene_and_shape(scene))
+    else:
+        loaded, shape = _scene_and_shape(source)
+        with faults_of(str(source) if stop is None else f"{source} with stop {stop!r}"):
+            shown = loaded if stop is None else loaded.replace(run={"stop": stop})
+            motion = motion_of_scene(shown, shape, progress, ghosts, driven)
     if path is not None:
         page = motion.page
         with named(path):
             Path(path).write_text(page, encoding="utf-8")
     return motion
-
-
-def _motion_of(
-    source: Any, scene: Any, stop: float | None, driven: dict[str, Any], progress: Any, ghosts: int
-) -> Motion:
-    is_file = isinstance(source, str | Path) and Path(source).suffix in FORMATS
-    result = Result.load(source) if is_file else source
-    is_result = isinstance(result, Result)
-    if ghosts and (is_result or driven):
-        raise ValueError(f"ghosts = {ghosts}: expected a scene with them, and no inputs")
-    if is_result:
-        if driven:
-            raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
-        title = Path(source).stem if is_file else "motion"
-        return motion_of_result(result.until(stop), title, *_scene_and_shape(scene))
-    loaded, shape = _scene_and_shape(source)
-    with faults_of(str(source) if stop is None else f"{source} with stop {stop!r}"):
-        shown = loaded if stop is None else loaded.replace(run={"stop": stop})
-        return motion_of_scene(shown, shape, progress, ghosts, driven)
 
 
 def _scene_and_shape(scene: Scene | str | Path | None) -> tuple[Any, Written]:

@@ -52,6 +52,10 @@ REFERENCES = Path(__file__).with_name("reference_motions.json")
 """The file is written by examples/references/reference_motions.py."""
 
 
+Found = Sequence[State] | Motion
+"""What a method returns at the checkpoints: states, or the quantities by which it is judged."""
+
+
 @dataclass(frozen=True, eq=False)
 class Case:
     """A scene with its outputs at all communication points, and its ports at zero.
@@ -234,7 +238,7 @@ class Case:
         """Return the least sizes that errors are relative to, by name."""
         return least_sizes(Question(self.scene), self.truth) if self.scene.body else {}
 
-    def error(self, states: Any) -> float:
+    def error(self, states: Found) -> float:
         """Return the largest error of states, or of quantities, at the checkpoints as the scene's accuracy counts."""
         with np.errstate(all="ignore"):
             found = self._judged_quantities(states)
@@ -243,7 +247,7 @@ class Case:
             whole = {name: np.vstack((self.truth[name][:1], found[name])) for name in self.names}
             return largest_error(whole, self.truth, self.names, self.floors)
 
-    def drifts(self, states: Any) -> dict[str, float]:
+    def drifts(self, states: Found) -> dict[str, float]:
         """Return the largest changes of what is conserved, relative to its start, at the checkpoints."""
         if not self.keeps:
             return {}
@@ -263,7 +267,7 @@ class Case:
             energy = energy - (arrays.rotate(q, np.array(self.body.arm_b)) @ np.array(self.loads.force_a))[:, None]
         return {"energy": energy, "momentum": h_a, "vertical momentum": h_a[:, 2:]}
 
-    def _judged_quantities(self, states: Any) -> Motion:
+    def _judged_quantities(self, states: Found) -> Motion:
         """Return the judged quantities of states; what is one already, as it is."""
         if isinstance(states, dict):
             return states
@@ -273,7 +277,7 @@ class Case:
         """Return what is judged from the numbers that solvers integrate, at the start and at all outputs."""
         return self._shown(rows[1:][self.checkpoints], self.places)
 
-    def _shown(self, rows: Iterable[Any], places: Sequence[int]) -> Motion:
+    def _shown(self, rows: Iterable[Sequence[float] | Array], places: Sequence[int]) -> Motion:
         """Return what is judged from numbers of the buffer at the checkpoints; quaternions may have any length."""
         z, kernels = self.buffer.copy(), self.general.kernels
         blocks, outputs = kernels.BLOCKS, tiered(kernels.outputs)
@@ -327,7 +331,7 @@ class FormulaCase(Case):
         return any(graph.operations[i].kind == "side" for i in graph.reached(self.formulas.rates.values()))
 
 
-def state_of(r: Any, v: Any, q: Any, omega: Any) -> State:
+def state_of(r: Iterable[float], v: Iterable[float], q: Iterable[float], omega: Iterable[float]) -> State:
     """Return a state made from any sequences of numbers."""
     return State(*(tuple(map(float, x)) for x in (r, v, q, omega)))  # type: ignore[arg-type]
 

@@ -7,7 +7,6 @@ from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
 from statistics import mean
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -140,7 +139,7 @@ def draw_lines(
     """Draw the lines by kind, those of the library over all others; stopped: methods whose line ends in an arrow."""
     for kind, line in reversed(lines.items()):
         x, y = [error(row) for row in line], [row.seconds for row in line]
-        style: dict[str, Any] = {"color": KINDS[kind], "linewidth": 2.2 if kind in OWN_KINDS else 1.4}
+        style: dict[str, object] = {"color": KINDS[kind], "linewidth": 2.2 if kind in OWN_KINDS else 1.4}
         if kind == "rbfmu's plan":
             style |= {"linestyle": "none", "marker": "*", "markersize": 11, "zorder": 5}
         elif len(line) == 1:

@@ -4,7 +4,7 @@ One-step methods in equal steps, and what rbfmu offers: series, closed forms, DO
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib import import_module
@@ -12,7 +12,6 @@ from time import thread_time
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.models.question import Question
@@ -23,11 +22,11 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.studies.chart.cases import Case, FormulaCase
+from rbfmu.studies.chart.cases import Case, FormulaCase, Found
 from rbfmu.studies.dop853 import Dop853Plan
-from rbfmu.studies.one_step import OneStepMethod
+from rbfmu.studies.one_step import OneStepMethod, Steps, compiled
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
-from rbfmu.types import Motion
+from rbfmu.types import Array, Indices
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 MOST_RADIANS = 1e6
@@ -38,10 +37,6 @@ PLANNING = 30.0
 
 class NotFeasibleError(Exception):
     """The error of a method that cannot do a case at a setting; the message says why."""
-
-
-Found = Sequence[State] | Motion
-"""What a method returns at the checkpoints: states, or the quantities by which it is judged."""
 
 
 class Run(NamedTuple):
@@ -78,7 +73,7 @@ class Method:
     refusal: str = ""
 
 
-def timer(repeat: Callable[[int], Any]) -> Callable[[int], float]:
+def timer(repeat: Callable[[int], object]) -> Callable[[int], float]:
     """Return a function that measures the processor time of `repeat(k)` in s; waiting does not count.
 
     The clock is the thread's: under a limit of processor time (`ulimit -t`, a cluster's queue) Linux moves that of the
@@ -128,8 +123,8 @@ class EqualSteps(NamedTuple):
     outputs: int
 
 
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _repeated(loop: Any, y: Any, steps: EqualSteps, body: Body, loads: Loads, k: int) -> Any:
+@compiled
+def _repeated(loop: Steps, y: Any, steps: EqualSteps, body: Body, loads: Loads, k: int) -> Any:
     """Solve k times; h depends formally (by 0 *) on the last solution, so that the compiler removes no solution."""
     z = y
     for _ in range(k):
@@ -140,8 +135,8 @@ def _repeated(loop: Any, y: Any, steps: EqualSteps, body: Body, loads: Loads, k:
     return z
 
 
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _midpoint_rounds(loop: Any, y: Any, h: float, n: int, body: Body, loads: Loads) -> float:
+@compiled
+def _midpoint_rounds(loop: Steps, y: State, h: float, n: int, body: Body, loads: Loads) -> float:
     total = 0.0
     for _ in range(n):
         total += midpoint(y, h, body, loads)[1]
@@ -182,8 +177,10 @@ def _run_of_steps(method: OneStepMethod, case: Case, h: float) -> Run:
 # The product's models, stepped from output to output
 
 
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _steps_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out: Any, k: int) -> int:
+@compiled
+def _steps_repeated(
+    step: Callable[[Array, float], int], z: Array, start: Array, interval: float, at: Indices, out: Array, k: int
+) -> int:
     """Make k runs, and store the buffer's elements `at` in `out` at every output; start: what a run begins with.
 
     Return 1 where a fault ends them: each further step could take as long to fail.

@@ -60,8 +60,9 @@ def _kind(chart: Measured, reach: Reach) -> Iterator[str]:
         ratio = times(reach.cost / chart.plan.seconds)
         yield _KIND.format(reach.name, reach.method, cost_text(reach.cost), cost_text(reach.cost * chart.span), ratio)
     else:
-        least = short_number(reach.least) if math.isfinite(reach.least) else "none below 1"
-        said = f"{reach.name:22}{'stopped' if reach.stopped else 'misses it'}: {least} by {reach.best} ({reach.why})"
+        end, missed = reach.end, "stopped" if reach.stopped else "misses it"
+        least = short_number(end.error) if math.isfinite(end.error) else "none below 1"
+        said = f"{reach.name:22}{missed}: {least} by {end.method} ({end.why})"
         yield from textwrap.wrap(said, WIDTH, subsequent_indent=" " * 24)
 
 

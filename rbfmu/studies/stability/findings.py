@@ -68,6 +68,8 @@ def exponent(larger: float, smaller: float, ratio: float = 2.0) -> float:
     return math.log(quotient) / math.log(ratio) if 0.0 < quotient < math.inf else math.nan
 
 
+Columns = dict[str, list[Any]]
+"""Numbers, or names, by what they are: of equal length."""
 CURVE = "your method"
 """The column of a study that has the curve of a reader's own method."""
 
@@ -81,7 +83,7 @@ class Study:
 
     name: str
     findings: list[Finding]
-    columns: dict[str, Any] = field(default_factory=dict)
+    columns: Columns = field(default_factory=dict)
     curve: Callable[[OneStepMethod], list[float]] | None = None
 
 
@@ -89,7 +91,7 @@ _NUMBERS = {"law": int, "predicted": float, "measured": float, "tolerance": floa
 _NAMES = ("law", "what", "place", "kind", "predicted", "measured", "tolerance", "holds")
 
 
-def write_columns(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
+def write_columns(path: Path, columns: Mapping[str, Sequence[object]]) -> Path:
     """Write a CSV file with all digits."""
     rows = zip(*columns.values(), strict=True)
     return write_rows(path, (dict(zip(columns, row, strict=True)) for row in rows), ())

@@ -1,10 +1,9 @@
 """Laws 1 to 9: what integration does to an attitude and to a body's energy, and how large a step may be."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from rbfmu.studies.dop853 import DOP853, STAGES, A, Dop853Plan
 from rbfmu.studies.one_step import OneStepMethod
 from rbfmu.studies.reference_methods import ALL_INTEGRATORS, TORQUE_FREE_INTEGRATORS
 from rbfmu.studies.stability import motions
-from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
+from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Columns, Finding, Study, exponent
 from rbfmu.studies.stability.motions import SPHERE, TUMBLING, UPRIGHT, ZERO, at, attitude_after, free_body, spin
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, angular_acceleration
 from rbfmu_kernels.mechanics.newton_euler import angular_momentum, kinetic_energy
@@ -24,6 +23,7 @@ from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 from rbfmu_kernels.rotations.quaternion import angle_between
 from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec, rotvec_from_quaternion, rotvec_rate_b
 from rbfmu_kernels.rotations.vec3 import norm
+from rbfmu_kernels.types import Matrix, Vec3
 
 METHODS = ALL_INTEGRATORS | {DOP853.name: DOP853}
 """The methods that laws are measured of, by name."""
@@ -37,6 +37,12 @@ EPS = 2.0**-52
 def method_of(method: str | OneStepMethod) -> OneStepMethod:
     """Return a method as it is, or one of those above by its name."""
     return METHODS[method] if isinstance(method, str) else method
+
+
+def _along(
+    measured: Callable[[str | OneStepMethod, float], float], x: Sequence[float], method: str | OneStepMethod
+) -> list[float]:
+    return [measured(method, value) for value in x]
 
 
 def stability_polynomial(method: str) -> Callable[[complex], complex]:
@@ -77,11 +83,8 @@ def growth(method: str | OneStepMethod, h_omega: float) -> float:
 def growth_factors(quick: bool) -> Study:
     """Measure laws 1 to 3: the factor by which a step scales an attitude, against h omega."""
     x = np.linspace(0.1, 13.0, 26 if quick else 130).tolist()
-
-    def curve(method: str | OneStepMethod) -> list[float]:
-        return [growth(method, value) for value in x]
-
-    columns: dict[str, Any] = {"h_omega": x}
+    curve = partial(_along, growth, x)
+    columns: Columns = {"h_omega": x}
     for method in (EULER, RK4_ON_Q, "DOP853", RK4_ON_R):
         R, eigenvalue = stability_polynomial(method), 1j if method == RK4_ON_R else 0.5j
         columns[f"{method}, predicted"] = [abs(R(eigenvalue * value)) for value in x]
@@ -107,7 +110,7 @@ def _between(counts: list[int]) -> list[int]:
     return [b - a for a, b in pairwise([0, *counts])]
 
 
-def _matrix_drift(R_ab: Any) -> float:
+def _matrix_drift(R_ab: Matrix) -> float:
     """Return |R^T R - I| in the 2-norm."""
     R = np.array(R_ab)
     return float(np.linalg.norm(R.T @ R - np.eye(3), 2))
@@ -116,7 +119,7 @@ def _matrix_drift(R_ab: Any) -> float:
 def drift(quick: bool) -> Study:
     """Measure laws 2 and 3: the drift of |q| from 1 and of R^T R from I over many steps."""
     x, counts = 0.1, [10**k for k in range(0, 5 if quick else 7)]
-    columns: dict[str, Any] = {"steps": counts}
+    columns: Columns = {"steps": counts}
     for name, column in ((RK4_ON_Q, "q"), (RK4_ON_R, "R"), (RK4, "q normalised")):
         states = METHODS[name].path(spin(1.0), x, _between(counts), _BODY)
         columns[column] = [_matrix_drift(y[2]) if column == "R" else abs(math.hypot(*y[2]) - 1.0) for y in states]
@@ -152,9 +155,7 @@ def passage_error(method: str | OneStepMethod, ratio: float) -> float:
 def gimbal_passage(quick: bool) -> Study:
     """Measure law 4: roll, pitch and yaw of a body whose nose passes close to the vertical."""
     ratios, on_angles = np.geomspace(0.1, 30.0, 9 if quick else 41).tolist(), partial(passage_error, RK4_ON_ANGLES)
-
-    def curve(method: str | OneStepMethod) -> list[float]:
-        return [passage_error(method, ratio) for ratio in ratios]
+    curve = partial(_along, passage_error, ratios)
 
     def yaw_rate(t: float) -> float:
         return abs(euler_rate_b(ZYX, euler_from_quaternion(ZYX, attitude_after(_PASSAGE, t)), _PASSAGE.omega_b)[0])
@@ -186,7 +187,7 @@ def _gains(method: str) -> tuple[float, float, float, float]:
     h, body = 0.05, TUMBLING.body
     M = body.inertia
 
-    def sizes(omega_b: Any) -> tuple[float, float]:
+    def sizes(omega_b: Vec3) -> tuple[float, float]:
         return kinetic_energy(0.0, M, ZERO, omega_b), norm(angular_momentum(M, omega_b)) ** 2
 
     states = [TUMBLING.start, *METHODS[method].path(TUMBLING.start, h, [1] * 1000, body)]
@@ -207,7 +208,7 @@ def rod_growth(method: str | OneStepMethod) -> list[float]:
 def gyroscopic_blow_up(quick: bool) -> Study:
     """Measure law 5: an explicit gyroscopic term adds energy."""
     factor = math.sqrt(1.0 + (_STEP * _NUTATION) ** 2)
-    columns: dict[str, Any] = {"time": [k * _STEP for k in range(61)], "predicted": [factor**k for k in range(61)]}
+    columns: Columns = {"time": [k * _STEP for k in range(61)], "predicted": [factor**k for k in range(61)]}
     columns |= {name: rod_growth(name) for name in (EULER, SEMI, RK4, MIDPOINT)}
     findings = [
         Finding(5, f"{name}, growth of a rod's transverse rate in 1 s, 30 rad/s at 60 Hz", factor**60,
@@ -249,10 +250,7 @@ def decay_factor(method: str | OneStepMethod, x: float) -> float:
 def damping_limits(quick: bool) -> Study:
     """Measure law 6: the largest h d / I at which a damped spin still decays."""
     x, damped = np.linspace(0.05, 8.0, 32 if quick else 160).tolist(), (EULER, RK4, "DOP853")
-
-    def curve(method: str | OneStepMethod) -> list[float]:
-        return [abs(decay_factor(method, value)) for value in x]
-
+    curve = partial(_along, lambda method, value: abs(decay_factor(method, value)), x)
     columns = {"h d / I": x, "exact": [math.exp(-value) for value in x]}
     columns |= {method: curve(method) for method in (*damped, MIDPOINT)}
     columns |= {f"{method}, predicted": [abs(stability_polynomial(method)(-value)) for value in x] for method in damped}
@@ -316,7 +314,7 @@ def energy_drift(quick: bool) -> Study:
     def curve(method: str | OneStepMethod) -> list[float]:
         return [abs(error) for error in energies(method, H, counts)]
 
-    columns: dict[str, Any] = {"steps": counts}
+    columns: Columns = {"steps": counts}
     columns |= {name: curve(name) for name in (SEMI, RK4, MIDPOINT, MOSER_VESELOV_10, _EXACT)}
     n, (coarse, longer), (finer,) = counts[-1], energies(RK4, H, [1000, 10_000]), energies(RK4, 0.5 * H, [20_000])
     findings = [
