@@ -116,9 +116,9 @@ def motion_of_scene(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)  # of steps that are not those of the pictures
         chosen = plan(wanted, progress=progress)
-        result = simulate(_with_step_of(wanted, pictures(span, 0.0)), planned=chosen)
+        result = simulate(wanted.replace({"run.step": span / (pictures(span, 0.0).number - 1)}), planned=chosen)
     fine = pictures(span, _largest(rate_of(result)))
-    wanted = _with_step_of(wanted, fine)
+    wanted = wanted.replace({"run.step": span / (fine.number - 1)})
     notes = ("inputs are zero",) if scene.inputs.ports else ()
     members = ghosts_of(wanted, ghosts) if ghosts else ()
     return _motion(scene.name, simulate(wanted, planned=chosen), fine.played, scene, written, notes, members)
@@ -143,10 +143,6 @@ def _motion(
     gravity = np.array(scene.loads.gravity_a if scene else (0.0, 0.0, 0.0))
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array(UP)
     return Motion(title, result, shape_of(scene, written), played, pivot, tuple(up.tolist()), notes, ghosts)
-
-
-def _with_step_of(scene: Scene, shown: Pictures) -> Scene:
-    return scene.replace({"run.step": (scene.run.stop - scene.run.start) / (shown.number - 1)})
 
 
 def _largest(vectors: Array | None) -> float:

@@ -349,7 +349,8 @@ def case_of(scene: Scene) -> Case:
     whole = steps * scene.run.step <= (scene.run.stop - scene.run.start) * (1.0 + 1e-9)
     outputs = min(max(steps if whole else steps - 1, 1), MAX_OUTPUTS)
     while True:
-        case = kind_of_case(scene)(_first_steps(scene, outputs), outputs, POINTS)
+        part = scene if outputs == steps else scene.replace({"run.stop": scene.run.start + outputs * scene.run.step})
+        case = kind_of_case(scene)(part, outputs, POINTS)
         try:
             assert case.truth
             return case
@@ -358,12 +359,6 @@ def case_of(scene: Scene) -> Case:
                 expected = "expected a step over which the true motion can be followed in some seconds"
                 raise SceneError(f"run.step = {scene.run.step!r}: {expected}; no chart without", scene.name) from None
             outputs = max(outputs // 4, 1)
-
-
-def _first_steps(scene: Scene, outputs: int) -> Scene:
-    if outputs == communication_steps(scene):
-        return scene
-    return scene.replace({"run.stop": scene.run.start + outputs * scene.run.step})
 
 
 # The eight motions

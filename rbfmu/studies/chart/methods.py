@@ -115,23 +115,15 @@ def module(name: str) -> Any:
 # Fixed steps
 
 
-class EqualSteps(NamedTuple):
-    """Steps of a size h in s, n of them to each output."""
-
-    h: float
-    n: int
-    outputs: int
-
-
 @compiled
-def _repeated(loop: Steps, y: Any, steps: EqualSteps, body: Body, loads: Loads, k: int) -> Any:
-    """Solve k times; h depends formally (by 0 *) on the last solution, so that the compiler removes no solution."""
+def _repeated(loop: Steps, y: Any, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Any:
+    """Solve k times by n steps to each output; h depends formally (by 0 *) on the last one, so that all are kept."""
     z = y
     for _ in range(k):
-        step = steps.h + 0.0 * z.omega_b[0]
+        step = h + 0.0 * z.omega_b[0]
         z = y
-        for _ in range(steps.outputs):
-            z = loop(z, step, steps.n, body, loads)
+        for _ in range(outputs):
+            z = loop(z, step, n, body, loads)
     return z
 
 
@@ -165,7 +157,7 @@ def _run_of_steps(method: OneStepMethod, case: Case, h: float) -> Run:
     start = method.start(case.start)
     path = method.path(case.start, h, [n * some for some in case.outputs_between], body, loads)
     if hasattr(method.steps, "py_func"):
-        seconds = timer(lambda k: _repeated(method.steps, start, EqualSteps(h, n, outputs), body, loads, k))
+        seconds = timer(lambda k: _repeated(method.steps, start, h, n, outputs, body, loads, k))
     else:  # the loop is not compiled: one long run, of which the calls are a small part
         seconds = timer(lambda k: method.steps(start, h, outputs * n * k, body, loads))
     evaluations = float(method.evaluations * outputs * n)

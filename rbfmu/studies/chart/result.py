@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -203,11 +202,11 @@ DEAREST = 1.3
 REFUSED = "refused"
 
 
-def front(rows: Iterable[Row], error: Callable[[Row], float] = attrgetter("error"), gain: float = 1.0) -> list[Row]:
+def front(rows: Iterable[Row], gain: float = 1.0) -> list[Row]:
     """Return the Pareto front by rising cost: each error is below `gain` times that of the row before."""
     kept: list[Row] = []
     for row in sorted(rows, key=lambda row: row.seconds):
-        if not kept or error(row) < gain * error(kept[-1]):
+        if not kept or row.error < gain * kept[-1].error:
             kept.append(row)
     return kept
 
