@@ -11,7 +11,6 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -101,8 +100,7 @@ class Case:
     @property
     def outputs_between(self) -> list[int]:
         """Return the number of outputs up to each checkpoint from the one before."""
-        at = [0, *(i + 1 for i in range(self.outputs)[self.checkpoints])]
-        return [b - a for a, b in pairwise(at)]
+        return np.diff(range(1, self.outputs + 1)[self.checkpoints], prepend=0).tolist()
 
     @property
     def many(self) -> bool:

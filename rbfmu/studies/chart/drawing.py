@@ -15,7 +15,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from rbfmu.plot import open_frame
 from rbfmu.studies.chart.cases import CHECKPOINTS, DRIFTS, FLOOR, OUTPUT_STEP
-from rbfmu.studies.chart.methods import short
 from rbfmu.studies.chart.result import KINDS, OWN_KINDS, REFUSED, STOPPED, TAKES_NO, Measured, Row, Verdict, front
 from rbfmu.studies.chart.tables import conditions, cost_text, headline, method_of, short_number, times, why_no_further
 
@@ -232,7 +231,7 @@ def draw_answers(found: Sequence[Verdict], path: Path) -> Path:
     for v in found:
         _draw_cell(axes, columns[v.chart.many, v.accuracy], rows.index(v.chart.key), v)
     axes.set(xlim=(-0.55, max(columns.values()) + 0.55), ylim=(len(rows) - 0.5, -0.5))
-    axes.set_xticks([*columns.values()], [short(accuracy) for _, accuracy in columns], fontsize=11)
+    axes.set_xticks([*columns.values()], [short_number(accuracy) for _, accuracy in columns], fontsize=11)
     names = {v.chart.key: f"{v.chart.scene} ({v.chart.key})" for v in found}
     axes.set_yticks(range(len(rows)), [textwrap.fill(name, 18) for name in names.values()], fontsize=11)
     axes.xaxis.tick_top()

@@ -23,6 +23,7 @@ from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.chart.cases import Case, FormulaCase, Found
+from rbfmu.studies.chart.tables import short
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.one_step import OneStepMethod, Steps, compiled
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
@@ -136,9 +137,7 @@ def _midpoint_rounds(loop: Steps, y: State, h: float, n: int, body: Body, loads:
     return total
 
 
-def fixed_steps(
-    method: OneStepMethod, family: str, why_not: Callable[[Case], str] = lambda case: "", largest: float = 16.0
-) -> Method:
+def fixed_steps(method: OneStepMethod, family: str, why_not: Callable[[Case], str], largest: float = 16.0) -> Method:
     """Return a one-step method in equal steps, such as those of `rbfmu.studies.reference_methods`.
 
     largest: the step that is tried first, rad. A run of very many turns begins finer: the equation of Moser and Veselov
@@ -271,21 +270,12 @@ def planned() -> Method:
 @cache
 def own_methods() -> tuple[Method, ...]:
     """Return the library's methods but the plan, and one-step methods in common use with the same right-hand sides."""
+    steppers: tuple[tuple[str, dict[str, OneStepMethod], Callable[[Case], str], float], ...] = (
+        ("splitting", SPLITTINGS, lambda case: "" if case.top else "no top", 16.0),
+        ("classic", REFERENCE_INTEGRATORS, lambda case: "", 16.0),
+        ("Moser-Veselov", TORQUE_FREE_INTEGRATORS, lambda case: "" if case.turns_freely else "under torques", 1.0),
+    )
     return (
-        *map(closed_form, CLOSED_FORMS), substeps(0), substeps(0, False),
-        *map(substeps, (6, 8, 12, 16, 20, 24)),
-        *(
-            fixed_steps(method, "splitting", lambda case: "" if case.top else "no top")
-            for method in SPLITTINGS.values()
-        ),
-        *(fixed_steps(method, "classic") for method in REFERENCE_INTEGRATORS.values()),
-        *(
-            fixed_steps(method, "Moser-Veselov", lambda case: "" if case.turns_freely else "under torques", 1.0)
-            for method in TORQUE_FREE_INTEGRATORS.values()
-        ),
+        *map(closed_form, CLOSED_FORMS), substeps(0), substeps(0, False), *map(substeps, (6, 8, 12, 16, 20, 24)),
+        *(fixed_steps(m, family, why, most) for family, methods, why, most in steppers for m in methods.values()),
     )  # fmt: skip
-
-
-def short(number: float) -> str:
-    """Return a number in its shortest form, such as 1e-9."""
-    return f"{number:.0e}".replace("e-0", "e-")

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
@@ -105,11 +104,6 @@ def growth_factors(quick: bool) -> Study:
     return Study("growth_factors", findings, columns, curve)
 
 
-def _between(counts: list[int]) -> list[int]:
-    """Return the numbers of steps from each count to the next, the first from 0."""
-    return [b - a for a, b in pairwise([0, *counts])]
-
-
 def _matrix_drift(R_ab: Matrix) -> float:
     """Return |R^T R - I| in the 2-norm."""
     R = np.array(R_ab)
@@ -121,7 +115,7 @@ def drift(quick: bool) -> Study:
     x, counts = 0.1, [10**k for k in range(0, 5 if quick else 7)]
     columns: Columns = {"steps": counts}
     for name, column in ((RK4_ON_Q, "q"), (RK4_ON_R, "R"), (RK4, "q normalised")):
-        states = METHODS[name].path(spin(1.0), x, _between(counts), _BODY)
+        states = METHODS[name].path(spin(1.0), x, np.diff(counts, prepend=0).tolist(), _BODY)
         columns[column] = [_matrix_drift(y[2]) if column == "R" else abs(math.hypot(*y[2]) - 1.0) for y in states]
     for column, part in (("q", 9216.0), ("R", 72.0)):
         columns[f"{column}, predicted"] = [-math.expm1(n * math.log1p(-(x**6) / part)) for n in counts]
@@ -302,7 +296,7 @@ def energies(name: str | OneStepMethod, h: float, counts: list[int]) -> list[flo
         _, rates = arrays.free_rotation(TUMBLING.moments, start.q_ab, start.omega_b, h * np.array(counts))
         found = rates.tolist()
     else:
-        found = [y.omega_b for y in method_of(name).path(start, h, _between(counts), TUMBLING.body)]
+        found = [y.omega_b for y in method_of(name).path(start, h, np.diff(counts, prepend=0).tolist(), TUMBLING.body)]
     sizes = [kinetic_energy(0.0, TUMBLING.body.inertia, ZERO, tuple(omega_b)) for omega_b in (start.omega_b, *found)]
     return [size / sizes[0] - 1.0 for size in sizes[1:]]
 
