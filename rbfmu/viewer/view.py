@@ -25,8 +25,7 @@ from rbfmu.scene.scene import QUANTITIES, Scene, faults_of, load_scene
 from rbfmu.scene.toml_file import read_file
 from rbfmu.simulation import plan, simulate
 from rbfmu.types import Array
-from rbfmu.viewer.motion import UP, Ghost, Shown, attitude_of, rate_of
-from rbfmu.viewer.shape import shape_of
+from rbfmu.viewer.motion import UP, Ghost, Shown, attitude_of, rate_of, shape_of
 
 
 class Motion(Shown):
