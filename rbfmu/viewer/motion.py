@@ -110,7 +110,7 @@ class Shown:
     title: str
     result: Result
     shape: Shape
-    played: float
+    played: float = 0.0
     pivot: bool = False
     up: Vec3 = UP
     notes: tuple[str, ...] = ()
@@ -121,8 +121,13 @@ class Shown:
 
     @cached_property
     def quaternion(self) -> Array:
-        """Return q_ab (n, 4)."""
-        return attitude_of(self.result)
+        """Return q_ab (n, 4). Raises ValueError where the result has no attitude."""
+        known = self.result.quantities
+        if "quaternion" in known:
+            return known["quaternion"]
+        if "rpy" in known:
+            return np.asarray(quaternion_from_euler("xyz", known["rpy"]))
+        raise ValueError(f"quaternion or rpy: expected one of them in the result, which has {', '.join(known)}")
 
     @cached_property
     def position(self) -> Array:
@@ -137,27 +142,17 @@ class Shown:
     @property
     def rate(self) -> Array | None:
         """Return omega_ab_a (n, 3), rad/s, or None."""
-        return rate_of(self.result)
+        known = self.result.quantities
+        if "omega_a" in known or "omega_b" not in known:
+            return known.get("omega_a")
+        return np.asarray(rotate(self.quaternion, known["omega_b"]))
+
+    @property
+    def largest_rate(self) -> float:
+        """Return the largest rate, rad/s; 0 where it is not known."""
+        return 0.0 if self.rate is None else float(np.max(np.linalg.norm(self.rate, axis=1)))
 
     @cached_property
     def largest_turn(self) -> float:
         """Return the largest angle from one picture to the next (rad)."""
         return float(np.max(angle_between(self.quaternion[:-1], self.quaternion[1:])))
-
-
-def attitude_of(result: Result) -> Array:
-    """Return q_ab (n, 4) of a result. Raises ValueError where it has no attitude."""
-    if "quaternion" in result.quantities:
-        return result.quaternion
-    if "rpy" in result.quantities:
-        return np.asarray(quaternion_from_euler("xyz", result.rpy))
-    raise ValueError(f"quaternion or rpy: expected one of them in the result, which has {', '.join(result.quantities)}")
-
-
-def rate_of(result: Result) -> Array | None:
-    """Return omega_ab_a (n, 3) of a result, rad/s, or None."""
-    if "omega_a" in result.quantities:
-        return result.omega_a
-    if "omega_b" in result.quantities:
-        return np.asarray(rotate(attitude_of(result), result.omega_b))
-    return None

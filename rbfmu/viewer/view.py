@@ -6,6 +6,7 @@ Ghosts are members of a scene's ensemble, shown beside the scene's own motion.
 import math
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -24,8 +25,7 @@ from rbfmu.scene.consistency import default_quantities
 from rbfmu.scene.scene import QUANTITIES, Scene, faults_of, load_scene
 from rbfmu.scene.toml_file import read_file
 from rbfmu.simulation import plan, simulate
-from rbfmu.types import Array
-from rbfmu.viewer.motion import UP, Ghost, Shown, attitude_of, rate_of, shape_of
+from rbfmu.viewer.motion import UP, Ghost, Shown, shape_of
 
 
 class Motion(Shown):
@@ -116,36 +116,30 @@ def motion_of_scene(
         warnings.simplefilter("ignore", SceneWarning)  # of steps that are not those of the pictures
         chosen = plan(wanted, progress=progress)
         result = simulate(wanted.replace({"run.step": span / (pictures(span, 0.0).number - 1)}), planned=chosen)
-    fine = pictures(span, _largest(rate_of(result)))
+    coarse = _motion(scene.name, result, scene, written)
+    fine = pictures(span, coarse.largest_rate)
     wanted = wanted.replace({"run.step": span / (fine.number - 1)})
     notes = ("inputs are zero",) if scene.inputs.ports else ()
     members = ghosts_of(wanted, ghosts) if ghosts else ()
-    return _motion(scene.name, simulate(wanted, planned=chosen), fine.played, scene, written, notes, members)
+    return replace(coarse, result=simulate(wanted, planned=chosen), played=fine.played, notes=notes, ghosts=members)
 
 
 def motion_of_result(result: Result, title: str, scene: Scene | None = None, written: Written = None) -> Motion:
     """Return the motion of a result; scene: whose body it is. Raises ValueError where the result has no attitude."""
-    attitude_of(result)
-    if len(result.time) < 2:
+    whole = _motion(title, result, scene, written)
+    if len(whole.quaternion) < 2:
         raise ValueError(f"time: expected at least two points in time in the result, which has {len(result.time)}")
-    shown = pictures(float(result.time[-1] - result.time[0]), _largest(rate_of(result)), len(result.time))
+    shown = pictures(float(result.time[-1] - result.time[0]), whole.largest_rate, len(result.time))
     rows = np.linspace(0.0, len(result.time) - 1.0, shown.number).round().astype(int)
     thinned = {name: values[rows] for name, values in result.quantities.items()}
-    return _motion(title, Result(result.time[rows], thinned, result.rows), shown.played, scene, written)
+    return replace(whole, result=Result(result.time[rows], thinned, result.rows), played=shown.played)
 
 
-def _motion(
-    title: str, result: Result, played: float, scene: Scene | None, written: Written,
-    notes: tuple[str, ...] = (), ghosts: tuple[Ghost, ...] = (),
-) -> Motion:  # fmt: skip
+def _motion(title: str, result: Result, scene: Scene | None, written: Written) -> Motion:
     pivot = scene is not None and scene.body is not None and scene.body.pivot
     gravity = np.array(scene.loads.gravity_a if scene else (0.0, 0.0, 0.0))
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array(UP)
-    return Motion(title, result, shape_of(scene, written), played, pivot, tuple(up.tolist()), notes, ghosts)
-
-
-def _largest(vectors: Array | None) -> float:
-    return 0.0 if vectors is None else float(np.max(np.linalg.norm(vectors, axis=1)))
+    return Motion(title, result, shape_of(scene, written), pivot=pivot, up=tuple(up.tolist()))
 
 
 # --- what users call

@@ -143,31 +143,30 @@ def _tolerances(case: Case, quick: bool) -> Iterator[float]:
     return tolerances(-2, -13, quick)
 
 
-def solve_ivp(method: str, compiled: bool = True) -> Method:
-    """Return `scipy.integrate.solve_ivp` with right-hand sides compiled with Numba, or written in NumPy."""
+def _compiled_rates(case: Case) -> Callable[[float, Array], Array]:
+    rates, z = _rates(_put_rates_of(case)), case.buffer
+    return lambda t, y: rates(t, y, z)
 
-    def why_not(case: Case) -> str:
-        if compiled:
-            return ""
-        if isinstance(case, FormulaCase):
-            return "formulas are compiled"
-        return "written for attitude and rates" if case.numbers < ROTATION else ""
 
-    def prepare(case: Case, value: float) -> Prepared:
-        solve = module("scipy.integrate").solve_ivp
-        y, times, z = case.integrated, case.times, case.buffer
-        fast = _rates(_put_rates_of(case))
-        rates = (lambda t, y: fast(t, y, z)) if compiled else _numpy_rates(case)
+def _solve_ivp(
+    method: str, rates_of: Callable[[Case], Callable[[float, Array], object]], case: Case, value: float
+) -> Prepared:
+    """Prepare `scipy.integrate.solve_ivp` with right-hand sides that are compiled with Numba, or written in NumPy."""
+    solve, rates, y, times = module("scipy.integrate").solve_ivp, rates_of(case), case.integrated, case.times
 
-        def once() -> Any:
-            return solve(rates, (0.0, times[-1]), y, method, times, rtol=value, atol=value)
+    def once() -> Any:
+        return solve(rates, (0.0, times[-1]), y, method, times, rtol=value, atol=value)
 
-        first = once()
-        if not first.success:
-            raise NotFeasibleError(first.message)
-        return first.y.T, float(first.nfev), lambda k: [once() for _ in range(k)]
+    first = once()
+    if not first.success:
+        raise NotFeasibleError(first.message)
+    return first.y.T, float(first.nfev), lambda k: [once() for _ in range(k)]
 
-    return solver(f"SciPy {method}{'' if compiled else ', NumPy'}", prepare, why_not)
+
+def _not_in_numpy(case: Case) -> str:
+    if isinstance(case, FormulaCase):
+        return "formulas are compiled"
+    return "written for attitude and rates" if case.numbers < ROTATION else ""
 
 
 def _odeint(case: Case, value: float) -> Prepared:
@@ -292,8 +291,8 @@ def heyoka_functions(heyoka: Any) -> dict[str, Callable[..., Any]]:
 
 
 SCIPY = (
-    *map(solve_ivp, ("DOP853", "RK45", "LSODA")),
-    solve_ivp("LSODA", compiled=False),
+    *(solver(f"SciPy {m}", partial(_solve_ivp, m, _compiled_rates)) for m in ("DOP853", "RK45", "LSODA")),
+    solver("SciPy LSODA, NumPy", partial(_solve_ivp, "LSODA", _numpy_rates), _not_in_numpy),
     solver("SciPy odeint", _odeint),
 )
 NUMBALSODA = tuple(solver(f"numbalsoda {m.upper()}", partial(_numbalsoda, m)) for m in ("lsoda", "dop853"))
