@@ -25,7 +25,10 @@ DECADES = tuple(10.0**-k for k in range(2, 15))
 
 
 class Chart(Measured):
-    """Accuracy against cost on a scene; `print` shows a table, `save` writes table, CSV file and picture."""
+    """Accuracy against cost on a scene; `print` shows a table, `save` writes table, CSV file and picture.
+
+    What it holds, such as `rows`: see `result.Measured`.
+    """
 
     @cached_property
     def table(self) -> str:

@@ -16,7 +16,7 @@ from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.reference_methods import SPLITTINGS
 from rbfmu.studies.stability import motions
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Columns, Finding, Study, exponent
-from rbfmu.studies.stability.method_laws import METHODS, RK4, SEMI, crossing
+from rbfmu.studies.stability.method_laws import RK4, SEMI, crossing
 from rbfmu.studies.stability.motions import BRICK, FLIPPING, HEAVY_TOP, UPRIGHT, scene_of
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.integrators.splitting import resonant_step
@@ -66,9 +66,9 @@ def intermediate_axis(quick: bool) -> Study:
     """Measure law 10: a spin about the middle axis flips again and again, at predicted intervals."""
     time, start = np.arange(0.0, 30.0 if quick else 62.0, 0.25), FLIPPING.start
     columns: Columns = {"time": time.tolist(), "exact": _free_rates(start.omega_b, time)[:, 1].tolist()}
-    for name, h in ((RK4, 0.25), (SEMI, 0.05)):
-        states = METHODS[name].path(start, h, [round(0.25 / h)] * (len(time) - 1), FLIPPING.body)
-        columns[f"{name}, h = {h:g} s"] = [y.omega_b[1] for y in (start, *states)]
+    for method, h in ((RK4, 0.25), (SEMI, 0.05)):
+        states = method.path(start, h, [round(0.25 / h)] * (len(time) - 1), FLIPPING.body)
+        columns[f"{method.name}, h = {h:g} s"] = [y.omega_b[1] for y in (start, *states)]
     tiny = _free_rates((1e-8, 2.0, 1e-8), np.array([5.0, 8.0]))[:, 0]
     fine = np.linspace(0.0, 32.0, 32_001)
     measured = _measured_time(fine, _free_rates(start.omega_b, fine)[:, 1])
