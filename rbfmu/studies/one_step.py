@@ -18,7 +18,11 @@ compiled: Callable[[F], F] = njit(error_model="numpy", nogil=True)
 """Compiles what takes any state: a method's step, or a loop of such."""
 
 
-def convert(kind: Any, attitude: Callable[[Any], Any]) -> Callable[[Any], Any]:
+Form = Any
+"""A state, or its rates, in a method's own form: a tuple, for which Numba compiles anew."""
+
+
+def convert(kind: Callable[..., Form], attitude: Callable[[Any], object]) -> Callable[[Form], Form]:
     """Return a function that makes a state of another kind, whose attitude is a function of the state's."""
     return lambda state: kind(state[0], state[1], attitude(state[2]), state[3])
 
@@ -26,7 +30,7 @@ def convert(kind: Any, attitude: Callable[[Any], Any]) -> Callable[[Any], Any]:
 _with_unit_quaternion = convert(State, normalize)
 
 
-Steps = Callable[[Any, float, int, Body, Loads], Any]
+Steps = Callable[[Form, float, int, Body, Loads], Form]
 """A function `steps(y, h, n, body, loads)` that takes n steps of size h; all numbers except n are floats."""
 
 
@@ -41,24 +45,24 @@ class OneStepMethod:
     steps: Steps
     order: int
     evaluations: float
-    start: Callable[[State], Any] = lambda state: state
-    state_of: Callable[[Any], State] = _with_unit_quaternion
+    start: Callable[[State], Form] = lambda state: state
+    state_of: Callable[[Form], State] = _with_unit_quaternion
 
     def run(self, state: State, h: float, n: int, body: Body, loads: Loads) -> State:
         """Return the state after n steps of h."""
         return self.state_of(self.path(state, h, [n], body, loads)[0])
 
-    def path(self, state: State, h: float, counts: Iterable[int], body: Body, loads: Loads = NO_LOADS) -> list[Any]:
+    def path(self, state: State, h: float, counts: Iterable[int], body: Body, loads: Loads = NO_LOADS) -> list[Form]:
         """Return the states in the method's own form after so many steps of h each, one after the other."""
         y = self.start(state)
         return [y := self.steps(y, h, n, body, loads) for n in counts]
 
 
-def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
+def compiled_loop(step: Callable[[Form, float, Body, Loads], Form]) -> Steps:
     """Return a loop of n steps of a one-step kernel, compiled at the first call."""
 
     @compiled
-    def loop(y: Any, h: float, n: int, body: Body, loads: Loads) -> Any:
+    def loop(y: Form, h: float, n: int, body: Body, loads: Loads) -> Form:
         for _ in range(n):
             y = step(y, h, body, loads)
         return y

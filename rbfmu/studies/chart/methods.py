@@ -25,7 +25,7 @@ from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies.chart.cases import Case, FormulaCase, Found
 from rbfmu.studies.chart.tables import short
 from rbfmu.studies.dop853 import Dop853Plan
-from rbfmu.studies.one_step import OneStepMethod, Steps, compiled
+from rbfmu.studies.one_step import Form, OneStepMethod, Steps, compiled
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
 from rbfmu.types import Array, Indices
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
@@ -117,7 +117,7 @@ def module(name: str) -> Any:
 
 
 @compiled
-def _repeated(loop: Steps, y: Any, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Any:
+def _repeated(loop: Steps, y: Form, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Form:
     """Solve k times by n steps to each output; h depends formally (by 0 *) on the last one, so that all are kept."""
     z = y
     for _ in range(k):
