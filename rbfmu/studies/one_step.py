@@ -6,15 +6,23 @@ import runpy
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from numba import NumbaError, njit
 
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
 from rbfmu_kernels.rotations.quaternion import normalize
 
+F = TypeVar("F", bound=Callable[..., object])
+compiled: Callable[[F], F] = njit(error_model="numpy", nogil=True)
+"""Compiles what takes any state: a method's step, or a loop of such."""
 
-def convert(kind: Any, attitude: Callable[[Any], Any]) -> Callable[[Any], Any]:
+
+Form = Any
+"""A state, or its rates, in a method's own form: a tuple, for which Numba compiles anew."""
+
+
+def convert(kind: Callable[..., Form], attitude: Callable[[Any], object]) -> Callable[[Form], Form]:
     """Return a function that makes a state of another kind, whose attitude is a function of the state's."""
     return lambda state: kind(state[0], state[1], attitude(state[2]), state[3])
 
@@ -22,7 +30,7 @@ def convert(kind: Any, attitude: Callable[[Any], Any]) -> Callable[[Any], Any]:
 _with_unit_quaternion = convert(State, normalize)
 
 
-Steps = Callable[[Any, float, int, Body, Loads], Any]
+Steps = Callable[[Form, float, int, Body, Loads], Form]
 """A function `steps(y, h, n, body, loads)` that takes n steps of size h; all numbers except n are floats."""
 
 
@@ -37,29 +45,29 @@ class OneStepMethod:
     steps: Steps
     order: int
     evaluations: float
-    start: Callable[[State], Any] = lambda state: state
-    state_of: Callable[[Any], State] = _with_unit_quaternion
+    start: Callable[[State], Form] = lambda state: state
+    state_of: Callable[[Form], State] = _with_unit_quaternion
 
     def run(self, state: State, h: float, n: int, body: Body, loads: Loads) -> State:
         """Return the state after n steps of h."""
         return self.state_of(self.path(state, h, [n], body, loads)[0])
 
-    def path(self, state: State, h: float, counts: Iterable[int], body: Body, loads: Loads = NO_LOADS) -> list[Any]:
+    def path(self, state: State, h: float, counts: Iterable[int], body: Body, loads: Loads = NO_LOADS) -> list[Form]:
         """Return the states in the method's own form after so many steps of h each, one after the other."""
         y = self.start(state)
         return [y := self.steps(y, h, n, body, loads) for n in counts]
 
 
-def compiled_loop(step: Callable[[Any, float, Body, Loads], Any]) -> Steps:
+def compiled_loop(step: Callable[[Form, float, Body, Loads], Form]) -> Steps:
     """Return a loop of n steps of a one-step kernel, compiled at the first call."""
 
-    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-    def loop(y: Any, h: float, n: int, body: Body, loads: Loads) -> Any:
+    @compiled
+    def loop(y: Form, h: float, n: int, body: Body, loads: Loads) -> Form:
         for _ in range(n):
             y = step(y, h, body, loads)
         return y
 
-    return loop  # type: ignore[no-any-return]
+    return loop
 
 
 # A method of the reader's own
@@ -81,7 +89,7 @@ def method_of_file(path: str | Path) -> OneStepMethod:
     except Exception as error:  # whatever a reader's file raises
         kind = "" if type(error) is ValueError else f"{type(error).__name__}: "
         raise ValueError(f"{path}: {kind}{error}") from error
-    name, loop = path.stem, compiled_loop(_step_of(njit(error_model="numpy", nogil=True)(step)))
+    name, loop = path.stem, compiled_loop(_step_of(compiled(step)))
     try:
         loop(State((0.0,) * 3, (0.0,) * 3, *_TRIED), 0.01, 1, Body(1.0, _I, _I, (0.0,) * 3, (0.0,) * 3, 1.0), NO_LOADS)
     except NumbaError:
@@ -102,7 +110,7 @@ def _check(found: Any) -> None:
 def _step_of(step: Any) -> Any:
     """Return the step of a state: arrays and tuples serve for attitude and rates, and the centre of mass stays."""
 
-    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+    @compiled
     def step_of_state(state: State, h: float, body: Body, loads: Loads) -> State:
         q, w = step(state.q_ab, state.omega_b, h, body, loads)
         attitude = (float(q[0]), float(q[1]), float(q[2]), float(q[3]))

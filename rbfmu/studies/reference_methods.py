@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from rbfmu.studies.one_step import OneStepMethod, compiled_loop, convert
+from rbfmu.studies.one_step import F, Form, OneStepMethod, Steps, compiled, compiled_loop, convert
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.integrators.splitting import rkn4_steps, rkn6_steps, strang_steps
 from rbfmu_kernels.mechanics import equations_of_motion as motion
@@ -36,6 +36,9 @@ class OtherState(NamedTuple):
     omega_b: Vec3
 
 
+_inlined: Callable[[F], F] = njit(error_model="numpy", forceinline=True)
+Advance = Callable[[Form, float, Form], Form]
+"""Gives state + s rates."""
 NONE: Vec3 = (0.0, 0.0, 0.0)
 NO_TURN: Quaternion = (1.0, 0.0, 0.0, 0.0)
 MAX_ROUNDS = 100
@@ -44,11 +47,11 @@ MAX_ROUNDS = 100
 # Quaternions
 
 
-def _advance_by(kind: Any, add: Callable[[Any, float, Any], Any]) -> Any:
+def _advance_by(kind: Callable[..., Form], add: Callable[[Any, float, Any], object]) -> Advance:
     """Return a function that gives state + s rates as a state of a kind, where `add` does so for attitudes."""
 
-    @njit(error_model="numpy", forceinline=True)  # type: ignore[untyped-decorator]
-    def advance(state: Any, s: float, rates: Any) -> Any:
+    @_inlined
+    def advance(state: Form, s: float, rates: Form) -> Form:
         r, v, attitude, omega = state
         dr, dv, turned, dw = rates
         return kind(add_scaled(r, s, dr), add_scaled(v, s, dv), add(attitude, s, turned), add_scaled(omega, s, dw))
@@ -82,17 +85,17 @@ def semi_implicit_euler_step(state: State, h: float, body: Body, loads: Loads) -
     return _unit_attitude(advance(State(r, v, q, omega), h, Rates(v, NONE, quaternion_rate_b(q, omega), NONE)))
 
 
-def _summed(advance: Any) -> Any:
+def _summed(advance: Advance) -> Callable[[Form, Form, Form, Form], Form]:
     """Return a function that gives k1 + 2 k2 + 2 k3 + k4, so that a state is rounded once and not four times."""
 
-    @njit(error_model="numpy", forceinline=True)  # type: ignore[untyped-decorator]
-    def summed(k1: Any, k2: Any, k3: Any, k4: Any) -> Any:
+    @_inlined
+    def summed(k1: Form, k2: Form, k3: Form, k4: Form) -> Form:
         return advance(advance(advance(k1, 1.0, k4), 2.0, k2), 2.0, k3)
 
     return summed
 
 
-def rk4(rates: Any, advance: Any) -> Any:
+def rk4(rates: Callable[..., Form], advance: Advance) -> Callable[..., Form]:
     """Return a step of the classical method of Runge and Kutta; `more` is passed to the rates.
 
     The order is 4. On q as on any vector each step scales |q| by 1 - (h omega)^6 / 9216, and steps are stable up to
@@ -101,8 +104,8 @@ def rk4(rates: Any, advance: Any) -> Any:
     """
     summed = _summed(advance)
 
-    @njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-    def step(y: Any, h: float, *more: Any) -> Any:
+    @compiled
+    def step(y: Form, h: float, *more: object) -> Form:
         k1 = rates(y, *more)
         k2 = rates(advance(y, 0.5 * h, k1), *more)
         k3 = rates(advance(y, 0.5 * h, k2), *more)
@@ -114,7 +117,7 @@ def rk4(rates: Any, advance: Any) -> Any:
 rk4_not_normalised_step = rk4(state_rates, advance)
 
 
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def rk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Take a step of classical Runge-Kutta and normalise the attitude after it."""
     return _unit_attitude(rk4_not_normalised_step(state, h, body, loads))
@@ -203,14 +206,14 @@ def _local_rates(local: OtherState, q: Quaternion, correction: float, body: Body
 _local_rk4, _summed_rates = rk4(_local_rates, _advance_vector), _summed(_advance_vector)
 
 
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def rkmk4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Take a step of classical Runge-Kutta on the rotation vector of the step (Munthe-Kaas 1998)."""
     r, v, q, omega = state
     return _local_state(_local_rk4(OtherState(r, v, NONE, omega), h, q, 1.0, body, loads), q)
 
 
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def cf4_step(state: State, h: float, body: Body, loads: Loads) -> State:
     """Take a step of the commutator-free Lie group method of order 4 (Celledoni, Marthinsen & Owren 2003)."""
     r, v, q, omega = state
@@ -328,7 +331,7 @@ def _modified(order: int, h: float, moments: Vec3, omega: Vec3) -> Vec3:
     return ((1.0 + s) / moments[0] + d, (1.0 + s) / moments[1] + d, (1.0 + s) / moments[2] + d)
 
 
-def moser_veselov(order: int) -> Any:
+def moser_veselov(order: int) -> Steps:
     """Return `steps(y, h, n, body, loads)` of order 2, 4, 6, 8 or 10; loads and off-diagonal M are ignored."""
 
     def steps(y: State, h: float, n: int, body: Body, loads: Loads) -> State:

@@ -6,6 +6,7 @@ Ghosts are members of a scene's ensemble, shown beside the scene's own motion.
 import math
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -24,9 +25,7 @@ from rbfmu.scene.scene import QUANTITIES, Scene, faults_of, load_scene
 from rbfmu.scene.tables import default_quantities
 from rbfmu.scene.toml_file import read_file
 from rbfmu.simulation import plan, simulate
-from rbfmu.types import Array
-from rbfmu.viewer.motion import UP, Ghost, Shown, attitude_of, rate_of
-from rbfmu.viewer.shape import shape_of
+from rbfmu.viewer.motion import UP, Ghost, Shown, shape_of
 
 
 class Motion(Shown):
@@ -95,7 +94,7 @@ NOT_DRIVEN: Mapping[str, Any] = {}
 def motion_of_scene(
     scene: Scene,
     written: Written = None,
-    progress: Callable[[float], Any] | None = None,
+    progress: Callable[[float], object] | None = None,
     ghosts: int = 0,
     driven: Mapping[str, Any] = NOT_DRIVEN,
 ) -> Motion:
@@ -116,41 +115,31 @@ def motion_of_scene(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)  # of steps that are not those of the pictures
         chosen = plan(wanted, progress=progress)
-        result = simulate(_with_step_of(wanted, pictures(span, 0.0)), planned=chosen)
-    fine = pictures(span, _largest(rate_of(result)))
-    wanted = _with_step_of(wanted, fine)
+        result = simulate(wanted.replace({"run.step": span / (pictures(span, 0.0).number - 1)}), planned=chosen)
+    coarse = _motion(scene.name, result, scene, written)
+    fine = pictures(span, coarse.largest_rate)
+    wanted = wanted.replace({"run.step": span / (fine.number - 1)})
     notes = ("inputs are zero",) if scene.inputs.ports else ()
     members = ghosts_of(wanted, ghosts) if ghosts else ()
-    return _motion(scene.name, simulate(wanted, planned=chosen), fine.played, scene, written, notes, members)
+    return replace(coarse, result=simulate(wanted, planned=chosen), played=fine.played, notes=notes, ghosts=members)
 
 
 def motion_of_result(result: Result, title: str, scene: Scene | None = None, written: Written = None) -> Motion:
     """Return the motion of a result; scene: whose body it is. Raises ValueError where the result has no attitude."""
-    attitude_of(result)
-    if len(result.time) < 2:
+    whole = _motion(title, result, scene, written)
+    if len(whole.quaternion) < 2:
         raise ValueError(f"time: expected at least two points in time in the result, which has {len(result.time)}")
-    shown = pictures(float(result.time[-1] - result.time[0]), _largest(rate_of(result)), len(result.time))
+    shown = pictures(float(result.time[-1] - result.time[0]), whole.largest_rate, len(result.time))
     rows = np.linspace(0.0, len(result.time) - 1.0, shown.number).round().astype(int)
     thinned = {name: values[rows] for name, values in result.quantities.items()}
-    return _motion(title, Result(result.time[rows], thinned, result.rows), shown.played, scene, written)
+    return replace(whole, result=Result(result.time[rows], thinned, result.rows), played=shown.played)
 
 
-def _motion(
-    title: str, result: Result, played: float, scene: Scene | None, written: Written,
-    notes: tuple[str, ...] = (), ghosts: tuple[Ghost, ...] = (),
-) -> Motion:  # fmt: skip
+def _motion(title: str, result: Result, scene: Scene | None, written: Written) -> Motion:
     pivot = scene is not None and scene.body is not None and scene.body.pivot
     gravity = np.array(scene.loads.gravity_a if scene else (0.0, 0.0, 0.0))
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array(UP)
-    return Motion(title, result, shape_of(scene, written), played, pivot, tuple(up.tolist()), notes, ghosts)
-
-
-def _with_step_of(scene: Scene, shown: Pictures) -> Scene:
-    return scene.replace({"run.step": (scene.run.stop - scene.run.start) / (shown.number - 1)})
-
-
-def _largest(vectors: Array | None) -> float:
-    return 0.0 if vectors is None else float(np.max(np.linalg.norm(vectors, axis=1)))
+    return Motion(title, result, shape_of(scene, written), pivot=pivot, up=tuple(up.tolist()))
 
 
 # --- what users call
@@ -164,7 +153,7 @@ def view(
     stop: float | None = None,
     inputs: Any = None,
     interpolate: str = "hold",
-    progress: Callable[[float], Any] | None = None,
+    progress: Callable[[float], object] | None = None,
     ghosts: int = 0,
 ) -> Motion:
     """Return a motion that a notebook plays in 3D; with a path, write the page that plays it in any browser as well.
@@ -177,31 +166,25 @@ def view(
     """
     needed("viser", "view")
     driven = {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
-    motion = _motion_of(source, scene, stop, driven, progress, ghosts)
+    title = "motion"
+    if isinstance(source, str | Path) and Path(source).suffix in FORMATS:
+        title, source = Path(source).stem, Result.load(source)
+    if ghosts and (isinstance(source, Result) or driven):
+        raise ValueError(f"ghosts = {ghosts}: expected a scene with them, and no inputs")
+    if isinstance(source, Result):
+        if driven:
+            raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
+        motion = motion_of_result(source.until(stop), title, *_scene_and_shape(scene))
+    else:
+        loaded, shape = _scene_and_shape(source)
+        with faults_of(str(source) if stop is None else f"{source} with stop {stop!r}"):
+            shown = loaded if stop is None else loaded.replace(run={"stop": stop})
+            motion = motion_of_scene(shown, shape, progress, ghosts, driven)
     if path is not None:
         page = motion.page
         with named(path):
             Path(path).write_text(page, encoding="utf-8")
     return motion
-
-
-def _motion_of(
-    source: Any, scene: Any, stop: float | None, driven: dict[str, Any], progress: Any, ghosts: int
-) -> Motion:
-    is_file = isinstance(source, str | Path) and Path(source).suffix in FORMATS
-    result = Result.load(source) if is_file else source
-    is_result = isinstance(result, Result)
-    if ghosts and (is_result or driven):
-        raise ValueError(f"ghosts = {ghosts}: expected a scene with them, and no inputs")
-    if is_result:
-        if driven:
-            raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
-        title = Path(source).stem if is_file else "motion"
-        return motion_of_result(result.until(stop), title, *_scene_and_shape(scene))
-    loaded, shape = _scene_and_shape(source)
-    with faults_of(str(source) if stop is None else f"{source} with stop {stop!r}"):
-        shown = loaded if stop is None else loaded.replace(run={"stop": stop})
-        return motion_of_scene(shown, shape, progress, ghosts, driven)
 
 
 def _scene_and_shape(scene: Scene | str | Path | None) -> tuple[Any, Written]:

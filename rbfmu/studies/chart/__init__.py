@@ -25,7 +25,10 @@ DECADES = tuple(10.0**-k for k in range(2, 15))
 
 
 class Chart(Measured):
-    """Accuracy against cost on a scene; `print` shows a table, `save` writes table, CSV file and picture."""
+    """Accuracy against cost on a scene; `print` shows a table, `save` writes table, CSV file and picture.
+
+    What it holds, such as `rows`: see `result.Measured`.
+    """
 
     @cached_property
     def table(self) -> str:
@@ -43,9 +46,7 @@ class Chart(Measured):
 
         name: the scene's, if none is given.
         """
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        return _save(self, folder, name or self.scene)
+        return _save(self, Path(folder), name or self.scene)
 
     def __str__(self) -> str:
         return self.table
@@ -69,6 +70,7 @@ class Chart(Measured):
 def _save(chart: Measured, folder: Path, name: str) -> list[Path]:
     from rbfmu.studies.chart.drawing import figure_of
 
+    folder.mkdir(parents=True, exist_ok=True)
     stem = re.sub(r"[^\w.-]+", "_", name) or "scene"
     csv, text, picture = (folder / f"{stem}{ending}" for ending in (".csv", ".txt", ".png"))
     write_rows(csv, map(asdict, chart.rows), [*chart.machine, *chart.absent])

@@ -11,7 +11,6 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +49,10 @@ DRIFTS = {name: f"{name.replace(' ', '_')}_drift" for name in ("energy", "moment
 """The columns of the drifts of what a motion may conserve."""
 REFERENCES = Path(__file__).with_name("reference_motions.json")
 """The file is written by examples/references/reference_motions.py."""
+
+
+Found = Sequence[State] | Motion
+"""What a method returns at the checkpoints: states, or the quantities by which it is judged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +100,7 @@ class Case:
     @property
     def outputs_between(self) -> list[int]:
         """Return the number of outputs up to each checkpoint from the one before."""
-        at = [0, *(i + 1 for i in range(self.outputs)[self.checkpoints])]
-        return [b - a for a, b in pairwise(at)]
+        return np.diff(range(1, self.outputs + 1)[self.checkpoints], prepend=0).tolist()
 
     @property
     def many(self) -> bool:
@@ -234,7 +236,7 @@ class Case:
         """Return the least sizes that errors are relative to, by name."""
         return least_sizes(Question(self.scene), self.truth) if self.scene.body else {}
 
-    def error(self, states: Any) -> float:
+    def error(self, states: Found) -> float:
         """Return the largest error of states, or of quantities, at the checkpoints as the scene's accuracy counts."""
         with np.errstate(all="ignore"):
             found = self._judged_quantities(states)
@@ -243,7 +245,7 @@ class Case:
             whole = {name: np.vstack((self.truth[name][:1], found[name])) for name in self.names}
             return largest_error(whole, self.truth, self.names, self.floors)
 
-    def drifts(self, states: Any) -> dict[str, float]:
+    def drifts(self, states: Found) -> dict[str, float]:
         """Return the largest changes of what is conserved, relative to its start, at the checkpoints."""
         if not self.keeps:
             return {}
@@ -263,7 +265,7 @@ class Case:
             energy = energy - (arrays.rotate(q, np.array(self.body.arm_b)) @ np.array(self.loads.force_a))[:, None]
         return {"energy": energy, "momentum": h_a, "vertical momentum": h_a[:, 2:]}
 
-    def _judged_quantities(self, states: Any) -> Motion:
+    def _judged_quantities(self, states: Found) -> Motion:
         """Return the judged quantities of states; what is one already, as it is."""
         if isinstance(states, dict):
             return states
@@ -273,7 +275,7 @@ class Case:
         """Return what is judged from the numbers that solvers integrate, at the start and at all outputs."""
         return self._shown(rows[1:][self.checkpoints], self.places)
 
-    def _shown(self, rows: Iterable[Any], places: Sequence[int]) -> Motion:
+    def _shown(self, rows: Iterable[Sequence[float] | Array], places: Sequence[int]) -> Motion:
         """Return what is judged from numbers of the buffer at the checkpoints; quaternions may have any length."""
         z, kernels = self.buffer.copy(), self.general.kernels
         blocks, outputs = kernels.BLOCKS, tiered(kernels.outputs)
@@ -327,7 +329,7 @@ class FormulaCase(Case):
         return any(graph.operations[i].kind == "side" for i in graph.reached(self.formulas.rates.values()))
 
 
-def state_of(r: Any, v: Any, q: Any, omega: Any) -> State:
+def state_of(r: Iterable[float], v: Iterable[float], q: Iterable[float], omega: Iterable[float]) -> State:
     """Return a state made from any sequences of numbers."""
     return State(*(tuple(map(float, x)) for x in (r, v, q, omega)))  # type: ignore[arg-type]
 
@@ -345,7 +347,8 @@ def case_of(scene: Scene) -> Case:
     whole = steps * scene.run.step <= (scene.run.stop - scene.run.start) * (1.0 + 1e-9)
     outputs = min(max(steps if whole else steps - 1, 1), MAX_OUTPUTS)
     while True:
-        case = kind_of_case(scene)(_first_steps(scene, outputs), outputs, POINTS)
+        part = scene if outputs == steps else scene.replace({"run.stop": scene.run.start + outputs * scene.run.step})
+        case = kind_of_case(scene)(part, outputs, POINTS)
         try:
             assert case.truth
             return case
@@ -354,12 +357,6 @@ def case_of(scene: Scene) -> Case:
                 expected = "expected a step over which the true motion can be followed in some seconds"
                 raise SceneError(f"run.step = {scene.run.step!r}: {expected}; no chart without", scene.name) from None
             outputs = max(outputs // 4, 1)
-
-
-def _first_steps(scene: Scene, outputs: int) -> Scene:
-    if outputs == communication_steps(scene):
-        return scene
-    return scene.replace({"run.stop": scene.run.start + outputs * scene.run.step})
 
 
 # The eight motions

@@ -3,11 +3,10 @@
 import math
 import textwrap
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from itertools import groupby
-from operator import attrgetter
 from pathlib import Path
 from statistics import mean
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,12 +15,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from rbfmu.plot import open_frame
 from rbfmu.studies.chart.cases import CHECKPOINTS, DRIFTS, FLOOR, OUTPUT_STEP
-from rbfmu.studies.chart.methods import short
 from rbfmu.studies.chart.result import KINDS, OWN_KINDS, REFUSED, STOPPED, TAKES_NO, Measured, Row, Verdict, front
 from rbfmu.studies.chart.tables import conditions, cost_text, headline, method_of, short_number, times, why_no_further
 
 DPI = 120
-_ERROR: Callable[[Row], float] = attrgetter("error")
 GAIN = 0.8
 """A point is drawn only if its error is below this part of the last one's, so that a line ends with its digits."""
 LEAST_DRIFT = 1e-17
@@ -37,8 +34,10 @@ def figure_of(chart: Measured) -> Figure:
     """Return the picture of a chart: error against cost, seen in ten seconds."""
     figure = Figure(figsize=(10.5, 8.0), dpi=DPI)
     axes = figure.add_axes((0.085, 0.235, 0.635, 0.555))
-    lines = _lines(chart)
-    draw_lines(axes, lines, _ERROR, {end.method for end in chart.ends if end.stopped})
+    lines = lines_of(chart.above_round_off)
+    if chart.model in (row.method for row in lines.get("exact", ())):  # the plan itself
+        del lines["exact"]
+    draw_lines(axes, lines, {end.method for end in chart.ends if end.stopped})
     _limits(axes, chart, [row for line in lines.values() for row in line])
     _accuracy_asked(axes, chart)
     axes.plot([max(chart.plan.error, FLOOR)], [chart.plan.seconds], marker="*", markersize=24, color="#000000",
@@ -49,17 +48,9 @@ def figure_of(chart: Measured) -> Figure:
     for reach in chart.reaches:
         missed = "stopped" if reach.stopped else "misses"
         labels[reach.kind] = f"{reach.name}  {cost_text(reach.cost) if math.isfinite(reach.cost) else missed}"
-    name_lines(axes, ends, _ERROR, labels.__getitem__, 0.062)
+    name_lines(axes, ends, labels.__getitem__, 0.062)
     _words(figure, chart)
     return figure
-
-
-def _lines(chart: Measured) -> dict[str, list[Row]]:
-    """Return the front of each kind; that of closed forms only where it is not the plan itself."""
-    lines = lines_of(chart.above_round_off, _ERROR)
-    if chart.model in (row.method for row in lines.get("exact", ())):
-        del lines["exact"]
-    return lines
 
 
 def _limits(axes: Axes, chart: Measured, rows: Sequence[Row]) -> None:
@@ -124,23 +115,17 @@ def _small(chart: Measured) -> str:
 # Lines and their names
 
 
-def lines_of(rows: Sequence[Row], error: Callable[[Row], float]) -> dict[str, list[Row]]:
+def lines_of(rows: Sequence[Row]) -> dict[str, list[Row]]:
     """Return the Pareto front of each kind."""
-    lines = {}
-    for kind in KINDS:
-        mine = [row for row in rows if row.kind == kind and math.isfinite(error(row)) and row.seconds > 0.0]
-        if mine:
-            lines[kind] = front(mine, error, GAIN)
-    return lines
+    lines = {kind: front([row for row in rows if row.kind == kind and row.seconds > 0.0], GAIN) for kind in KINDS}
+    return {kind: line for kind, line in lines.items() if line}
 
 
-def draw_lines(
-    axes: Axes, lines: dict[str, list[Row]], error: Callable[[Row], float], stopped: Collection[str] = ()
-) -> None:  # fmt: skip
+def draw_lines(axes: Axes, lines: dict[str, list[Row]], stopped: Collection[str] = ()) -> None:
     """Draw the lines by kind, those of the library over all others; stopped: methods whose line ends in an arrow."""
     for kind, line in reversed(lines.items()):
-        x, y = [error(row) for row in line], [row.seconds for row in line]
-        style: dict[str, Any] = {"color": KINDS[kind], "linewidth": 2.2 if kind in OWN_KINDS else 1.4}
+        x, y = [row.error for row in line], [row.seconds for row in line]
+        style: dict[str, object] = {"color": KINDS[kind], "linewidth": 2.2 if kind in OWN_KINDS else 1.4}
         if kind == "rbfmu's plan":
             style |= {"linestyle": "none", "marker": "*", "markersize": 11, "zorder": 5}
         elif len(line) == 1:
@@ -154,12 +139,8 @@ def draw_lines(
 
 
 def name_lines(
-    axes: Axes,
-    lines: dict[str, list[Row]],
-    error: Callable[[Row], float],
-    text: Callable[[str], str] = str,
-    apart: float = 0.047,
-) -> None:
+    axes: Axes, lines: dict[str, list[Row]], text: Callable[[str], str] = str, apart: float = 0.047
+) -> None:  # fmt: skip
     """Write names in a column at the right, in the order of the lines' ends, each tied to its end.
 
     text: what is written for a kind; apart: the least distance of two, as a part of the axes' height.
@@ -174,7 +155,7 @@ def name_lines(
     tie = {"arrowstyle": "-", "linewidth": 0.5, "alpha": 0.7, "shrinkA": 1, "shrinkB": 3, "relpos": (0.0, 0.5)}
     for kind, y in zip(kinds, spread([height(ends[kind].seconds) for kind in kinds], apart), strict=True):
         color, weight = KINDS[kind], "bold" if kind in OWN_KINDS else "normal"
-        axes.annotate(text(kind), (error(ends[kind]), ends[kind].seconds), (1.035, y), textcoords="axes fraction",
+        axes.annotate(text(kind), (ends[kind].error, ends[kind].seconds), (1.035, y), textcoords="axes fraction",
                       annotation_clip=False, color=color, fontsize=10, weight=weight, va="center",
                       arrowprops=tie | {"color": color})  # fmt: skip
 
@@ -204,8 +185,11 @@ def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[
 
 def draw_kept(chart: Measured, path: Path) -> list[Path]:
     """Draw the drift of conserved quantities against cost; no file if nothing is conserved."""
-    kept = {name: _drift_of(column) for name, column in DRIFTS.items()
-            if any(math.isfinite(getattr(row, column)) for row in chart.rows)}  # fmt: skip
+    kept = {}
+    for name, column in DRIFTS.items():
+        rows = [replace(row, error=max(getattr(row, column), LEAST_DRIFT)) for row in chart.rows]
+        if any(math.isfinite(row.error) for row in rows):
+            kept[name] = lines_of([row for row in rows if math.isfinite(row.error)])
     if not kept:
         return []
     width = 1.5 + 6.9 * len(kept)
@@ -215,19 +199,15 @@ def draw_kept(chart: Measured, path: Path) -> list[Path]:
     figure.suptitle(f"{chart.scene.capitalize()}: drift of what the motion conserves\n"
                     "lines: the best of each kind; stars: as planned", fontsize=13, x=0.02, ha="left")  # fmt: skip
     panels[0].set_ylabel("processor time for a simulated second")
-    for axes, (name, drift) in zip(panels, kept.items(), strict=True):
-        draw_lines(axes, lines_of(chart.rows, drift), drift)
+    for axes, (name, lines) in zip(panels, kept.items(), strict=True):
+        draw_lines(axes, lines)
         axes.tick_params(labelleft=True)
         axes.set_xlabel(f"drift of the {name} (relative), better to the right")
-    for axes, drift in zip(panels, kept.values(), strict=True):  # the limits of all panels are known
+    for axes, lines in zip(panels, kept.values(), strict=True):  # the limits of all panels are known
         _name_ticks(axes)
-        name_lines(axes, lines_of(chart.rows, drift), drift)
+        name_lines(axes, lines)
     figure.savefig(path)
     return [path]
-
-
-def _drift_of(column: str) -> Callable[[Row], float]:
-    return lambda row: max(getattr(row, column), LEAST_DRIFT)
 
 
 # Plans beside peers
@@ -251,7 +231,7 @@ def draw_answers(found: Sequence[Verdict], path: Path) -> Path:
     for v in found:
         _draw_cell(axes, columns[v.chart.many, v.accuracy], rows.index(v.chart.key), v)
     axes.set(xlim=(-0.55, max(columns.values()) + 0.55), ylim=(len(rows) - 0.5, -0.5))
-    axes.set_xticks([*columns.values()], [short(accuracy) for _, accuracy in columns], fontsize=11)
+    axes.set_xticks([*columns.values()], [short_number(accuracy) for _, accuracy in columns], fontsize=11)
     names = {v.chart.key: f"{v.chart.scene} ({v.chart.key})" for v in found}
     axes.set_yticks(range(len(rows)), [textwrap.fill(name, 18) for name in names.values()], fontsize=11)
     axes.xaxis.tick_top()

@@ -154,14 +154,14 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
     order = random.Random(1)  # one that favours no method
     for repeat in range(what.repeats):
         progress(len(methods) + repeat, total, f"{name}: timing {repeat + 1}")
-        again = [t for t in found if t.seconds < what.longest * (3.0 if repeat < 2 else 0.1)]
+        again = [t for t in found if t.row.run_seconds < what.longest * (3.0 if repeat < 2 else 0.1)]
         order.shuffle(again)
         for one in again:
             one.time(what.shortest)
     progress(total, total, "")
     return Measured(
         name, chosen.model, case.scene.run.accuracy, case.span, case.outputs, tuple(case.scene.inputs.ports),
-        tuple(one.row(case) for one in found), tuple(ends), tuple(too_small(case, chosen)),
+        tuple(one.row for one in found), tuple(ends), tuple(too_small(case, chosen)),
         (*_not_charted(case, ends), *(f"{m.name}: {_NOT_OWN}" for m in own if m not in methods)),
         next((m.refusal for m in methods if m.refusal), ""),
         tuple(line for line in machine() if line not in absent()), key=case.key, many=case.many,
@@ -181,37 +181,23 @@ def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Mea
 
 @dataclass
 class Tried:
-    """A method at a setting, which can be timed again; seconds: the least time of a run so far."""
+    """A row of a chart with its run, which can be timed again; span: the simulated time, s.
 
-    method: Method
-    value: float
+    The row's time is the least so far, its spread the ratio between those of every other time and of the times between.
+    """
+
+    row: Row
     run: Run
-    error: float
-    seconds: float
-    compiling: float = 0.0
-    drifts: dict[str, float] = field(default_factory=dict)
+    span: float
     times: list[float] = field(default_factory=list)
 
     def time(self, shortest: float) -> None:
         """Time once more, for about `shortest` s."""
-        k = max(1, round(shortest / self.seconds))
+        k = max(1, round(shortest / self.row.run_seconds))
         self.times.append(self.run.seconds(k) / k)
-        self.seconds = min(self.times)
-
-    @property
-    def spread(self) -> float:
-        """Return the ratio between the least times of every other repeat and of the repeats between."""
         halves = [min(half) for half in (self.times[::2], self.times[1::2]) if half]
-        return max(halves) / min(halves) if halves else 1.0
-
-    def row(self, case: Case) -> Row:
-        """Return what is charted of it."""
-        method = self.method
-        return Row(
-            kind_of(method.name, method.family), method.name, self.run.detail, method.family, method.setting,
-            self.value, self.error, self.seconds / case.span, self.seconds, self.spread, self.run.evaluations,
-            self.compiling, **self.drifts,
-        )  # fmt: skip
+        least = min(halves)
+        self.row = replace(self.row, seconds=least / self.span, run_seconds=least, spread=max(halves) / least)
 
 
 def explore(what: Extent, case: Case, method: Method, first_calls: dict[str, float]) -> tuple[list[Tried], End]:
@@ -230,19 +216,19 @@ def explore(what: Extent, case: Case, method: Method, first_calls: dict[str, flo
             if refused == MAX_REFUSED:
                 break
             continue
-        refused, why, error = 0, "all settings tried", tried.error
+        refused, why, error = 0, "all settings tried", tried.row.error
         if error <= LARGEST_ERROR:
             found.append(tried)
         idle = 0 if error < 0.7 * least else idle + (error != last)
         last = error  # errors are equal where both settings take one step to each output
         least = min(least, error)
-        if 1.5 * tried.seconds > what.longest:
+        if 1.5 * tried.row.run_seconds > what.longest:
             why = STOPPED
             break
         if (idle >= MAX_IDLE and least < 1e-2) or error < finest:
             why = "no more digits"
             break
-    best = min((tried.error for tried in found), default=math.inf)
+    best = min((tried.row.error for tried in found), default=math.inf)
     return found, End(kind_of(method.name, method.family), method.name, best, why)
 
 
@@ -255,7 +241,12 @@ def _first_run(case: Case, method: Method, value: float, first_calls: dict[str, 
         run.seconds(1)
         first = thread_time() - start
         first_calls[method.name] = max(0.0, first - 2.0 * run.seconds(1))
-    return Tried(method, value, run, error, run.seconds(1), first_calls[method.name], drifts)
+    seconds = run.seconds(1)
+    row = Row(
+        kind_of(method.name, method.family), method.name, run.detail, method.family, method.setting, value, error,
+        seconds / case.span, seconds, 1.0, run.evaluations, first_calls[method.name], **drifts,
+    )  # fmt: skip
+    return Tried(row, run, case.span)
 
 
 def _not_charted(case: Case, ends: Sequence[End]) -> Iterator[str]:

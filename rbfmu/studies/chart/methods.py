@@ -4,7 +4,7 @@ One-step methods in equal steps, and what rbfmu offers: series, closed forms, DO
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib import import_module
@@ -12,7 +12,6 @@ from time import thread_time
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.models.question import Question
@@ -22,11 +21,12 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.studies.chart.cases import Case, FormulaCase
+from rbfmu.studies.chart.cases import Case, FormulaCase, Found
+from rbfmu.studies.chart.tables import short
 from rbfmu.studies.dop853 import Dop853Plan
-from rbfmu.studies.one_step import OneStepMethod
+from rbfmu.studies.one_step import Form, OneStepMethod, Steps, compiled
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
-from rbfmu.types import Motion
+from rbfmu.types import Array, Indices
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 MOST_RADIANS = 1e6
@@ -37,10 +37,6 @@ PLANNING = 30.0
 
 class NotFeasibleError(Exception):
     """The error of a method that cannot do a case at a setting; the message says why."""
-
-
-Found = Sequence[State] | Motion
-"""What a method returns at the checkpoints: states, or the quantities by which it is judged."""
 
 
 class Run(NamedTuple):
@@ -77,7 +73,7 @@ class Method:
     refusal: str = ""
 
 
-def timer(repeat: Callable[[int], Any]) -> Callable[[int], float]:
+def timer(repeat: Callable[[int], object]) -> Callable[[int], float]:
     """Return a function that measures the processor time of `repeat(k)` in s; waiting does not count.
 
     The clock is the thread's: under a limit of processor time (`ulimit -t`, a cluster's queue) Linux moves that of the
@@ -119,28 +115,20 @@ def module(name: str) -> Any:
 # Fixed steps
 
 
-class EqualSteps(NamedTuple):
-    """Steps of a size h in s, n of them to each output."""
-
-    h: float
-    n: int
-    outputs: int
-
-
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _repeated(loop: Any, y: Any, steps: EqualSteps, body: Body, loads: Loads, k: int) -> Any:
-    """Solve k times; h depends formally (by 0 *) on the last solution, so that the compiler removes no solution."""
+@compiled
+def _repeated(loop: Steps, y: Form, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Form:
+    """Solve k times by n steps to each output; h depends formally (by 0 *) on the last one, so that all are kept."""
     z = y
     for _ in range(k):
-        step = steps.h + 0.0 * z.omega_b[0]
+        step = h + 0.0 * z.omega_b[0]
         z = y
-        for _ in range(steps.outputs):
-            z = loop(z, step, steps.n, body, loads)
+        for _ in range(outputs):
+            z = loop(z, step, n, body, loads)
     return z
 
 
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _midpoint_rounds(loop: Any, y: Any, h: float, n: int, body: Body, loads: Loads) -> float:
+@compiled
+def _midpoint_rounds(loop: Steps, y: State, h: float, n: int, body: Body, loads: Loads) -> float:
     total = 0.0
     for _ in range(n):
         total += midpoint(y, h, body, loads)[1]
@@ -148,9 +136,7 @@ def _midpoint_rounds(loop: Any, y: Any, h: float, n: int, body: Body, loads: Loa
     return total
 
 
-def fixed_steps(
-    method: OneStepMethod, family: str, why_not: Callable[[Case], str] = lambda case: "", largest: float = 16.0
-) -> Method:
+def fixed_steps(method: OneStepMethod, family: str, why_not: Callable[[Case], str], largest: float = 16.0) -> Method:
     """Return a one-step method in equal steps, such as those of `rbfmu.studies.reference_methods`.
 
     largest: the step that is tried first, rad. A run of very many turns begins finer: the equation of Moser and Veselov
@@ -169,7 +155,7 @@ def _run_of_steps(method: OneStepMethod, case: Case, h: float) -> Run:
     start = method.start(case.start)
     path = method.path(case.start, h, [n * some for some in case.outputs_between], body, loads)
     if hasattr(method.steps, "py_func"):
-        seconds = timer(lambda k: _repeated(method.steps, start, EqualSteps(h, n, outputs), body, loads, k))
+        seconds = timer(lambda k: _repeated(method.steps, start, h, n, outputs, body, loads, k))
     else:  # the loop is not compiled: one long run, of which the calls are a small part
         seconds = timer(lambda k: method.steps(start, h, outputs * n * k, body, loads))
     evaluations = float(method.evaluations * outputs * n)
@@ -181,8 +167,10 @@ def _run_of_steps(method: OneStepMethod, case: Case, h: float) -> Run:
 # The product's models, stepped from output to output
 
 
-@njit(error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _steps_repeated(step: Any, z: Any, start: Any, interval: float, at: Any, out: Any, k: int) -> int:
+@compiled
+def _steps_repeated(
+    step: Callable[[Array, float], int], z: Array, start: Array, interval: float, at: Indices, out: Array, k: int
+) -> int:
     """Make k runs, and store the buffer's elements `at` in `out` at every output; start: what a run begins with.
 
     Return 1 where a fault ends them: each further step could take as long to fail.
@@ -281,21 +269,12 @@ def planned() -> Method:
 @cache
 def own_methods() -> tuple[Method, ...]:
     """Return the library's methods but the plan, and one-step methods in common use with the same right-hand sides."""
+    steppers: tuple[tuple[str, dict[str, OneStepMethod], Callable[[Case], str], float], ...] = (
+        ("splitting", SPLITTINGS, lambda case: "" if case.top else "no top", 16.0),
+        ("classic", REFERENCE_INTEGRATORS, lambda case: "", 16.0),
+        ("Moser-Veselov", TORQUE_FREE_INTEGRATORS, lambda case: "" if case.turns_freely else "under torques", 1.0),
+    )
     return (
-        *map(closed_form, CLOSED_FORMS), substeps(0), substeps(0, False),
-        *map(substeps, (6, 8, 12, 16, 20, 24)),
-        *(
-            fixed_steps(method, "splitting", lambda case: "" if case.top else "no top")
-            for method in SPLITTINGS.values()
-        ),
-        *(fixed_steps(method, "classic") for method in REFERENCE_INTEGRATORS.values()),
-        *(
-            fixed_steps(method, "Moser-Veselov", lambda case: "" if case.turns_freely else "under torques", 1.0)
-            for method in TORQUE_FREE_INTEGRATORS.values()
-        ),
+        *map(closed_form, CLOSED_FORMS), substeps(0), substeps(0, False), *map(substeps, (6, 8, 12, 16, 20, 24)),
+        *(fixed_steps(m, family, why, most) for family, methods, why, most in steppers for m in methods.values()),
     )  # fmt: skip
-
-
-def short(number: float) -> str:
-    """Return a number in its shortest form, such as 1e-9."""
-    return f"{number:.0e}".replace("e-0", "e-")

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -164,7 +163,7 @@ class Measured:
     def reaches(self) -> "list[Reach]":
         """Return what each kind of method costs at the accuracy asked, the cheapest first."""
         found = filter(None, map(self._reach, KINDS))
-        return sorted(found, key=lambda reach: (reach.cost, reach.least))
+        return sorted(found, key=lambda reach: (reach.cost, reach.end.error))
 
     def _reach(self, kind: str) -> "Reach | None":
         rows = [row for row in self.above_round_off if row.kind == kind]
@@ -172,11 +171,10 @@ class Measured:
         if not rows and not ends:
             return None
         if kind == "rbfmu's plan":
-            return Reach(kind, self.plan.detail, self.plan.seconds, self.plan.error, self.plan.detail, "")
+            return Reach(kind, self.plan.detail, self.plan.seconds, End(kind, self.plan.detail, self.plan.error, ""))
         offer = cheapest(rows, max(self.accuracy, FLOOR)) or Offer("", math.inf)
-        end = min(ends, key=lambda end: end.error, default=None)
-        least, best, why = (end.error, end.method, end.why) if end else (rows[0].error, rows[0].method, "")
-        return Reach(kind, offer.method, offer.cost, least, best, why, any(end.stopped for end in ends))
+        end = min(ends, key=lambda end: end.error) if ends else End(kind, rows[0].method, rows[0].error, "")
+        return Reach(kind, offer.method, offer.cost, end, any(end.stopped for end in ends))
 
 
 def write_rows(path: Path, rows: Iterable[Mapping[str, object]], head: Iterable[str]) -> Path:
@@ -204,11 +202,11 @@ DEAREST = 1.3
 REFUSED = "refused"
 
 
-def front(rows: Iterable[Row], error: Callable[[Row], float] = attrgetter("error"), gain: float = 1.0) -> list[Row]:
+def front(rows: Iterable[Row], gain: float = 1.0) -> list[Row]:
     """Return the Pareto front by rising cost: each error is below `gain` times that of the row before."""
     kept: list[Row] = []
     for row in sorted(rows, key=lambda row: row.seconds):
-        if not kept or error(row) < gain * error(kept[-1]):
+        if not kept or row.error < gain * kept[-1].error:
             kept.append(row)
     return kept
 
@@ -249,16 +247,14 @@ def cheapest(rows: Sequence[Row], accuracy: float) -> Offer | None:
 class Reach(NamedTuple):
     """The cheapest way to the accuracy asked by a kind of method.
 
-    cost: s for a simulated second, infinite where none meets the accuracy; least: the smallest error of the kind, by
-    `best`, and why that ended; stopped: whether the time limit stopped one, which might else come further.
+    cost: s for a simulated second, infinite where none meets the accuracy; end: that with the smallest error of the
+    kind; stopped: whether the time limit stopped one, which might else come further.
     """
 
     kind: str
     method: str
     cost: float
-    least: float
-    best: str
-    why: str
+    end: End
     stopped: bool = False
 
     @property

@@ -22,12 +22,6 @@ def _text(numbers: Iterable[float]) -> str:
 
 # MuJoCo
 
-_MUJOCO = """<mujoco><option timestep="{h!r}" integrator="{integrator}" gravity="{gravity}">
-<flag contact="disable" constraint="disable"/></option>
-<worldbody><body name="body">{joint}<inertial pos="{at}" mass="{mass!r}" {inertia}/>
-<site name="o"/></body></worldbody>
-<actuator><motor site="o" gear="{load}"/></actuator></mujoco>"""
-
 
 def _inertia(M: Matrix) -> str:
     """Return MuJoCo's attribute for an inertia matrix about the centre of mass."""
@@ -56,16 +50,12 @@ def _run_of_mujoco(integrator: str, case: Case, h: float) -> Run:
         raise NotFeasibleError("a ball joint's damping is the same about all axes")
     if any(body.r_oc_b) and any(loads.force_a):
         raise NotFeasibleError("a force fixed in space acts at the centre of mass")
-    text = _MUJOCO.format(
-        h=h,
-        integrator=integrator,
-        gravity=_text(loads.gravity_a),
-        joint=f'<joint type="ball" damping="{loads.damping_b[0]}"/>' if ball else '<freejoint align="false"/>',
-        at=_text(body.r_oc_b),
-        mass=body.mass,
-        inertia=_inertia(body.M_c),
-        load=_text((*loads.force_b, *loads.torque_b)),
-    )
+    joint = f'<joint type="ball" damping="{loads.damping_b[0]}"/>' if ball else '<freejoint align="false"/>'
+    text = f"""<mujoco><option timestep="{h!r}" integrator="{integrator}" gravity="{_text(loads.gravity_a)}">
+<flag contact="disable" constraint="disable"/></option>
+<worldbody><body name="body">{joint}
+<inertial pos="{_text(body.r_oc_b)}" mass="{body.mass!r}" {_inertia(body.M_c)}/><site name="o"/></body></worldbody>
+<actuator><motor site="o" gear="{_text((*loads.force_b, *loads.torque_b))}"/></actuator></mujoco>"""
     try:
         model = program.MjModel.from_xml_string(text)
     except ValueError as error:

@@ -13,21 +13,25 @@ from typing import Any
 import numpy as np
 from numba import carray, cfunc, njit
 
-from rbfmu.formulas.graph import KNOWN, numbers_of
+from rbfmu.formulas.graph import KNOWN, Number, numbers_of
 from rbfmu.formulas.source import function_of
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.chart.cases import ALL, PATH, PLACES, RATES, ROTATION, Case, FormulaCase, kind_of_case
 from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, timer, tolerances
+from rbfmu.studies.one_step import F
 from rbfmu.types import Array
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State, state_rates
 
+_fast: Callable[[F], F] = njit(error_model="numpy")
+PutRates = Callable[[float, Array, Array, Array], None]
+"""A compiled function of the time, of where the rates are put, of the numbers, and of the model's buffer."""
 MAX_STEPS = 10**6
 """The largest number of steps between two outputs; the solvers' default limits are much lower."""
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
-def put_rates(t: float, f: Any, y: Any, z: Any) -> None:
+@_fast
+def put_rates(t: float, f: Array, y: Array, z: Array) -> None:
     """Put d/dt of the numbers y into f, for the body of a model's buffer z, from where the rest of the state is taken.
 
     The numbers are those of `cases.RATES`, `PATH`, `ROTATION` or `ALL`.
@@ -52,17 +56,18 @@ def put_rates(t: float, f: Any, y: Any, z: Any) -> None:
 
 
 @cache
-def _put_rates_of(case: Case) -> Any:
+def _put_rates_of(case: Case) -> PutRates:
     """Return what puts the rates of the case's numbers: that above, or one that is made from its formulas."""
     if not isinstance(case, FormulaCase):
         return put_rates
     begin, names = case.scene.run.start, dict[str, Any]()
     leaves = _leaves(case, [f"y[{i}]" for i in range(case.numbers)], f"(t + {begin!r})" if begin else "t")
     exec(function_of("put_rates", case.formulas.motion.graph, _rates_in_graph(case), leaves), names)  # our own text
-    return njit(error_model="numpy")(names["put_rates"])
+    put: PutRates = names["put_rates"]
+    return _fast(put)
 
 
-def _rates_in_graph(case: FormulaCase) -> list[Any]:
+def _rates_in_graph(case: FormulaCase) -> list[Number]:
     """Return the rates of the numbers that are integrated, as symbols of the graph of the formulas."""
     return [case.formulas.rates[name] for name in case.names_of_states]
 
@@ -75,11 +80,11 @@ def _leaves(case: FormulaCase, states: Sequence[Any], time: Any) -> dict[str, An
 
 
 @cache
-def _rates(put: Any) -> Any:
+def _rates(put: PutRates) -> Callable[[float, Array, Array], Array]:
     """Return the same rates as a new array."""
 
-    @njit(error_model="numpy")  # type: ignore[untyped-decorator]
-    def rates(t: float, y: Any, z: Any) -> Any:
+    @_fast
+    def rates(t: float, y: Array, z: Array) -> Array:
         f = np.empty(len(y))
         put(t, f, y, z)
         return f
@@ -102,17 +107,17 @@ def rates_in_numpy(body: Body, loads: Loads, q: Any, w: Any) -> tuple[Any, Any, 
     return dq, np.array(body.inertia_inverse) @ turning, dv
 
 
-def _numpy_rates(case: Case) -> Callable[[float, Any], Any]:
+def _numpy_rates(case: Case) -> Callable[[float, Array], list[float]]:
     body, loads = Body._make(map(np.array, case.body)), Loads._make(map(np.array, case.loads))
 
-    def rates(t: float, y: Any) -> Any:
+    def rates(t: float, y: Array) -> list[float]:
         dq, dw, dv = rates_in_numpy(body, loads, y[:4], y[4:7])
         return [*dq, *dw] if len(y) == ROTATION else [*dq, *dw, *y[10:], *dv]
 
     return rates
 
 
-Prepared = tuple[Array, float, Callable[[int], Any]]
+Prepared = tuple[Array, float, Callable[[int], object]]
 """Rows of the numbers integrated, at the start and at all outputs; evaluations; and what solves k times."""
 
 
@@ -138,31 +143,30 @@ def _tolerances(case: Case, quick: bool) -> Iterator[float]:
     return tolerances(-2, -13, quick)
 
 
-def solve_ivp(method: str, compiled: bool = True) -> Method:
-    """Return `scipy.integrate.solve_ivp` with right-hand sides compiled with Numba, or written in NumPy."""
+def _compiled_rates(case: Case) -> Callable[[float, Array], Array]:
+    rates, z = _rates(_put_rates_of(case)), case.buffer
+    return lambda t, y: rates(t, y, z)
 
-    def why_not(case: Case) -> str:
-        if compiled:
-            return ""
-        if isinstance(case, FormulaCase):
-            return "formulas are compiled"
-        return "written for attitude and rates" if case.numbers < ROTATION else ""
 
-    def prepare(case: Case, value: float) -> Prepared:
-        solve = module("scipy.integrate").solve_ivp
-        y, times, z = case.integrated, case.times, case.buffer
-        fast = _rates(_put_rates_of(case))
-        rates = (lambda t, y: fast(t, y, z)) if compiled else _numpy_rates(case)
+def _solve_ivp(
+    method: str, rates_of: Callable[[Case], Callable[[float, Array], object]], case: Case, value: float
+) -> Prepared:
+    """Prepare `scipy.integrate.solve_ivp` with right-hand sides that are compiled with Numba, or written in NumPy."""
+    solve, rates, y, times = module("scipy.integrate").solve_ivp, rates_of(case), case.integrated, case.times
 
-        def once() -> Any:
-            return solve(rates, (0.0, times[-1]), y, method, times, rtol=value, atol=value)
+    def once() -> Any:
+        return solve(rates, (0.0, times[-1]), y, method, times, rtol=value, atol=value)
 
-        first = once()
-        if not first.success:
-            raise NotFeasibleError(first.message)
-        return first.y.T, float(first.nfev), lambda k: [once() for _ in range(k)]
+    first = once()
+    if not first.success:
+        raise NotFeasibleError(first.message)
+    return first.y.T, float(first.nfev), lambda k: [once() for _ in range(k)]
 
-    return solver(f"SciPy {method}{'' if compiled else ', NumPy'}", prepare, why_not)
+
+def _not_in_numpy(case: Case) -> str:
+    if isinstance(case, FormulaCase):
+        return "formulas are compiled"
+    return "written for attitude and rates" if case.numbers < ROTATION else ""
 
 
 def _odeint(case: Case, value: float) -> Prepared:
@@ -181,7 +185,7 @@ def _odeint(case: Case, value: float) -> Prepared:
 
 
 @cache
-def _callback(put: Any, n: int, size: int) -> Any:
+def _callback(put: PutRates, n: int, size: int) -> Any:
     """Return numbalsoda's right-hand side for n states and a buffer of a size."""
 
     @cfunc(module("numbalsoda").lsoda_sig)  # type: ignore[untyped-decorator]
@@ -192,12 +196,12 @@ def _callback(put: Any, n: int, size: int) -> Any:
 
 
 @cache
-def _solved(method: str) -> Any:
+def _solved(method: str) -> Callable[[int, Array, Array, Array, float, int], tuple[Array, bool]]:
     """Return a compiled function that solves k times by a method of numbalsoda and returns the last solution."""
     solve = getattr(module("numbalsoda"), method)
 
-    @njit  # type: ignore[untyped-decorator]
-    def solved(address: int, y: Any, times: Any, z: Any, tolerance: float, k: int) -> Any:
+    @_fast
+    def solved(address: int, y: Array, times: Array, z: Array, tolerance: float, k: int) -> tuple[Array, bool]:
         for _ in range(k):
             rows, success = solve(address, y, times, z, tolerance, tolerance, MAX_STEPS)
         return rows, success
@@ -287,8 +291,8 @@ def heyoka_functions(heyoka: Any) -> dict[str, Callable[..., Any]]:
 
 
 SCIPY = (
-    *map(solve_ivp, ("DOP853", "RK45", "LSODA")),
-    solve_ivp("LSODA", compiled=False),
+    *(solver(f"SciPy {m}", partial(_solve_ivp, m, _compiled_rates)) for m in ("DOP853", "RK45", "LSODA")),
+    solver("SciPy LSODA, NumPy", partial(_solve_ivp, "LSODA", _numpy_rates), _not_in_numpy),
     solver("SciPy odeint", _odeint),
 )
 NUMBALSODA = tuple(solver(f"numbalsoda {m.upper()}", partial(_numbalsoda, m)) for m in ("lsoda", "dop853"))

@@ -5,8 +5,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
 from rbfmu.studies.chart.cases import FLOOR, OUTPUT_STEP
-from rbfmu.studies.chart.methods import short
-from rbfmu.studies.chart.result import DEAREST, REFUSED, SIDES, STOPPED, Measured, Reach, Verdict
+from rbfmu.studies.chart.result import DEAREST, REFUSED, SIDES, STOPPED, Measured, Verdict
 
 WIDTH = 80
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"), (1e-15, "fs"))
@@ -52,17 +51,14 @@ def _kinds(chart: Measured) -> Iterator[str]:
     )
     yield _KIND.format("kind", "cheapest method", "for 1 s", "the run", "of plan's")
     for reach in chart.reaches:
-        yield from _kind(chart, reach)
-
-
-def _kind(chart: Measured, reach: Reach) -> Iterator[str]:
-    if math.isfinite(reach.cost):
-        ratio = times(reach.cost / chart.plan.seconds)
-        yield _KIND.format(reach.name, reach.method, cost_text(reach.cost), cost_text(reach.cost * chart.span), ratio)
-    else:
-        least = short_number(reach.least) if math.isfinite(reach.least) else "none below 1"
-        said = f"{reach.name:22}{'stopped' if reach.stopped else 'misses it'}: {least} by {reach.best} ({reach.why})"
-        yield from textwrap.wrap(said, WIDTH, subsequent_indent=" " * 24)
+        end, missed = reach.end, "stopped" if reach.stopped else "misses it"
+        if math.isfinite(reach.cost):
+            ratio, run = times(reach.cost / chart.plan.seconds), cost_text(reach.cost * chart.span)
+            yield _KIND.format(reach.name, reach.method, cost_text(reach.cost), run, ratio)
+        else:
+            least = short_number(end.error) if math.isfinite(end.error) else "none below 1"
+            said = f"{reach.name:22}{missed}: {least} by {end.method} ({end.why})"
+            yield from textwrap.wrap(said, WIDTH, subsequent_indent=" " * 24)
 
 
 def _digits(chart: Measured) -> Iterator[str]:
@@ -199,6 +195,11 @@ def short_number(number: float) -> str:
     if number == 0.0:
         return "0"
     return short(number) if number < 0.095 else two_digits(number).removesuffix(".0")
+
+
+def short(number: float) -> str:
+    """Return a number in its shortest form, such as 1e-9."""
+    return f"{number:.0e}".replace("e-0", "e-")
 
 
 def two_digits(number: float) -> str:

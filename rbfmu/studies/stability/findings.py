@@ -3,7 +3,7 @@
 import csv
 import math
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
@@ -68,6 +68,8 @@ def exponent(larger: float, smaller: float, ratio: float = 2.0) -> float:
     return math.log(quotient) / math.log(ratio) if 0.0 < quotient < math.inf else math.nan
 
 
+Columns = dict[str, list[Any]]
+"""Numbers, or names, by what they are: of equal length."""
 CURVE = "your method"
 """The column of a study that has the curve of a reader's own method."""
 
@@ -81,7 +83,7 @@ class Study:
 
     name: str
     findings: list[Finding]
-    columns: dict[str, Any] = field(default_factory=dict)
+    columns: Columns = field(default_factory=dict)
     curve: Callable[[OneStepMethod], list[float]] | None = None
 
 
@@ -89,7 +91,7 @@ _NUMBERS = {"law": int, "predicted": float, "measured": float, "tolerance": floa
 _NAMES = ("law", "what", "place", "kind", "predicted", "measured", "tolerance", "holds")
 
 
-def write_columns(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
+def write_columns(path: Path, columns: Mapping[str, Sequence[object]]) -> Path:
     """Write a CSV file with all digits."""
     rows = zip(*columns.values(), strict=True)
     return write_rows(path, (dict(zip(columns, row, strict=True)) for row in rows), ())
@@ -136,16 +138,15 @@ def print_laws(findings: Sequence[Finding]) -> None:
         for name in ("predicted", "measured"):
             table.add_column(name, justify="right", no_wrap=True)
         table.add_column("verdict", no_wrap=True)
-        for row in rows(list(members)):
+        for row in rows(members):
             table.add_row(*map(escape, row))
         console.print(Padding(table, _INDENT))
     if any(f.kind == RECORDED for f in findings):
         console.print(f"\n{_RECORDED}")
 
 
-def rows(findings: Sequence[Finding]) -> list[tuple[str, str, str, str]]:
-    """Return (finding, predicted, measured, verdict) of the worst in each group, and of each that does not hold."""
-    found: list[tuple[str, str, str, str]] = []
+def rows(findings: Iterable[Finding]) -> Iterator[tuple[str, str, str, str]]:
+    """Yield (finding, predicted, measured, verdict) of the worst in each group, and of each that does not hold."""
     together: dict[str, list[Finding]] = {}
     for finding in findings:
         together.setdefault(finding.what, []).append(finding)
@@ -153,9 +154,8 @@ def rows(findings: Sequence[Finding]) -> list[tuple[str, str, str, str]]:
         good = [f for f in members if f.holds]
         if good:
             places = f" ({len(good)} of {len(members)})" if len(members) > 1 else ""
-            found.append(_row(max(good, key=lambda f: f.measured), what + places))
-        found += [_row(f, f"{what} ({f.place})" if f.place else what) for f in members if not f.holds]
-    return found
+            yield _row(max(good, key=lambda f: f.measured), what + places)
+        yield from (_row(f, f"{what} ({f.place})" if f.place else what) for f in members if not f.holds)
 
 
 def _row(finding: Finding, what: str) -> tuple[str, str, str, str]:

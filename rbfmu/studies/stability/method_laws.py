@@ -1,10 +1,8 @@
 """Laws 1 to 9: what integration does to an attitude and to a body's energy, and how large a step may be."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -13,9 +11,9 @@ from rbfmu.runs.plan import Plan
 from rbfmu.simulation import simulate
 from rbfmu.studies.dop853 import DOP853, STAGES, A, Dop853Plan
 from rbfmu.studies.one_step import OneStepMethod
-from rbfmu.studies.reference_methods import ALL_INTEGRATORS, TORQUE_FREE_INTEGRATORS
+from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS
 from rbfmu.studies.stability import motions
-from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
+from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Columns, Finding, Study, exponent
 from rbfmu.studies.stability.motions import SPHERE, TUMBLING, UPRIGHT, ZERO, at, attitude_after, free_body, spin
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, angular_acceleration
 from rbfmu_kernels.mechanics.newton_euler import angular_momentum, kinetic_energy
@@ -24,26 +22,23 @@ from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 from rbfmu_kernels.rotations.quaternion import angle_between
 from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec, rotvec_from_quaternion, rotvec_rate_b
 from rbfmu_kernels.rotations.vec3 import norm
+from rbfmu_kernels.types import Matrix, Vec3
 
-METHODS = ALL_INTEGRATORS | {DOP853.name: DOP853}
-"""The methods that laws are measured of, by name."""
-EULER, SEMI, RK4, RK4_ON_R = "explicit Euler", "semi-implicit Euler", "RK4, quaternion", "RK4, matrix"
-RK4_ON_Q, RK4_ON_ANGLES, MIDPOINT = "RK4, quaternion not normalised", "RK4, Euler angles", "implicit midpoint"
-MOSER_VESELOV, MOSER_VESELOV_10 = TORQUE_FREE_INTEGRATORS
+EULER, SEMI, MIDPOINT, RK4, RK4_ON_Q, RK4_ON_R, RK4_ON_ANGLES, *_ = REFERENCE_INTEGRATORS.values()
+MOSER_VESELOV, MOSER_VESELOV_10 = TORQUE_FREE_INTEGRATORS.values()
 _BODY = free_body(SPHERE)
 EPS = 2.0**-52
 
 
-def method_of(method: str | OneStepMethod) -> OneStepMethod:
-    """Return a method as it is, or one of those above by its name."""
-    return METHODS[method] if isinstance(method, str) else method
+def _along(f: Callable[[OneStepMethod, float], float], x: Sequence[float], method: OneStepMethod) -> list[float]:
+    return [f(method, value) for value in x]
 
 
 def stability_polynomial(method: str) -> Callable[[complex], complex]:
     """Return the stability polynomial R(z): a step multiplies y by R(h lambda) if dy/dt = lambda y."""
     if method == "DOP853":
         return _polynomial_of_the_tableau
-    terms = {EULER: 1, "RK4": 4, "Taylor 8": 8, "Taylor 12": 12, "Taylor 16": 16}[method.split(",")[0]]
+    terms = {"explicit Euler": 1, "RK4": 4, "Taylor 8": 8, "Taylor 12": 12, "Taylor 16": 16}[method.split(",")[0]]
     return lambda z: sum(z**k / math.factorial(k) for k in range(terms + 1))
 
 
@@ -68,27 +63,24 @@ def limit_near(factor: Callable[[float], float], limit: float) -> float:
     return crossing(lambda x: abs(factor(x)), 0.8 * limit, 1.2 * limit)
 
 
-def growth(method: str | OneStepMethod, h_omega: float) -> float:
+def growth(method: OneStepMethod, h_omega: float) -> float:
     """Return |q|, or the length of R's first column, after one step of a body that turns by h omega."""
-    (attitude,) = (y[2] for y in method_of(method).path(spin(h_omega), 1.0, [1], _BODY))
-    return math.hypot(*(row[0] for row in attitude) if method == RK4_ON_R else attitude)
+    (attitude,) = (y[2] for y in method.path(spin(h_omega), 1.0, [1], _BODY))
+    return math.hypot(*(row[0] for row in attitude) if method is RK4_ON_R else attitude)
 
 
 def growth_factors(quick: bool) -> Study:
     """Measure laws 1 to 3: the factor by which a step scales an attitude, against h omega."""
     x = np.linspace(0.1, 13.0, 26 if quick else 130).tolist()
-
-    def curve(method: str | OneStepMethod) -> list[float]:
-        return [growth(method, value) for value in x]
-
-    columns: dict[str, Any] = {"h_omega": x}
-    for method in (EULER, RK4_ON_Q, "DOP853", RK4_ON_R):
-        R, eigenvalue = stability_polynomial(method), 1j if method == RK4_ON_R else 0.5j
-        columns[f"{method}, predicted"] = [abs(R(eigenvalue * value)) for value in x]
-        columns[f"{method}, measured"] = curve(method)
+    curve = partial(_along, growth, x)
+    columns: Columns = {"h_omega": x}
+    for method in (EULER, RK4_ON_Q, DOP853, RK4_ON_R):
+        R, eigenvalue = stability_polynomial(method.name), 1j if method is RK4_ON_R else 0.5j
+        columns[f"{method.name}, predicted"] = [abs(R(eigenvalue * value)) for value in x]
+        columns[f"{method.name}, measured"] = curve(method)
     limits = (
         (2, "RK4 on q", RK4_ON_Q, 4.0 * math.sqrt(2.0), 1e-12),
-        (2, "DOP853 on q", "DOP853", 11.92, 1e-4),
+        (2, "DOP853 on q", DOP853, 11.92, 1e-4),
         (3, "RK4 on R", RK4_ON_R, 2.0 * math.sqrt(2.0), 1e-12),
     )
     findings = [
@@ -102,12 +94,7 @@ def growth_factors(quick: bool) -> Study:
     return Study("growth_factors", findings, columns, curve)
 
 
-def _between(counts: list[int]) -> list[int]:
-    """Return the numbers of steps from each count to the next, the first from 0."""
-    return [b - a for a, b in pairwise([0, *counts])]
-
-
-def _matrix_drift(R_ab: Any) -> float:
+def _matrix_drift(R_ab: Matrix) -> float:
     """Return |R^T R - I| in the 2-norm."""
     R = np.array(R_ab)
     return float(np.linalg.norm(R.T @ R - np.eye(3), 2))
@@ -116,9 +103,9 @@ def _matrix_drift(R_ab: Any) -> float:
 def drift(quick: bool) -> Study:
     """Measure laws 2 and 3: the drift of |q| from 1 and of R^T R from I over many steps."""
     x, counts = 0.1, [10**k for k in range(0, 5 if quick else 7)]
-    columns: dict[str, Any] = {"steps": counts}
-    for name, column in ((RK4_ON_Q, "q"), (RK4_ON_R, "R"), (RK4, "q normalised")):
-        states = METHODS[name].path(spin(1.0), x, _between(counts), _BODY)
+    columns: Columns = {"steps": counts}
+    for method, column in ((RK4_ON_Q, "q"), (RK4_ON_R, "R"), (RK4, "q normalised")):
+        states = method.path(spin(1.0), x, np.diff(counts, prepend=0).tolist(), _BODY)
         columns[column] = [_matrix_drift(y[2]) if column == "R" else abs(math.hypot(*y[2]) - 1.0) for y in states]
     for column, part in (("q", 9216.0), ("R", 72.0)):
         columns[f"{column}, predicted"] = [-math.expm1(n * math.log1p(-(x**6) / part)) for n in counts]
@@ -126,7 +113,7 @@ def drift(quick: bool) -> Study:
     q, R, q_predicted, R_predicted = (
         columns[name][counts.index(n)] for name in ("q", "R", "q, predicted", "R, predicted")
     )
-    lag = angle_between(METHODS[RK4].run(spin(1.0), x, n, _BODY, NO_LOADS).q_ab, attitude_after(spin(1.0), x * n))
+    lag = angle_between(RK4.run(spin(1.0), x, n, _BODY, NO_LOADS).q_ab, attitude_after(spin(1.0), x * n))
     findings = [
         Finding(2, "RK4 on q, decay of |q| in 1e4 steps, h omega = 0.1", q_predicted, q, 5e-4),
         Finding(2, "RK4 on q, lag of the angle in 1e4 steps, h omega = 0.1", n * x**5 / 1920.0, lag, 1e-3),
@@ -142,19 +129,17 @@ _PASSAGE = at(UPRIGHT, (0.0, math.cos(_MISS), math.sin(_MISS)))
 """The start of a body at 1 rad/s whose nose passes the vertical at that angle."""
 
 
-def passage_error(method: str | OneStepMethod, ratio: float) -> float:
+def passage_error(method: OneStepMethod, ratio: float) -> float:
     """Return the attitude's error after half a turn with h omega / delta = ratio."""
     n = round(math.pi / (ratio * _MISS))
-    after = method_of(method).run(_PASSAGE, math.pi / n, n, _BODY, NO_LOADS)
+    after = method.run(_PASSAGE, math.pi / n, n, _BODY, NO_LOADS)
     return angle_between(after.q_ab, attitude_after(_PASSAGE, math.pi))
 
 
 def gimbal_passage(quick: bool) -> Study:
     """Measure law 4: roll, pitch and yaw of a body whose nose passes close to the vertical."""
     ratios, on_angles = np.geomspace(0.1, 30.0, 9 if quick else 41).tolist(), partial(passage_error, RK4_ON_ANGLES)
-
-    def curve(method: str | OneStepMethod) -> list[float]:
-        return [passage_error(method, ratio) for ratio in ratios]
+    curve = partial(_along, passage_error, ratios)
 
     def yaw_rate(t: float) -> float:
         return abs(euler_rate_b(ZYX, euler_from_quaternion(ZYX, attitude_after(_PASSAGE, t)), _PASSAGE.omega_b)[0])
@@ -172,7 +157,7 @@ def gimbal_passage(quick: bool) -> Study:
         Finding(4, "RK4 on q, lag in rad over half a turn with h = pi / 31", math.pi * (math.pi / 31) ** 4 / 1920,
                 passage_error(RK4, 10.0), 1e-2),
     ]  # fmt: skip
-    columns = {"h_omega_over_delta": ratios} | {name: curve(name) for name in (RK4_ON_ANGLES, RK4)}
+    columns = {"h_omega_over_delta": ratios} | {method.name: curve(method) for method in (RK4_ON_ANGLES, RK4)}
     return Study("gimbal_passage", findings, columns, curve)
 
 
@@ -181,15 +166,15 @@ _RATE, _STEP = 30.0, 1.0 / 60.0
 _NUTATION = _RATE * (1.0 - _ROD[2] / _ROD[0])
 
 
-def _gains(method: str) -> tuple[float, float, float, float]:
+def _gains(method: OneStepMethod) -> tuple[float, float, float, float]:
     """Return the gains of energy and |h|^2 over theory's in 1000 steps of 0.05 s of a brick, and the least gains."""
     h, body = 0.05, TUMBLING.body
     M = body.inertia
 
-    def sizes(omega_b: Any) -> tuple[float, float]:
+    def sizes(omega_b: Vec3) -> tuple[float, float]:
         return kinetic_energy(0.0, M, ZERO, omega_b), norm(angular_momentum(M, omega_b)) ** 2
 
-    states = [TUMBLING.start, *METHODS[method].path(TUMBLING.start, h, [1] * 1000, body)]
+    states = [TUMBLING.start, *method.path(TUMBLING.start, h, [1] * 1000, body)]
     gains = np.diff([sizes(y.omega_b) for y in states], axis=0)
     alphas = [angular_acceleration(y.q_ab, y.omega_b, body, NO_LOADS) for y in states[:-1]]
     predicted = [(h * h * energy, h * h * momentum) for energy, momentum in map(sizes, alphas)]
@@ -197,28 +182,30 @@ def _gains(method: str) -> tuple[float, float, float, float]:
     return energy, momentum, *np.min(gains, axis=0)
 
 
-def rod_growth(method: str | OneStepMethod) -> list[float]:
+def rod_growth(method: OneStepMethod) -> list[float]:
     """Return a rod's transverse rate over its start after 0 to 60 steps, in one second."""
     start = at(UPRIGHT, (1e-3, 0.0, _RATE))
-    states = [start, *method_of(method).path(start, _STEP, [1] * 60, free_body(_ROD))]
+    states = [start, *method.path(start, _STEP, [1] * 60, free_body(_ROD))]
     return [math.hypot(*y.omega_b[:2]) / 1e-3 for y in states]
 
 
 def gyroscopic_blow_up(quick: bool) -> Study:
     """Measure law 5: an explicit gyroscopic term adds energy."""
     factor = math.sqrt(1.0 + (_STEP * _NUTATION) ** 2)
-    columns: dict[str, Any] = {"time": [k * _STEP for k in range(61)], "predicted": [factor**k for k in range(61)]}
-    columns |= {name: rod_growth(name) for name in (EULER, SEMI, RK4, MIDPOINT)}
+    columns: Columns = {"time": [k * _STEP for k in range(61)], "predicted": [factor**k for k in range(61)]}
+    columns |= {method.name: rod_growth(method) for method in (EULER, SEMI, RK4, MIDPOINT)}
     findings = [
-        Finding(5, f"{name}, growth of a rod's transverse rate in 1 s, 30 rad/s at 60 Hz", factor**60,
-                columns[name][-1], 1e-12)
-        for name in (EULER, SEMI)
+        Finding(5, f"{method.name}, growth of a rod's transverse rate in 1 s, 30 rad/s at 60 Hz", factor**60,
+                columns[method.name][-1], 1e-12)
+        for method in (EULER, SEMI)
     ]  # fmt: skip
-    findings.append(Finding(5, "that growth", 717.0, columns[SEMI][-1], 1e-3))
-    for name in (EULER, SEMI):
-        energy, momentum, least_energy, least_momentum = _gains(name)
+    findings.append(Finding(5, "that growth", 717.0, columns[SEMI.name][-1], 1e-3))
+    for method in (EULER, SEMI):
+        name, (energy, momentum, least_energy, least_momentum) = method.name, _gains(method)
         findings += [
-            Finding(5, f"{name}, brick: energy gained over the sum of h^2 alpha . M alpha / 2", 1.0, energy, 1e-10),
+            Finding(
+                5, f"{method.name}, brick: energy gained over the sum of h^2 alpha . M alpha / 2", 1.0, energy, 1e-10
+            ),
             Finding(5, f"{name}, brick: |h|^2 gained over the sum of h^2 |M alpha|^2", 1.0, momentum, 1e-10),
             Finding(5, f"{name}, brick: loss of energy in any step", 0.0, -least_energy, 0.0, AT_MOST),
             Finding(5, f"{name}, brick: loss of |h|^2 in any step", 0.0, -least_momentum, 0.0, AT_MOST),
@@ -226,53 +213,55 @@ def gyroscopic_blow_up(quick: bool) -> Study:
     return Study("gyroscopic_blow_up", findings, columns, rod_growth)
 
 
-_LIMITS = {
-    EULER: 2.0, SEMI: 2.0, RK4: 2.785, "DOP853": 6.394, "Taylor 8": 4.314, "Taylor 12": 5.823, "Taylor 16": 7.324,
-}  # fmt: skip
+def decay_factor(method: OneStepMethod, x: float) -> float:
+    """Return the rate after one step of a damped spin of 1 rad/s with h d / I = x; NaN if there is no step."""
+    return float(method.path(spin(1.0), 1.0, [1], free_body(SPHERE, (x, x, x)))[0].omega_b[2])
+
+
+def _decay_of_plan(planned: Plan, x: float) -> float:
+    """Return the same of a model of the product, with one substep per step."""
+    scene = motions.scene_of({"inertia": SPHERE}, spin(1.0), ["omega_b"], 1.0, 1.0, **{"loads.damping_b": (x, x, x)})
+    return float(simulate(scene, planned=planned).omega_b[1, 2])
+
+
 _MODELS = {
     "DOP853": Dop853Plan("body under loads", "", 3, substep=1.0),
     **{f"Taylor {n}": Plan("body under loads, by series", "", 3, tolerance=math.inf, order=n) for n in (8, 12, 16)},
 }
-"""Plans of the product's methods, with one substep per step."""
-
-
-def decay_factor(method: str | OneStepMethod, x: float) -> float:
-    """Return the rate after one step of a damped spin of 1 rad/s with h d / I = x; NaN if there is no step."""
-    if method in _MODELS:
-        scene = motions.scene_of(
-            {"inertia": SPHERE}, spin(1.0), ["omega_b"], 1.0, 1.0, **{"loads.damping_b": (x, x, x)}
-        )
-        return float(simulate(scene, planned=_MODELS[str(method)]).omega_b[1, 2])
-    return float(method_of(method).path(spin(1.0), 1.0, [1], free_body(SPHERE, (x, x, x)))[0].omega_b[2])
+_DECAYS = {method.name: partial(decay_factor, method) for method in (EULER, SEMI, RK4, MIDPOINT)} | {
+    name: partial(_decay_of_plan, planned) for name, planned in _MODELS.items()
+}
+"""The functions of h d / I by the name of a method, or of one of the product's."""
+_LIMITS = {
+    EULER.name: 2.0, SEMI.name: 2.0, RK4.name: 2.785,
+    "DOP853": 6.394, "Taylor 8": 4.314, "Taylor 12": 5.823, "Taylor 16": 7.324,
+}  # fmt: skip
 
 
 def damping_limits(quick: bool) -> Study:
     """Measure law 6: the largest h d / I at which a damped spin still decays."""
-    x, damped = np.linspace(0.05, 8.0, 32 if quick else 160).tolist(), (EULER, RK4, "DOP853")
-
-    def curve(method: str | OneStepMethod) -> list[float]:
-        return [abs(decay_factor(method, value)) for value in x]
-
+    x, damped = np.linspace(0.05, 8.0, 32 if quick else 160).tolist(), (EULER.name, RK4.name, "DOP853")
     columns = {"h d / I": x, "exact": [math.exp(-value) for value in x]}
-    columns |= {method: curve(method) for method in (*damped, MIDPOINT)}
-    columns |= {f"{method}, predicted": [abs(stability_polynomial(method)(-value)) for value in x] for method in damped}
+    columns |= {name: [abs(_DECAYS[name](value)) for value in x] for name in (*damped, MIDPOINT.name)}
+    columns |= {f"{name}, predicted": [abs(stability_polynomial(name)(-value)) for value in x] for name in damped}
     findings = [
-        Finding(6, f"{method}, largest h d / I", limit, limit_near(partial(decay_factor, method), limit), 2e-4)
-        for method, limit in _LIMITS.items()
+        Finding(6, f"{name}, largest h d / I", limit, limit_near(_DECAYS[name], limit), 2e-4)
+        for name, limit in _LIMITS.items()
     ] + [
-        Finding(6, f"{method}, a step's factor at h d / I = 3", stability_polynomial(method)(-3.0).real,
-                decay_factor(method, 3.0), 1e-12)
-        for method in _MODELS
+        Finding(6, f"{name}, a step's factor at h d / I = 3", stability_polynomial(name)(-3.0).real,
+                _DECAYS[name](3.0), 1e-12)
+        for name in _MODELS
     ]  # fmt: skip
-    return Study("damping_limits", findings, columns, curve)
+    own = partial(_along, lambda method, value: abs(decay_factor(method, value)), x)
+    return Study("damping_limits", findings, columns, own)
 
 
-def _moser_veselov_error(method: str, x: float) -> float:
+def _moser_veselov_error(method: OneStepMethod, x: float) -> float:
     """Return the error in rad of one step of a sphere that turns by x; NaN where there is no solution."""
-    return angle_between(METHODS[method].run(spin(1.0), x, 1, _BODY, NO_LOADS).q_ab, attitude_after(spin(1.0), x))
+    return angle_between(method.run(spin(1.0), x, 1, _BODY, NO_LOADS).q_ab, attitude_after(spin(1.0), x))
 
 
-def _last_use(method: str, error: float) -> float:
+def _last_use(method: OneStepMethod, error: float) -> float:
     """Return the h omega up to which a step has a solution with at most this error in rad."""
     return crossing(lambda x: 0.0 if _moser_veselov_error(method, x) <= error else 2.0, 0.5, 3.0)
 
@@ -281,7 +270,7 @@ def moser_veselov_limits(quick: bool) -> Study:
     """Measure law 7: the discrete Moser-Veselov algorithm has no solution for large steps."""
     x = np.geomspace(0.02, 2.0, 21 if quick else 161).tolist()
     columns = {"h_omega": x}
-    columns |= {name: [_moser_veselov_error(name, value) for value in x] for name in TORQUE_FREE_INTEGRATORS}
+    columns |= {method.name: _along(_moser_veselov_error, x, method) for method in (MOSER_VESELOV, MOSER_VESELOV_10)}
     columns["Moser-Veselov, predicted"] = [math.asin(value) - value if value <= 1.0 else math.nan for value in x]
     findings = [
         Finding(7, "Moser-Veselov, last h omega with a solution", 1.0, _last_use(MOSER_VESELOV, math.inf), 1e-4),
@@ -294,17 +283,16 @@ def moser_veselov_limits(quick: bool) -> Study:
 
 
 H = 0.1
-_EXACT = "exact steps"
 
 
-def energies(name: str | OneStepMethod, h: float, counts: list[int]) -> list[float]:
-    """Return the relative energy errors of the tumbling brick after each of these numbers of steps."""
+def energies(method: OneStepMethod | None, h: float, counts: list[int]) -> list[float]:
+    """Return the relative energy errors of the tumbling brick after so many steps each; None: after exact ones."""
     start = TUMBLING.start
-    if name == _EXACT:
+    if method is None:
         _, rates = arrays.free_rotation(TUMBLING.moments, start.q_ab, start.omega_b, h * np.array(counts))
         found = rates.tolist()
     else:
-        found = [y.omega_b for y in method_of(name).path(start, h, _between(counts), TUMBLING.body)]
+        found = [y.omega_b for y in method.path(start, h, np.diff(counts, prepend=0).tolist(), TUMBLING.body)]
     sizes = [kinetic_energy(0.0, TUMBLING.body.inertia, ZERO, tuple(omega_b)) for omega_b in (start.omega_b, *found)]
     return [size / sizes[0] - 1.0 for size in sizes[1:]]
 
@@ -313,22 +301,23 @@ def energy_drift(quick: bool) -> Study:
     """Measure law 8: the energy of a tumbling brick over long runs at h = 0.1."""
     counts = [10**k for k in range(0, 4 if quick else 6)]
 
-    def curve(method: str | OneStepMethod) -> list[float]:
+    def curve(method: OneStepMethod | None) -> list[float]:
         return [abs(error) for error in energies(method, H, counts)]
 
-    columns: dict[str, Any] = {"steps": counts}
-    columns |= {name: curve(name) for name in (SEMI, RK4, MIDPOINT, MOSER_VESELOV_10, _EXACT)}
+    columns: Columns = {"steps": counts}
+    columns |= {method.name: curve(method) for method in (SEMI, RK4, MIDPOINT, MOSER_VESELOV_10)}
+    columns["exact steps"] = curve(None)
     n, (coarse, longer), (finer,) = counts[-1], energies(RK4, H, [1000, 10_000]), energies(RK4, 0.5 * H, [20_000])
     findings = [
         Finding(8, "RK4, power of h in the energy error after 1000 s", 5.0, exponent(longer, finer), 0.02),
         Finding(8, "RK4, relative energy error over h^5 per 100 s", -0.0277, coarse / H**5, 0.01, RECORDED),
         Finding(8, f"Moser-Veselov, order 10, energy error, {n:g} steps", 2.0 * EPS * math.sqrt(n),
-                columns[MOSER_VESELOV_10][-1], 0.0, AT_MOST),
-        Finding(8, f"exact motion, largest energy error up to {n:g} steps", 4.0 * EPS, max(columns[_EXACT]), 0.0,
+                columns[MOSER_VESELOV_10.name][-1], 0.0, AT_MOST),
+        Finding(8, f"exact motion, largest energy error up to {n:g} steps", 4.0 * EPS, max(columns["exact steps"]), 0.0,
                 AT_MOST),
     ]  # fmt: skip
     if not quick:
-        error = columns[RK4][-1]
+        error = columns[RK4.name][-1]
         findings.append(Finding(8, "RK4, relative energy error after 1e5 steps", 2.6e-5, error, 4e-3, RECORDED))
     return Study("energy_drift", findings, columns, curve)
 

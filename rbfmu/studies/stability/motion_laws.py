@@ -1,9 +1,9 @@
 """Laws 10 to 14: unstable motions, a resonance that splitting introduces, and the product's models on known motions."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,10 +15,10 @@ from rbfmu.simulation import simulate
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.reference_methods import SPLITTINGS
 from rbfmu.studies.stability import motions
-from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Finding, Study, exponent
-from rbfmu.studies.stability.method_laws import METHODS, RK4, SEMI, crossing
+from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Columns, Finding, Study, exponent
+from rbfmu.studies.stability.method_laws import RK4, SEMI, crossing
 from rbfmu.studies.stability.motions import BRICK, FLIPPING, HEAVY_TOP, UPRIGHT, scene_of
-from rbfmu.types import Array
+from rbfmu.types import Array, Motion
 from rbfmu_kernels.integrators.splitting import resonant_step
 from rbfmu_kernels.types import Vec3
 
@@ -65,10 +65,10 @@ def _flips_about_a_pivot() -> tuple[float, float]:
 def intermediate_axis(quick: bool) -> Study:
     """Measure law 10: a spin about the middle axis flips again and again, at predicted intervals."""
     time, start = np.arange(0.0, 30.0 if quick else 62.0, 0.25), FLIPPING.start
-    columns: dict[str, Any] = {"time": time.tolist(), "exact": _free_rates(start.omega_b, time)[:, 1].tolist()}
-    for name, h in ((RK4, 0.25), (SEMI, 0.05)):
-        states = METHODS[name].path(start, h, [round(0.25 / h)] * (len(time) - 1), FLIPPING.body)
-        columns[f"{name}, h = {h:g} s"] = [y.omega_b[1] for y in (start, *states)]
+    columns: Columns = {"time": time.tolist(), "exact": _free_rates(start.omega_b, time)[:, 1].tolist()}
+    for method, h in ((RK4, 0.25), (SEMI, 0.05)):
+        states = method.path(start, h, [round(0.25 / h)] * (len(time) - 1), FLIPPING.body)
+        columns[f"{method.name}, h = {h:g} s"] = [y.omega_b[1] for y in (start, *states)]
     tiny = _free_rates((1e-8, 2.0, 1e-8), np.array([5.0, 8.0]))[:, 0]
     fine = np.linspace(0.0, 32.0, 32_001)
     measured = _measured_time(fine, _free_rates(start.omega_b, fine)[:, 1])
@@ -119,7 +119,7 @@ def _measured_growth(ratio: float) -> float:
 def sleeping_top(quick: bool) -> Study:
     """Measure law 11: an upright top stays up if it spins fast enough."""
     ratios = [0.3, 0.6, 0.9, 1.1, 1.5] if quick else np.linspace(0.05, 1.6, 63).tolist()
-    columns: dict[str, Any] = {
+    columns: Columns = {
         "spin over critical": ratios,
         "largest tilt": [largest_tilt(r, 30.0 if quick else 60.0) for r in ratios],
         "predicted": [1e-3 / math.sqrt(1.0 - 1.0 / (r * r)) if r > 1.0 else math.nan for r in ratios],
@@ -279,7 +279,7 @@ _CHANGING = {
 """Loads through ports; their first derivatives equal their values, their second derivatives are half of them."""
 
 
-def _driven(case: Case) -> dict[str, Any]:
+def _driven(case: Case) -> Motion:
     """Return the state of the loaded body after five steps with changing loads, or nothing if a step is refused."""
     scene, kernels = motions.MOTIONS["loaded"].replace({"inputs.ports": list(_CHANGING)}), case.planned.kernels
     z = start_run(scene, case.planned)
@@ -344,7 +344,7 @@ def orders_and_error_control(quick: bool) -> Study:
     """Measure law 14: the order says how errors fall with the step and how substeps grow with the accuracy."""
     findings: list[Finding] = []
     halvings = range(4)
-    columns: dict[str, Sequence[float]] = {"halvings of the step": list(halvings)}
+    columns: Columns = {"halvings of the step": list(halvings)}
     for name, order, h, case in _ORDERS:
         errors = columns[name] = [_error_at(case, h * 0.5**k) for k in halvings]
         findings.append(Finding(14, f"{name}: order", order, exponent(errors[0], errors[1]), 0.02))

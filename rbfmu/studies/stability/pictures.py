@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -15,6 +16,7 @@ from matplotlib.patches import Patch
 from rbfmu.plot import COLORS, open_frame
 from rbfmu.studies.stability.findings import CURVE, Study
 from rbfmu.studies.stability.maps import ACCURACY, LARGEST_ERROR, LONG_TURN, OURS, TURN, VERDICTS, Row
+from rbfmu.types import Array
 
 BLUE, VERMILION, GREEN, PURPLE = COLORS
 ORANGE, SKY, BLACK, GREY = "#e69f00", "#56b4e9", "#000000", "#777777"
@@ -52,7 +54,7 @@ class Picture(NamedTuple):
     column, if nothing is said); curves: over the first column; floor: the least value that is drawn, on axes that
     have no zero; notes: (x, y, text, colour[, alignment]); marks: vertical lines with (x, text[, height[, alignment]]);
     levels: horizontal lines (y, colour); ticks: those of x and y, each with its text; edge: the right edge of the axes,
-    beside which names fit; explained: whether a note explains lines and dots.
+    beside which names fit; explained: whether a note explains lines and dots; height: in inches.
     """
 
     title: str
@@ -67,6 +69,7 @@ class Picture(NamedTuple):
     ticks: Mapping[str, Sequence[tuple[float, str]]] = MappingProxyType({})
     edge: float = 0.97
     explained: bool = False
+    height: float = 5.0
 
 
 _TABLES = tomllib.loads(Path(__file__).with_name("pictures.toml").read_text(encoding="utf-8"))
@@ -84,8 +87,8 @@ def draw(study: Study, folder: Path) -> Path:
 def figure_of(study: Study) -> Figure:
     """Return the study's picture."""
     row = PICTURES[study.name]
-    figure, left = Figure(figsize=(8.4, 5.0)), 0.1
-    axes: Any = figure.add_axes((left, 0.12, row.edge - left, 0.74))
+    figure, left = Figure(figsize=(8.4, row.height)), 0.1
+    axes = figure.add_axes((left, 0.12, row.edge - left, 0.74))
     axes.set_title(row.title, fontsize=11, loc="left", pad=10)
     open_frame(axes, grid=True)
     x = next(iter(study.columns.values()))
@@ -95,11 +98,10 @@ def figure_of(study: Study) -> Figure:
     curves = [Curve(column, _NAMED[color], *rest) for column, color, *rest in row.curves]
     for curve in curves:
         every = max(len(x) // curve.dots, 1) if curve.dots else 1
-        is_line = "-" in curve.style and "o" not in curve.style
-        size = {"linewidth": curve.size} if is_line else {"linewidth": 1.0, "markersize": curve.size}
+        width = curve.size if "-" in curve.style and "o" not in curve.style else 1.0
         y = study.columns[curve.column]
         y = [max(float(v), row.floor) for v in y] if row.floor else y
-        axes.plot(x[::every], y[::every], curve.style, color=curve.color, **size)
+        axes.plot(x[::every], y[::every], curve.style, color=curve.color, linewidth=width, markersize=curve.size)
     if CURVE in study.columns:
         axes.plot(x, study.columns[CURVE], "--", color=GREY, linewidth=2.0, label=CURVE)
         figure.legend(loc="lower left", frameon=False, fontsize=9)
@@ -110,7 +112,7 @@ def figure_of(study: Study) -> Figure:
     return figure
 
 
-def _annotate(axes: Any, row: Picture) -> None:
+def _annotate(axes: Axes, row: Picture) -> None:
     for x, y, text, name, *align in row.notes:
         color = _NAMED[name]
         axes.text(x, y, text, color=_INK.get(color, color), fontsize=9.5, ha=align[0] if align else "left")
@@ -125,13 +127,13 @@ def _annotate(axes: Any, row: Picture) -> None:
         axes.text(0.02, 0.95, "lines: predicted, dots: measured", transform=axes.transAxes, fontsize=9)
 
 
-def _end(curve: Curve, values: Sequence[Any], floor: float) -> tuple[float, str, str]:
+def _end(curve: Curve, values: Sequence[float], floor: float) -> tuple[float, str, str]:
     """Return where a curve's name stands, the name, which says where values have ended, and its colour."""
     shown = [max(float(v), floor) for v in values if math.isfinite(v) and v < _LARGEST]
     return shown[-1], curve.name if math.isfinite(values[-1]) else f"{curve.name},\nthen not finite", curve.color
 
 
-def _name_ends(axes: Any, names: Sequence[tuple[float, str, str]]) -> None:
+def _name_ends(axes: Axes, names: Sequence[tuple[float, str, str]]) -> None:
     """Write names at the right edge at the height of (value, name, colour), pushed apart where they would overlap."""
     to_fraction = axes.transData + axes.transAxes.inverted()
     x = axes.get_xlim()[1]
@@ -145,19 +147,19 @@ def _name_ends(axes: Any, names: Sequence[tuple[float, str, str]]) -> None:
         place += 0.052 + 0.03 * (lines - 1)
 
 
-def _mark(axes: Any, x: float, text: str, y: float = 0.06, align: str = "left") -> None:
+def _mark(axes: Axes, x: float, text: str, y: float = 0.06, align: str = "left") -> None:
     """Draw a vertical line at x with a label at a height, as a part of the axes'."""
     axes.axvline(x, color=GREY, linewidth=0.9, linestyle=_DASHES)
     axes.annotate(text, (x, y), (4 if align == "left" else -4, 0), xycoords=("data", "axes fraction"), color=GREY,
                   textcoords="offset points", ha=align, va="top", fontsize=9)  # fmt: skip
 
 
-def _recorded_passages(axes: Any, study: Study) -> None:
+def _recorded_passages(axes: Axes, study: Study) -> None:
     """Mark the errors that were recorded when law 4 was written down."""
     axes.plot((10, 1, 0.1), (8e-2, 3.6e-5, 3e-9), "D", color=BLACK, markersize=6, markerfacecolor="none", clip_on=False)
 
 
-def _period(axes: Any, study: Study) -> None:
+def _period(axes: Axes, study: Study) -> None:
     """Draw the time between two flips as an arrow."""
     period = next(f.measured for f in study.findings if f.what == "time between flips, s")
     t, exact = study.columns["time"], study.columns["exact"]
@@ -167,11 +169,10 @@ def _period(axes: Any, study: Study) -> None:
     axes.text(start + 0.5 * period, 2.5, "ln(16 / mc) / λ", ha="center", va="bottom", fontsize=9)
 
 
-def _models(axes: Any, study: Study) -> None:
+def _models(axes: Axes, study: Study) -> None:
     """Draw a line of dots for each model, and the bound of each dot as a bar."""
     columns = study.columns
     models = list(dict.fromkeys(columns["model"]))
-    axes.figure.set_size_inches(8.4, 6.0)
     axes.set_position((0.41, 0.12, 0.54, 0.74))
     axes.set_title(axes.get_title(loc="left"), fontsize=11, x=-0.57, loc="left", pad=10)
     axes.set(ylim=(len(models) - 0.4, -0.6))
@@ -182,7 +183,7 @@ def _models(axes: Any, study: Study) -> None:
         axes.plot([min(max(error, 1e-17), 1e-7)], [y], "o", color=BLUE if error <= bound else VERMILION, markersize=4)
 
 
-def _orders(axes: Any, study: Study) -> None:
+def _orders(axes: Axes, study: Study) -> None:
     """Draw each method's errors, and the slope that its order says from the first of them on."""
     orders = {f.what.removesuffix(": order"): f.predicted for f in study.findings}
     halvings = study.columns["halvings of the step"]
@@ -195,7 +196,7 @@ def _orders(axes: Any, study: Study) -> None:
     axes.legend(title="order", frameon=False, loc="upper right", fontsize=9, alignment="left", ncols=2)
 
 
-_MORE: dict[str, Callable[[Any, Study], None]] = {
+_MORE: dict[str, Callable[[Axes, Study], None]] = {
     "gimbal_passage": _recorded_passages, "intermediate_axis": _period, "product_models": _models,
     "orders_and_error_control": _orders,
 }  # fmt: skip
@@ -241,7 +242,7 @@ def draw_maps(rows: Sequence[Row], path: Path) -> Path:
     return path
 
 
-def _draw_map(panel: Any, name: str, rows: Sequence[Row]) -> None:
+def _draw_map(panel: Axes, name: str, rows: Sequence[Row]) -> None:
     steps, ratios = sorted({row.h_omega for row in rows}), sorted({row.moment_ratio for row in rows})
     values = np.zeros((len(ratios), len(steps)))
     for _, h, ratio, verdict, _ in rows:
@@ -265,7 +266,7 @@ def _worst(rows: Sequence[Row]) -> float:
     return math.ceil(largest / unit) * unit if math.isfinite(largest) else largest
 
 
-def _edges(centres: Sequence[float]) -> Any:
+def _edges(centres: Sequence[float]) -> Array:
     """Return the edges of cells around points on a logarithmic axis."""
     c = np.array(centres)
     middle = np.sqrt(c[1:] * c[:-1])

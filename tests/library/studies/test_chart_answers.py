@@ -81,7 +81,7 @@ def test_a_method_that_runs_at_no_step_size_is_given_up() -> None:
 def test_no_finer_setting_is_tried_below_round_off() -> None:
     made = _made([1e-4, 0.0, 0.0], [0.01] * 3)
     found, ending = explore(WHAT, replace(CASES["a"], accuracies=()), made, {})
-    assert [tried.value for tried in found] == [0.0, 1.0]
+    assert [tried.row.value for tried in found] == [0.0, 1.0]
     assert ending.why == "no more digits"
     assert len(explore(WHAT, CASES["a"], made, {})[0]) == 3  # plans of all accuracies that are named
 
@@ -89,7 +89,7 @@ def test_no_finer_setting_is_tried_below_round_off() -> None:
 @pytest.mark.parametrize("key", ["a", "g"])
 def test_what_it_takes_to_get_ready_is_no_part_of_the_cost(key: str) -> None:
     (tried,), _ = explore(WHAT, CASES[key], _made([1e-3], [1e-5]), {"MuJoCo, made up": 0.0})
-    assert tried.seconds == 1e-5
+    assert tried.row.run_seconds == 1e-5
 
 
 def test_long_motions_are_said_to_be_beyond_the_peers_time(monkeypatch) -> None:
@@ -102,13 +102,11 @@ def test_long_motions_are_said_to_be_beyond_the_peers_time(monkeypatch) -> None:
 
 def test_noise_is_how_far_halves_of_the_repeats_come_apart() -> None:
     times = iter([3.0, 2.2, 2.0, 2.5, 4.0, 2.4])
-    tried = Tried(_made([], []), 0.1, Run([], lambda k: k * next(times), 1.0), 1e-6, 5.0)
+    tried = Tried(made_row("MuJoCo", "peer", 1e-6, 0.5), Run([], lambda k: k * next(times), 1.0), 10.0)
     for _ in range(6):
         tried.time(1e-9)
-    assert tried.seconds == 2.0
-    assert tried.spread == pytest.approx(1.1)
-    row = tried.row(CASES["e"])
-    assert (row.run_seconds, row.seconds, row.spread) == (2.0, 0.2, tried.spread)
+    row = tried.row
+    assert (row.run_seconds, row.seconds, row.spread) == (2.0, 0.2, pytest.approx(1.1))
     rows = [replace(row, spread=1.0 + 0.01 * k) for k in range(100)]
     assert made_chart(made_plan(1e-10, 1.0, spread=2.0), *rows).noise == pytest.approx(1.95)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.viewer.motion import PLAIN, THINNEST, equivalent_box, shape_of
 from rbfmu.viewer.page import AXIS_B, LONGEST, LONGEST_ARROW, Geometry, _turn_of_z
-from rbfmu.viewer.shape import PLAIN, THINNEST, equivalent_box, shape_of
 from rbfmu.viewer.view import FPS, MAX_PICTURES, MAX_TURN, motion_of_scene, pictures
 
 MASS, SIDES = 3.0, (0.3, 0.2, 0.5)

@@ -11,7 +11,7 @@ import zstandard
 
 import rbfmu
 from rbfmu.ensembles.members import draw, member
-from rbfmu.viewer.shape import PLAIN, shape_of
+from rbfmu.viewer.motion import PLAIN, shape_of
 from rbfmu.viewer.view import MAX_PICTURES, Motion
 from tests.support.browser import browser, open_page
 from tests.support.command_line import call
