@@ -89,18 +89,14 @@ def simulate(
         for one in shown:
             one.rows[k] = one.numbers
         if run.ended is not None:
-            time = _ended(time, k, run.ended)
+            before = run.ended <= time[k - 1]  # the event may be at the communication point before
+            time = time[:k] if before else np.append(time[:k], run.ended)
             break
     quantities = {name: values for one in shown for name, values in one.quantities(len(time)).items()}
     happened = [run.events.times(run.events.taken, touched) for touched in (False, True)] if run.events else ()
     result = Result(time, quantities, planned.formulas.own_rows if planned.formulas else {}, *happened)
     warn(scene, doubts_after(scene, result.quantities), stacklevel=4)
     return result
-
-
-def _ended(time: Array, k: int, end: float) -> Array:
-    """Return the times of a run whose row k is an event, which may be at the communication point before."""
-    return time[:k] if end <= time[k - 1] else np.append(time[:k], end)
 
 
 def refused_step(scene: Scene, begin: float) -> SimulationError:
@@ -120,11 +116,9 @@ class _Rows:
 
     def quantities(self, count: int) -> dict[str, Array]:
         """Return a copy of the first rows of each quantity."""
-        return {name: self._quantity(block, count) for name, block in self._blocks.items()}
-
-    def _quantity(self, block: slice, count: int) -> Array:
-        values = self.rows[:count, block.start - self._first : block.stop - self._first].copy()
-        return values[:, 0] if values.shape[1] == 1 else values
+        rows, first = self.rows[:count], self._first
+        found = {n: rows[:, block.start - first : block.stop - first].copy() for n, block in self._blocks.items()}
+        return {name: values[:, 0] if values.shape[1] == 1 else values for name, values in found.items()}
 
 
 _CLOCK = struct.Struct("dq")
