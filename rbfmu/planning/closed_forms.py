@@ -14,9 +14,9 @@ from rbfmu.models.disturbances import GROWTH, growth_rate
 from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import ModelSpec
 from rbfmu.planning import reasons as say
-from rbfmu.planning.judge import Judge, least_sizes, lost_to_cancellation
+from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import EXACT
-from rbfmu.runs.motion import largest_error, motion_of
+from rbfmu.runs.motion import largest_error, least_sizes, lost_to_cancellation, motion_of
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError

@@ -18,9 +18,9 @@ from rbfmu.planning import methods
 from rbfmu.planning import reasons as say
 from rbfmu.planning.closed_forms import exact_plan, plan_within_accuracy, prescribed_plan
 from rbfmu.planning.fitting import cheapest_fit, of_one_angle, of_path_alone
-from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, least_sizes, refuse_unfinished
+from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, refuse_unfinished
 from rbfmu.runs.inputs import Drive
-from rbfmu.runs.motion import Driven, largest_error, record, substeps_counted
+from rbfmu.runs.motion import Driven, largest_error, least_sizes, record, substeps_counted
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Motion
