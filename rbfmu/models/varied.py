@@ -102,11 +102,8 @@ def by_row(values: Mapping[str, Array]) -> list[tuple[str, Array]]:
     return [one for name, rows in values.items() for one in zip(elements(name, len(rows)), rows, strict=True)]
 
 
-class Slopes(NamedTuple):
-    """The derivatives of a number, by the row of errors and by columns; those that are zero are left out."""
-
-    by_error: Mapping[int, Number]
-    by_column: Mapping[int, Number]
+Slopes = Mapping[int, Number]
+"""The derivatives of a number that are not zero, by the row of errors, and by column d at -1 - d."""
 
 
 class VariedModel(FormulaModel):
@@ -141,11 +138,10 @@ class VariedModel(FormulaModel):
         beside: dict[Number, int] = {}
         self.pattern: list[float] = []
         for i, slopes in rows.items():
-            entries = [*slopes.by_error.items(), *((-1 - d, x) for d, x in slopes.by_column.items())]
-            for of, x in entries:
+            for of, x in slopes.items():
                 constant = not isinstance(x, Symbol) or x.is_constant
                 self.pattern += [i, of, beside.setdefault(x, len(beside)), float(constant)]
-        values = {x: None for s in self.shown_slopes.values() for x in (*s.by_error.values(), *s.by_column.values())}
+        values = {x: None for slopes in self.shown_slopes.values() for x in slopes.values()}
         if any(event.stop for event in self.scene.events.values()):
             values |= {x: None for _, x in by_element(self.rates_shown)}
         self.wanted = {x: n for n, x in enumerate(values)}
@@ -157,22 +153,19 @@ class VariedModel(FormulaModel):
         """Return the slopes of a rate of the rotation vector: u' = the error of omega_b - omega_b x u."""
         carried = interpreted(skew)(tuple(self.motion.omega))[i]
         slopes = {n: -carried[n] for n in range(3) if isinstance(carried[n], Symbol) or carried[n] != 0.0}
-        return Slopes(slopes | {self.errors.index(f"omega[{i + 1}]"): 1.0}, {})
+        return slopes | {self.errors.index(f"omega[{i + 1}]"): 1.0}
 
     def _slopes_of(self, x: Number) -> Slopes:
         found = gradient(x, [*self._plain, *self._q, *self._places_seeded.values()])
         n = len(self._plain)
-        by_error: dict[int, Number] = {}
-        for name, slope in zip((leaf.operation.value for leaf in self._plain), found, strict=False):
-            by_error[self.errors.index(str(name))] = slope
+        slopes = {self.errors.index(str(leaf.operation.value)): x for leaf, x in zip(self._plain, found, strict=False)}
         for k, turn in enumerate(self._turns if self._q else ()):
-            by_error[k] = sum((g * dq for g, dq in zip(found[n : n + 4], turn, strict=True)), 0.0)
-        by_column: dict[int, Number] = {}
+            slopes[k] = sum((g * dq for g, dq in zip(found[n : n + 4], turn, strict=True)), 0.0)
         for name, slope in zip(self._places_seeded, found[n + len(self._q) :], strict=True):
             for one, d in self.seeded:
                 if one == name:
-                    by_column[d] = by_column.get(d, 0.0) + self._seeds[one, d] * slope
-        return Slopes(_left(by_error), _left(by_column))
+                    slopes[-1 - d] = slopes.get(-1 - d, 0.0) + self._seeds[one, d] * slope
+        return {n: x for n, x in slopes.items() if isinstance(x, Symbol) or x != 0.0}
 
     @cached_property
     def rates_shown(self) -> dict[str, Any]:
@@ -231,15 +224,11 @@ class VariedModel(FormulaModel):
         """
         found = []
         for element in elements(name, int(np.size(self.shown[name]))):
-            by_error, by_column = self.shown_slopes[element]
             total = np.zeros((len(errors), columns))
-            for i, x in by_error.items():
-                total += values[:, self.wanted[x], None] * errors[:, i, :columns]
-            for d, x in by_column.items():
-                total[:, d] += values[:, self.wanted[x]]
+            for i, x in self.shown_slopes[element].items():
+                if i < 0:
+                    total[:, -1 - i] += values[:, self.wanted[x]]
+                else:
+                    total += values[:, self.wanted[x], None] * errors[:, i, :columns]
             found.append(total)
         return np.stack(found, axis=1)
-
-
-def _left(slopes: Mapping[int, Number]) -> dict[int, Number]:
-    return {n: x for n, x in slopes.items() if isinstance(x, Symbol) or x != 0.0}
