@@ -13,7 +13,7 @@ import numpy as np
 
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
-from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables, size_of
+from rbfmu.runs.inputs import HOLD, Drive, Inputs, drive_of, input_tables, size_of
 from rbfmu.runs.motion import Driven, Events
 from rbfmu.runs.plan import Plan, start_run, with_parameters
 from rbfmu.runs.time_grid import last_time, steps_until
@@ -30,9 +30,9 @@ from rbfmu_kernels.quantities import BY_NAME, OUTPUTS, Output
 def plan(
     scene: Scene,
     full: bool = False,
-    progress: Callable[[float], Any] | None = None,
+    progress: Callable[[float], object] | None = None,
     *,
-    inputs: Any = None,
+    inputs: Inputs | None = None,
     interpolate: str = HOLD,
 ) -> Plan:
     """Choose model, method and step for a scene, or that of a scene file; full: to integrate all degrees of freedom.
@@ -48,7 +48,7 @@ def plan(
 def _plan(
     scene: Scene,
     full: bool = False,
-    progress: Callable[[float], Any] | None = None,
+    progress: Callable[[float], object] | None = None,
     driven: Callable[[int], Drive] | None = None,
 ) -> Plan:
     from rbfmu.planning import plan as planned  # a run whose plan is known does without
@@ -60,10 +60,10 @@ def _plan(
 def simulate(
     scene: Scene,
     *,
-    inputs: Any = None,
+    inputs: Inputs | None = None,
     interpolate: str = HOLD,
     planned: Plan | None = None,
-    progress: Callable[[Sequence[int]], Any] | None = None,
+    progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
 ) -> Result:
     """Run a scene, or that of a scene file: its FMU's bits at the same communication steps and inputs.
 

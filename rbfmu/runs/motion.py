@@ -6,9 +6,10 @@ largest size in the run, as a quantity that passes through zero has no error rel
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rbfmu import arrays
 from rbfmu.models.question import Question
@@ -105,7 +106,7 @@ class _Pieces:
         places = [np.arange(p.start, p.stop) for p in map(kernels.BLOCKS.__getitem__, blocks)]
         at = np.concatenate([*places, np.zeros(0, np.intp)])
         together = len(at) and bool((np.diff(at) == 1).all())
-        self._places: Any = slice(at[0], at[-1] + 1) if together else at
+        self._places: slice | NDArray[np.intp] = slice(at[0], at[-1] + 1) if together else at
         self._rows = np.hstack([*blocks.values()]) if blocks else np.zeros((0, 0))
 
     def put(self, i: int) -> None:
@@ -154,7 +155,7 @@ class Events:
 
 
 def record(
-    run: Steps | Driven, names: Sequence[str], most: float = math.inf, progress: Callable[[float], Any] | None = None
+    run: Steps | Driven, names: Sequence[str], most: float = math.inf, progress: Callable[[float], object] | None = None
 ) -> Motion:
     """Return the blocks named now and after each step; NaN from where the motion ends.
 
