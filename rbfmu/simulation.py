@@ -13,7 +13,7 @@ import numpy as np
 
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
-from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables, size_of
+from rbfmu.runs.inputs import HOLD, Drive, Inputs, drive_of, input_tables, size_of
 from rbfmu.runs.motion import Driven, Events
 from rbfmu.runs.plan import Plan, start_run, with_parameters
 from rbfmu.runs.time_grid import last_time, steps_until
@@ -29,9 +29,9 @@ from rbfmu_kernels.quantities import BY_NAME, OUTPUTS, Output
 def plan(
     scene: Scene,
     full: bool = False,
-    progress: Callable[[float], Any] | None = None,
+    progress: Callable[[float], object] | None = None,
     *,
-    inputs: Any = None,
+    inputs: Inputs | None = None,
     interpolate: str = HOLD,
 ) -> Plan:
     """Choose model, method and step for a scene, or that of a scene file; full: to integrate all degrees of freedom.
@@ -47,7 +47,7 @@ def plan(
 def _plan(
     scene: Scene,
     full: bool = False,
-    progress: Callable[[float], Any] | None = None,
+    progress: Callable[[float], object] | None = None,
     driven: Callable[[int], Drive] | None = None,
 ) -> Plan:
     from rbfmu.planning import plan as planned  # a run whose plan is known does without
@@ -59,10 +59,10 @@ def _plan(
 def simulate(
     scene: Scene,
     *,
-    inputs: Any = None,
+    inputs: Inputs | None = None,
     interpolate: str = HOLD,
     planned: Plan | None = None,
-    progress: Callable[[Sequence[int]], Any] | None = None,
+    progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
 ) -> Result:
     """Run a scene, or that of a scene file: its FMU's bits at the same communication steps and inputs.
 
@@ -88,18 +88,14 @@ def simulate(
         for one in shown:
             one.rows[k] = one.numbers
         if run.ended is not None:
-            time = _ended(time, k, run.ended)
+            before = run.ended <= time[k - 1]  # the event may be at the communication point before
+            time = time[:k] if before else np.append(time[:k], run.ended)
             break
     quantities = {name: values for one in shown for name, values in one.quantities(len(time)).items()}
     happened = [run.events.times(run.events.taken, touched) for touched in (False, True)] if run.events else ()
     result = Result(time, quantities, planned.formulas.own_rows if planned.formulas else {}, *happened)
     warn(scene, doubts_after(scene, result.quantities), stacklevel=4)
     return result
-
-
-def _ended(time: Array, k: int, end: float) -> Array:
-    """Return the times of a run whose row k is an event, which may be at the communication point before."""
-    return time[:k] if end <= time[k - 1] else np.append(time[:k], end)
 
 
 def refused_step(scene: Scene, begin: float) -> SimulationError:
@@ -119,11 +115,9 @@ class _Rows:
 
     def quantities(self, count: int) -> dict[str, Array]:
         """Return a copy of the first rows of each quantity."""
-        return {name: self._quantity(block, count) for name, block in self._blocks.items()}
-
-    def _quantity(self, block: slice, count: int) -> Array:
-        values = self.rows[:count, block.start - self._first : block.stop - self._first].copy()
-        return values[:, 0] if values.shape[1] == 1 else values
+        rows, first = self.rows[:count], self._first
+        found = {n: rows[:, block.start - first : block.stop - first].copy() for n, block in self._blocks.items()}
+        return {name: values[:, 0] if values.shape[1] == 1 else values for name, values in found.items()}
 
 
 _CLOCK = struct.Struct("dq")

@@ -77,24 +77,23 @@ class FormulaModel:
         names = (*dict.fromkeys(OUTPUT[name].judged_by or name for name in asked), *own)
         self.shown = {name: known[name] for name in names} | whens
         self.own_outputs = {name: int(np.size(value)) for name, value in own.items()}
-        read = {name.partition("[")[0] for name in self._needed()}
+        read = {name.partition("[")[0] for name in self._states_of(self._numbers(*self.shown))}
         self.own_states = {name: np.size(x) for name, x in states.items() if f"{STATE}{name}" in read}
         for name, size in self.own_states.items():  # which are judged, and shown by FMUs
             leaves = [motion.graph.leaf("state", element) for element in elements(f"{STATE}{name}", size)]
             self.shown[f"{STATE}{name}"] = np.array(leaves, object)
-        needed = self._needed()
-        self.groups = self.groups_of(needed)
+        self.groups = self.groups_of(self._states_of(self._numbers(*self.shown)))
         self.rates = {name: self.all_rates[name] for group in self.groups for name in group.states}
-        seen = {name: value for name, value in loads.items() if self._is_known(np.ravel(value))}
+        integrated = {*self.rates}  # a load that comes of other states matters to no output
+        seen = {n: x for n, x in loads.items() if integrated.issuperset(self._states_of(np.ravel(x)))}
         put = {f"constant_{name}": value for name, value in seen.items()} | dict(own) | whens
         self._sides = [motion.graph.index_of(side(when)) for when, _ in self.events.values()]
         watched = [Symbol(motion.graph, i) for i in self._sides]
         self.program = program(motion.graph, self.rates, dict(by_element(put)), watched)
 
-    def _needed(self) -> list[str]:
-        """Return the names of the states' numbers that what is shown comes of."""
-        numbers = [x for value in self.shown.values() for x in np.ravel(value)]
-        return closure(self.all_rates, numbers, self.motion.graph)
+    def _states_of(self, numbers: Iterable[Any]) -> list[str]:
+        """Return the names of the states' numbers that others come of."""
+        return closure(self.all_rates, [*numbers], self.motion.graph)
 
     @property
     def own_rows(self) -> dict[str, Output]:
@@ -108,10 +107,6 @@ class FormulaModel:
         """Return the keys of the formulas that an operation is part of."""
         found = {key: map(self.motion.graph.symbol_of, np.ravel(value)) for key, value in self.by_key.items()}
         return [key for key, numbers in found.items() if operation in self.motion.graph.reached(numbers)]
-
-    def _is_known(self, numbers: Iterable[Any]) -> bool:
-        """Return whether numbers come of integrated states alone; a load that does not matters to no output."""
-        return set(closure(self.all_rates, [*numbers], self.motion.graph)) <= set(self.rates)
 
     # What depends on what, over both branches of a select
 

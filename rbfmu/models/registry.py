@@ -273,15 +273,11 @@ FREE_SYMMETRIC = closed_form(
 )
 
 
-def _spins_up(start: BodyAtStart) -> bool:
-    return not start.needs_attitude and not start.has_unknown_load and not start.leaves_third_axis
-
-
 SPIN_UP = closed_form(
     "symmetric body spun up",
     "unturned.SPIN_UP",
     rate_states=3,
-    holds=_spins_up,
+    holds=lambda start: not (start.needs_attitude or start.has_unknown_load or start.leaves_third_axis),
     rests_on=lambda asked: asked.would_turn | asked.shape | ({"r_oc_b"} if asked.attitude else set()),
     angle_round_off=True,
     costs={"": 93.0},
@@ -369,13 +365,7 @@ LOADED_TAYLOR = ModelSpec(
 FORMULAS = ModelSpec("formulas", "", integrates_path=True)
 """What a scene with formulas has for a model: its kernels are its own, see `models.formulas`."""
 
-INTEGRATED = (
-    ONE_AXIS_TAYLOR,
-    PRESCRIBED_RATES,
-    FREE_BODY_FORCE,
-    LOADED_SPLITTING,
-    LOADED_TAYLOR,
-)
+INTEGRATED = (ONE_AXIS_TAYLOR, PRESCRIBED_RATES, FREE_BODY_FORCE, LOADED_SPLITTING, LOADED_TAYLOR)
 """From the smallest to the largest. Planning chooses those that `planning.select` names; a plan may name any."""
 
 

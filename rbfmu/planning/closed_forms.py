@@ -14,13 +14,13 @@ from rbfmu.models.disturbances import GROWTH, growth_rate
 from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import ModelSpec
 from rbfmu.planning import reasons as say
-from rbfmu.planning.judge import Judge, least_sizes, lost_to_cancellation
+from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import EXACT
-from rbfmu.runs.motion import largest_error, motion_of
+from rbfmu.runs.motion import largest_error, least_sizes, lost_to_cancellation, motion_of
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.types import Motion
+from rbfmu.types import Array, Motion
 from rbfmu_kernels.integrators.substeps import ROUND_OFF
 from rbfmu_kernels.quantities import OUTPUTS
 
@@ -80,7 +80,7 @@ def exact_plan(asked: Question, judge: Judge) -> Plan | None:
         return None
     found, delicate = Plan(spec.key, spec.method, 0), asked.accuracy < DERIVED and set(asked.judged) & DIFFERENCES
     motion = _coarse_motion(asked, found)
-    error = EXACT + (ROUND_OFF * _angle(asked, motion) if spec.angle_round_off else 0.0)
+    error = EXACT + (ROUND_OFF * (_fastest(motion["omega_b"]) * asked.span) if spec.angle_round_off else 0.0)
     error += spec.conditioning(asked)
     lost = lost_to_cancellation(asked, motion)
     if delicate or lost > LITTLE * asked.accuracy:
@@ -100,9 +100,8 @@ def _coarse_motion(asked: Question, found: Plan) -> Motion:
     return motion_of(asked.scene, found, thinned_steps(asked.scene, 100), names)
 
 
-def _angle(asked: Question, motion: Motion) -> float:
-    """Return the largest angle that the body may turn by, rad."""
-    return float(np.max(np.linalg.norm(motion["omega_b"], axis=1))) * asked.span
+def _fastest(rates: Array) -> float:
+    return float(np.max(np.linalg.norm(rates, axis=1)))
 
 
 # Models that are not exact, but within the accuracy
@@ -157,8 +156,7 @@ def _may_be_close(asked: Question, spec: ModelSpec, truth: Motion, names: tuple[
     if spec.rates_from is None:
         return True
     rates = truth["omega_b"]
-    change = float(np.max(np.linalg.norm(rates - spec.rates_from(asked, rates), axis=1)))
-    fastest = float(np.max(np.linalg.norm(rates, axis=1)))
+    change, fastest = _fastest(rates - spec.rates_from(asked, rates)), _fastest(rates)
     if "omega_b" in names and change > asked.accuracy * fastest:
         return False
     return 0.01 * change * min(asked.span, 1.0 / fastest if fastest > 0.0 else math.inf) <= asked.accuracy

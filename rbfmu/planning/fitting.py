@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from rbfmu.models.question import GROWING, Question
-from rbfmu.models.registry import FREE_BODY_FORCE, LOADED_TAYLOR, moments_of
+from rbfmu.models.registry import FREE_BODY_FORCE, LOADED_TAYLOR, ONE_AXIS_TAYLOR, moments_of
 from rbfmu.planning import methods
 from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge
@@ -59,23 +59,41 @@ class Tried(NamedTuple):
     other: float = 0.0
 
 
-def cheapest_fit(asked: Question, judge: Judge, others: Iterable[Plan] = ()) -> Plan:
-    """Return Taylor series of some order, or another method: the cheapest that meets the accuracy.
+def cheapest_fit(asked: Question, judge: Judge, full: bool = False) -> Plan:
+    """Return the plan of all that moves, by series or splitting: the cheapest that meets the accuracy.
 
-    others: candidates besides series. Raises SceneError where none is accurate enough.
+    full: by series alone, which integrate all that is judged. Raises SceneError where none is accurate enough.
     """
     if asked.accuracy < SMALLEST:
         raise refuse_accuracy(asked, REACHED * SMALLEST)
     search = _Search(asked, judge)
-    return search.plan_of_varying() if asked.varying else search.plan(others)
+    return search.plan_of_varying() if asked.varying else search.plan(() if full else methods.splittings(asked))
 
 
-def swinging_fit(asked: Question, judge: Judge) -> Plan | None:
-    """Return series of one angle that meet the accuracy at the least cost; None where none does."""
+def of_one_angle(asked: Question, judge: Judge) -> Plan | None:
+    """Return the plan of one angle under forces fixed in space, by the cheapest series that meets the accuracy."""
+    if not ONE_AXIS_TAYLOR.serves(asked):
+        return None
     search = _Search(asked, judge)
     for candidate in methods.one_axis_series(asked):
         search.fit(candidate, 0.1 * search.accuracy)
-    return search.whatever_the_step() if search.met else None
+    if not search.met:
+        return None
+    found, why = search.whatever_the_step(), "rotation: one angle, every load turns the body about one principal axis"
+    return replace(found, reasons=(f"{why}; 2 of 7 states", *found.reasons))
+
+
+def of_path_alone(asked: Question, judge: Judge) -> Plan | None:
+    """Return exact rotation with a quadrature for the path; for a symmetric body, an integration if it costs less."""
+    if not any(asked.scene.loads.force_b) or not asked.translation or not FREE_BODY_FORCE.serves(asked):
+        return None
+    found = cheapest_quadrature(asked, judge)
+    if found is None or not asked.start.is_symmetric:
+        return found
+    try:
+        return min(cheapest_fit(asked, judge), found, key=lambda plan: methods.with_cost(asked, plan).cost)
+    except SceneError:
+        return found
 
 
 def refuse_accuracy(asked: Question, error: float) -> SceneError:

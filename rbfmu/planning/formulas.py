@@ -54,7 +54,9 @@ def formula_plan(asked: Question, judge: Judge) -> Plan:
         plan = methods.series_plan(general, order, tolerance)
         error, substeps = judge.try_out(plan)
         if asked.scene.events and error == math.inf:
-            raise _too_many_events(asked)
+            step = f"{asked.scene.run.step:g} s"
+            expected = f"at most {MOST_LISTED:,} in a communication step of {step}, and a motion that can be followed"
+            raise SceneError(f"events: expected {expected}", asked.scene.name)
         tried.append(replace(plan, error=error, cost=_cost(asked, plan, substeps)))
         return error if plan.tolerance == tolerance else None
 
@@ -68,12 +70,6 @@ def formula_plan(asked: Question, judge: Judge) -> Plan:
     best = min(met, key=lambda plan: plan.cost)
     reasons = (*what_formulas_read(asked, best), say.why_fitted(best, judge.arithmetic))
     return replace(best, pinned=asked.pinned, reasons=reasons)
-
-
-def _too_many_events(asked: Question) -> SceneError:
-    step = f"{asked.scene.run.step:g} s"
-    expected = f"at most {MOST_LISTED:,} in a communication step of {step}, and a motion that can be followed"
-    return SceneError(f"events: expected {expected}", asked.scene.name)
 
 
 def closed_plan(asked: Question, judge: Judge) -> Plan | None:

@@ -16,15 +16,12 @@ import numpy as np
 from rbfmu.exceptions import PlanningWarning as PlanningWarning
 from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
-from rbfmu.runs.motion import FLOORS, Steps, largest_error, largest_size, motion_of, record, substeps_counted
+from rbfmu.runs.motion import Steps, largest_error, least_sizes, motion_of, record, substeps_counted
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.scene.section import flattened
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import evaluated
-from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
-from rbfmu_kernels.quantities import DISSIPATIVE, FORCES, LOADS, OUTPUT, OUTPUTS, TORQUES
 from rbfmu_kernels.rotations.quaternion import compose_quaternions
 
 MAX_STEPS = 20_000
@@ -37,9 +34,6 @@ SMALL, LOST = 1e-11, 0.1
 """An error, rad, well above round-off, and the size that it must not grow to."""
 DIRECTIONS = ((0.48, -0.6, 0.64), (0.8, 0.0, -0.6), (0.36, 0.8, 0.48))
 """Orthogonal directions, none along a body's axis."""
-NOISE = 64.0 * 2.0**-52
-"""The part of a quantity's largest term below which it is that of a body at rest, whatever cancels in the quantity."""
-
 MAX_REFERENCE_STEPS = 100_000
 """The number of the reference's steps in double-double arithmetic, some seconds of work."""
 MAX_SUBSTEPS = 3e6
@@ -186,7 +180,7 @@ class Judge:
         for names in self._asked:
             run = Steps(self.scene, plan, steps, names, parts)
             found = self._pilot(run, names)
-            errors.append(_error_between(found, truth, names, self._floors_of(run), absolute))
+            errors.append(largest_error(found, truth, names, self._floors_of(run), absolute))
             substeps.append(substeps_counted(run.kernels, run.z))
         return max(errors) + self.doubt, max(substeps)
 
@@ -230,7 +224,7 @@ class Judge:
 
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
         """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""
-        return _error_between(self.motion_by(smaller, names), truth, names, least_sizes(self.asked, truth), absolute)
+        return largest_error(self.motion_by(smaller, names), truth, names, least_sizes(self.asked, truth), absolute)
 
 
 def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, substeps: float) -> None:
@@ -246,62 +240,3 @@ def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, subste
 def too_long(scene: Scene, why: str) -> SceneError:
     """Return the error for a run that is too long to be planned."""
     return SceneError(f"run.stop = {scene.run.stop!r}: expected a shorter run, as {why}", scene.name)
-
-
-def _error_between(
-    found: Motion, truth: Motion, names: tuple[str, ...], floors: Mapping[str, float], absolute: bool
-) -> float:
-    if not absolute:
-        return largest_error(found, truth, names, floors)
-    moved = {name: largest_size(found[name] - truth[name]) for name in names if name in FLOORS}
-    rest = largest_error(found, truth, [name for name in names if name not in FLOORS], floors)
-    worst = max(rest, *moved.values(), 0.0)
-    return worst if all(map(math.isfinite, moved.values())) else math.inf
-
-
-def least_sizes(asked: Question, motion: Motion) -> dict[str, float]:
-    """Return the least size that errors are relative to, by name.
-
-    A quantity that is zero but for round-off of its terms has no size of its own: errors are relative to these terms.
-    """
-    resting = {name: size for name, (size, part) in _parts(asked, motion).items() if part <= NOISE}
-    return {**FLOORS, **resting}
-
-
-def lost_to_cancellation(asked: Question, motion: Motion) -> float:
-    """Return a bound of what round-off of terms that cancel makes of the motion's quantities, relative to these."""
-    return max((NOISE / part for _, part in _parts(asked, motion).values() if part > NOISE), default=0.0)
-
-
-def _parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
-    """Return each quantity's natural size, and its largest as a part of it; of an energy, the part of the rate."""
-    found: dict[str, tuple[float, float]] = {}
-    for name, size in natural_sizes(asked, motion).items():
-        if name in motion and size > 0.0:
-            part = largest_size(motion[name]) / size
-            found[name] = size, math.sqrt(part) if OUTPUT[name].unit == "J" else part
-    return found
-
-
-def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
-    """Return the size of each quantity that the scene's loads and rates make where they are not in balance."""
-    body, loads = asked.body, asked.scene.loads
-    size = {row.name: math.hypot(*flattened(getattr(loads, row.name))) for row in LOADS}
-    force = body.mass * size["gravity_a"] if body.pivot else sum(size[name] for name in sorted(FORCES))
-    arm, (low, middle, high) = math.hypot(*body.r_oc_b), asked.start.principal_axes[0].tolist()
-    least = low if low > INERTIA_TOLERANCE * high else middle
-    torque = sum(size[name] for name in sorted(TORQUES - DISSIPATIVE))
-    angular = (torque + arm * force) / least
-    turning = largest_size(motion.get("omega_b", np.array(asked.scene.initial.omega_b)))
-    rate = math.sqrt(angular) + turning
-    angular += turning**2
-    linear = size["gravity_a"] + force / body.mass
-    speed = 0.0 if body.pivot else linear * asked.span
-    by_unit = {
-        "rad/s": rate,
-        "rad/s2": angular,
-        "kg m2/s": high * rate,
-        "J": high * rate * rate + body.mass * speed * speed,
-        "m/s2": arm * angular + linear,
-    }
-    return {row.name: by_unit[row.unit] for row in OUTPUTS if row.unit in by_unit}

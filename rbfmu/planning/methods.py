@@ -231,8 +231,7 @@ def terms(asked: Question, plan: Plan) -> list[str]:
     spec = plan.spec
     if spec.computes_all_outputs:
         return [spec.key]
-    start = asked.start
-    evaluated = serves_many_steps(plan, asked.load_shares)
+    start, evaluated = asked.start, serves_many_steps(plan, asked.load_shares)
     changing = start.needs_translation or start.shows_loads
     if CHANGING in spec.costs and not changing:
         return [spec.key]  # its outputs never change

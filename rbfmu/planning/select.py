@@ -17,10 +17,10 @@ from rbfmu.models.question import Question
 from rbfmu.planning import methods
 from rbfmu.planning import reasons as say
 from rbfmu.planning.closed_forms import exact_plan, plan_within_accuracy, prescribed_plan
-from rbfmu.planning.fitting import cheapest_fit, cheapest_quadrature, swinging_fit
-from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, least_sizes, refuse_unfinished
+from rbfmu.planning.fitting import cheapest_fit, of_one_angle, of_path_alone
+from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, refuse_unfinished
 from rbfmu.runs.inputs import Drive
-from rbfmu.runs.motion import Driven, largest_error, record, substeps_counted
+from rbfmu.runs.motion import Driven, largest_error, least_sizes, record, substeps_counted
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Motion
@@ -80,14 +80,10 @@ def cheapest(asked: Question, judge: Judge, full: bool = False) -> Plan:
             return (None if full else closed_plan(asked, judge)) or formula_plan(asked, judge)
         if asked.scene.body is None:
             return methods.with_cost(asked, prescribed_plan(asked))
-        if full:
-            found = cheapest_fit(asked, judge)
-        else:
-            found = next(filter(None, _smaller(asked, judge)), None) or _of_all_that_moves(asked, judge)
-            left_out = say.what_is_left_out(asked, found.spec.force_keeps_direction)
-            found = replace(found, reasons=(*left_out, *found.reasons))
+        found = (None if full else next(filter(None, _smaller(asked, judge)), None)) or cheapest_fit(asked, judge, full)
         pinned = found.pinned if found.spec.closed_form else asked.pinned  # a pilot run rests on their values
-        return methods.with_cost(asked, replace(found, pinned=pinned))
+        left_out = () if full else say.what_is_left_out(asked, found.spec.force_keeps_direction)
+        return methods.with_cost(asked, replace(found, pinned=pinned, reasons=(*left_out, *found.reasons)))
 
 
 def _smaller(asked: Question, judge: Judge) -> Iterator[Plan | None]:
@@ -95,42 +91,14 @@ def _smaller(asked: Question, judge: Judge) -> Iterator[Plan | None]:
     exact = exact_plan(asked, judge)
     yield plan_within_accuracy(asked, judge, exact)
     yield exact
-    yield _of_one_angle(asked, judge)
-    yield _of_path_alone(asked, judge)
+    yield of_one_angle(asked, judge)
+    yield of_path_alone(asked, judge)
 
 
 def series_serve_alone(judge: Judge) -> bool:
     """Return whether no smaller model serves than series that integrate whatever acts."""
     scene = judge.scene
     return not (scene.has_formulas or scene.body is None or any(_smaller(judge.asked, judge)))
-
-
-# Methods that integrate
-
-
-def _of_one_angle(asked: Question, judge: Judge) -> Plan | None:
-    """Return the plan of one angle under forces fixed in space, by the cheapest series that meets the accuracy."""
-    found = swinging_fit(asked, judge) if registry.ONE_AXIS_TAYLOR.serves(asked) else None
-    why = "rotation: one angle, every load turns the body about one principal axis; 2 of 7 states"
-    return replace(found, reasons=(why, *found.reasons)) if found else None
-
-
-def _of_path_alone(asked: Question, judge: Judge) -> Plan | None:
-    """Return exact rotation with a quadrature for the path; for a symmetric body, an integration if it costs less."""
-    if not any(asked.scene.loads.force_b) or not asked.translation or not registry.FREE_BODY_FORCE.serves(asked):
-        return None
-    found = cheapest_quadrature(asked, judge)
-    if found is None or not asked.start.is_symmetric:
-        return found
-    try:
-        return min(_of_all_that_moves(asked, judge), found, key=lambda plan: methods.with_cost(asked, plan).cost)
-    except SceneError:
-        return found
-
-
-def _of_all_that_moves(asked: Question, judge: Judge) -> Plan:
-    """Return the plan of all that moves, by series or splitting."""
-    return cheapest_fit(asked, judge, methods.splittings(asked))
 
 
 # Inputs that are known

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rbfmu.csv_table import read_columns
 from rbfmu.runs.time_grid import time_grid
@@ -28,6 +28,9 @@ class InputTable(NamedTuple):
 
 
 InputTables = dict[str, InputTable]
+Given = ArrayLike | tuple[ArrayLike, ArrayLike]
+Inputs = Mapping[str, Given] | str | Path
+"""What drives a run, as it is given: see `input_tables`."""
 
 
 def size_of(scene: Scene, port: str) -> int:
@@ -35,7 +38,7 @@ def size_of(scene: Scene, port: str) -> int:
     return scene.inputs.own[port].size if port in scene.inputs.own else 3
 
 
-def input_tables(scene: Scene, inputs: Any, interpolate: str = HOLD) -> InputTables:
+def input_tables(scene: Scene, inputs: Inputs, interpolate: str = HOLD) -> InputTables:
     """Return the tables of the ports given; raise SceneError with all that is wrong with them.
 
     inputs: a mapping from a port's name to (times, values) or to an array with a row for each communication step; or
@@ -43,17 +46,19 @@ def input_tables(scene: Scene, inputs: Any, interpolate: str = HOLD) -> InputTab
     """
     if interpolate not in (HOLD, LINEAR):
         raise SceneError(fault("interpolate", interpolate, f"{HOLD!r} or {LINEAR!r}"), scene.name)
-    is_file = isinstance(inputs, str | Path)
-    source = f"{inputs}: " if is_file else ""
+    source = f"{inputs}: " if isinstance(inputs, str | Path) else ""
     faults: list[str] = []
-    if not is_file and not isinstance(inputs, Mapping):
+    if not isinstance(inputs, str | Path | Mapping):
         expected = "a mapping from a port's name to its values, or the path of a CSV file"
         raise SceneError(fault("inputs", inputs if callable(inputs) else type(inputs).__name__, expected), scene.name)
     if not scene.inputs.ports:
         raise SceneError(f"{source}inputs are given: expected none, as the scene has no ports", scene.name)
-    tables = _read(Path(inputs), scene, faults) if is_file else _from_mapping(inputs, scene, interpolate, faults)
+    if isinstance(inputs, Mapping):
+        tables = _from_mapping(inputs, scene, interpolate, faults)
+    else:
+        tables = _read(Path(inputs), scene, faults)
     for port, table in tables.items():
-        faults += _faults_of_times(scene, table.times, "time" if is_file else f"times of {port}", interpolate)
+        faults += _faults_of_times(scene, table.times, "time" if source else f"times of {port}", interpolate)
     if faults:
         raise SceneError([f"{source}{text}" for text in dict.fromkeys(faults)], scene.name)
     return tables
@@ -62,7 +67,7 @@ def input_tables(scene: Scene, inputs: Any, interpolate: str = HOLD) -> InputTab
 # From Python
 
 
-def _from_mapping(inputs: Mapping[str, object], scene: Scene, interpolate: str, faults: list[str]) -> InputTables:
+def _from_mapping(inputs: Mapping[str, Given], scene: Scene, interpolate: str, faults: list[str]) -> InputTables:
     tables = {}
     for port, given in inputs.items():
         if port not in scene.inputs.ports:
@@ -71,7 +76,7 @@ def _from_mapping(inputs: Mapping[str, object], scene: Scene, interpolate: str, 
         try:
             size = size_of(scene, port)
             if isinstance(given, tuple) and len(given) == 2:
-                tables[port] = _timed(given[0], given[1], size)
+                tables[port] = _timed(given, size)
             else:
                 tables[port] = _row_a_step(scene, given, interpolate, size)
         except (TypeError, ValueError) as error:
@@ -81,15 +86,15 @@ def _from_mapping(inputs: Mapping[str, object], scene: Scene, interpolate: str, 
     return tables
 
 
-def _timed(times: object, values: object, size: int) -> InputTable:
-    times, values = _numbers_of(times), _rows_of(values, size)
+def _timed(given: tuple[ArrayLike, ArrayLike], size: int) -> InputTable:
+    times, values = _numbers_of(given[0]), _rows_of(given[1], size)
     if times.ndim != 1 or not len(times) or values.shape != (len(times), size):
         shapes = f"shapes {times.shape} and {values.shape}"
         raise ValueError(f"{shapes}: expected times (m,) and values (m, {size}), at least one row")
     return InputTable(times, values)
 
 
-def _row_a_step(scene: Scene, given: object, interpolate: str, size: int) -> InputTable:
+def _row_a_step(scene: Scene, given: ArrayLike, interpolate: str, size: int) -> InputTable:
     values, grid = _rows_of(given, size), time_grid(scene.run.start, scene.run.stop, scene.run.step)
     points, steps = len(grid), len(grid) - 1
     allowed = {points} if interpolate == LINEAR else {steps, points}
@@ -99,13 +104,13 @@ def _row_a_step(scene: Scene, given: object, interpolate: str, size: int) -> Inp
     return InputTable(grid[: len(values)], values)
 
 
-def _rows_of(given: object, size: int) -> Array:
+def _rows_of(given: ArrayLike, size: int) -> Array:
     """Return a row for each time, also of a scalar's numbers."""
     values = _numbers_of(given)
     return values[:, None] if size == 1 and values.ndim == 1 else values
 
 
-def _numbers_of(given: object) -> Array:
+def _numbers_of(given: ArrayLike) -> Array:
     if callable(given):
         raise TypeError("a function: expected (times, values), such as its values at the communication points")
     return np.asarray(given, dtype=np.float64)

@@ -6,25 +6,31 @@ largest size in the run, as a quantity that passes through zero has no error rel
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rbfmu import arrays
+from rbfmu.models.question import Question
 from rbfmu.runs.inputs import Drive
 from rbfmu.runs.plan import Plan, filled_buffer, initialize, start_run
 from rbfmu.scene.scene import Scene
+from rbfmu.scene.section import flattened
 from rbfmu.types import Array, Buffer, Motion
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.quantities import ANGLE, OUTPUT, OUTPUTS
+from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
+from rbfmu_kernels.quantities import ANGLE, DISSIPATIVE, FORCES, LOADS, OUTPUT, OUTPUTS, TORQUES
 from rbfmu_kernels.rotations.quaternion import angle_between
 
 FEW = 20_000
 """The number of rows up to which the array function is not worth its compilation."""
 FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.floor}
 """The least size, m or m/s, that an error is relative to, by the quantity's name."""
+NOISE = 64.0 * 2.0**-52
+"""The part of a quantity's largest term below which it is that of a body at rest, whatever cancels in the quantity."""
 
 
 class Steps:
@@ -100,7 +106,7 @@ class _Pieces:
         places = [np.arange(p.start, p.stop) for p in map(kernels.BLOCKS.__getitem__, blocks)]
         at = np.concatenate([*places, np.zeros(0, np.intp)])
         together = len(at) and bool((np.diff(at) == 1).all())
-        self._places: Any = slice(at[0], at[-1] + 1) if together else at
+        self._places: slice | NDArray[np.intp] = slice(at[0], at[-1] + 1) if together else at
         self._rows = np.hstack([*blocks.values()]) if blocks else np.zeros((0, 0))
 
     def put(self, i: int) -> None:
@@ -149,7 +155,7 @@ class Events:
 
 
 def record(
-    run: Steps | Driven, names: Sequence[str], most: float = math.inf, progress: Callable[[float], Any] | None = None
+    run: Steps | Driven, names: Sequence[str], most: float = math.inf, progress: Callable[[float], object] | None = None
 ) -> Motion:
     """Return the blocks named now and after each step; NaN from where the motion ends.
 
@@ -206,18 +212,75 @@ def sizes(rows: Array, unit: float) -> Array:
 
 
 def largest_error(
-    a: Mapping[str, Array], b: Mapping[str, Array], names: Iterable[str], floors: Mapping[str, float] = FLOORS
+    a: Mapping[str, Array],
+    b: Mapping[str, Array],
+    names: Iterable[str],
+    floors: Mapping[str, float] = FLOORS,
+    absolute: bool = False,
 ) -> float:
     """Return the largest error of a run in the quantities named; infinite where one is not finite.
 
-    floors: the least size that an error is relative to, by the quantity's name and in its unit.
+    floors: the least size that an error is relative to, by the quantity's name and in its unit; absolute: whether
+    positions and velocities count relative to 1 m and 1 m/s, as something varies that they grow with.
     """
     worst = 0.0
     for name in names:
         if name in OUTPUT and OUTPUT[name].error == ANGLE:
-            errors = attitude_error(a[name], b[name])
+            largest = float(np.max(attitude_error(a[name], b[name])))
+        elif absolute and name in FLOORS:
+            largest = largest_size(a[name] - b[name])
         else:
-            errors = relative_error(a[name], b[name], floors.get(name, 0.0))
-        largest = float(np.max(errors))
+            largest = float(np.max(relative_error(a[name], b[name], floors.get(name, 0.0))))
         worst = max(worst, largest) if math.isfinite(largest) else math.inf
     return worst
+
+
+# Sizes that errors are relative to
+
+
+def least_sizes(asked: Question, motion: Motion) -> dict[str, float]:
+    """Return the least size that errors are relative to, by name.
+
+    A quantity that is zero but for round-off of its terms has no size of its own: errors are relative to these terms.
+    """
+    resting = {name: size for name, (size, part) in _parts(asked, motion).items() if part <= NOISE}
+    return {**FLOORS, **resting}
+
+
+def lost_to_cancellation(asked: Question, motion: Motion) -> float:
+    """Return a bound of what round-off of terms that cancel makes of the motion's quantities, relative to these."""
+    return max((NOISE / part for _, part in _parts(asked, motion).values() if part > NOISE), default=0.0)
+
+
+def _parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
+    """Return each quantity's natural size, and its largest as a part of it; of an energy, the part of the rate."""
+    found: dict[str, tuple[float, float]] = {}
+    for name, size in natural_sizes(asked, motion).items():
+        if name in motion and size > 0.0:
+            part = largest_size(motion[name]) / size
+            found[name] = size, math.sqrt(part) if OUTPUT[name].unit == "J" else part
+    return found
+
+
+def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
+    """Return the size of each quantity that the scene's loads and rates make where they are not in balance."""
+    body, loads = asked.body, asked.scene.loads
+    size = {row.name: math.hypot(*flattened(getattr(loads, row.name))) for row in LOADS}
+    force = body.mass * size["gravity_a"] if body.pivot else sum(size[name] for name in sorted(FORCES))
+    arm, (low, middle, high) = math.hypot(*body.r_oc_b), asked.start.principal_axes[0].tolist()
+    least = low if low > INERTIA_TOLERANCE * high else middle
+    torque = sum(size[name] for name in sorted(TORQUES - DISSIPATIVE))
+    angular = (torque + arm * force) / least
+    turning = largest_size(motion.get("omega_b", np.array(asked.scene.initial.omega_b)))
+    rate = math.sqrt(angular) + turning
+    angular += turning**2
+    linear = size["gravity_a"] + force / body.mass
+    speed = 0.0 if body.pivot else linear * asked.span
+    by_unit = {
+        "rad/s": rate,
+        "rad/s2": angular,
+        "kg m2/s": high * rate,
+        "J": high * rate * rate + body.mass * speed * speed,
+        "m/s2": arm * angular + linear,
+    }
+    return {row.name: by_unit[row.unit] for row in OUTPUTS if row.unit in by_unit}

@@ -19,10 +19,10 @@ import numpy as np
 from rbfmu import arrays
 from rbfmu.models.formulas import FormulaModel, formulas_of
 from rbfmu.models.question import Question
-from rbfmu.planning.judge import MAX_REFERENCE_STEPS, least_sizes
+from rbfmu.planning.judge import MAX_REFERENCE_STEPS
 from rbfmu.planning.methods import ORDERS_OF_SERIES, whole_series
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
-from rbfmu.runs.motion import largest_error
+from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene, SceneError
