@@ -1,6 +1,7 @@
 """Core types of kernels. A kernel's annotations are its shapes; array functions are made from them."""
 
-from typing import Protocol, get_args, get_origin, overload
+from collections.abc import Callable
+from typing import Any, Protocol, get_args, get_origin, overload
 
 __all__ = ["Matrix", "Quaternion", "Vec3"]
 
@@ -13,6 +14,10 @@ Transform = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
 """Rows of a homogeneous transform, of four numbers each: they are no quaternions, but Numba sees no difference."""
 Vec6 = tuple[float, float, float, float, float, float]
 Matrix6 = tuple[Vec6, Vec6, Vec6, Vec6, Vec6, Vec6]
+
+
+Function = Callable[..., Any]
+"""A kernel, or what is made of one: its own annotations say of what."""
 
 
 class Buffer(Protocol):

@@ -17,9 +17,8 @@ from rbfmu.types import Array
 from rbfmu_kernels.compile.gufunc import STREAMED, gufuncs
 from rbfmu_kernels.compile.shapes import core_shapes, python_function
 from rbfmu_kernels.rotations.euler_angles import sequence
-from rbfmu_kernels.types import Shape
+from rbfmu_kernels.types import Function, Shape
 
-Function = Callable[..., Any]
 Arguments = tuple[Any, ...]
 Keywords = dict[str, Any]
 

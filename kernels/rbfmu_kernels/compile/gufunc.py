@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numba import config, float64, guvectorize
 
-from ..types import Shape
+from ..types import Function, Shape
 from .code_cache import kept_on_disk
 from .numba_private import MISSING
 from .shapes import Item
@@ -19,9 +19,7 @@ fast where others use the memory too.
 """
 
 
-def gufuncs(
-    kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None
-) -> Sequence[Callable[..., Any]]:
+def gufuncs(kernel: Function, *constants: int, singular: Callable[..., bool] | None = None) -> Sequence[Function]:
     """Return two gufuncs that map `kernel(*constants, ...)` over leading axes.
 
     The first is for whole arrays; the second for the pieces of a large one, which go past the caches however small.
@@ -41,7 +39,7 @@ def gufuncs(
     return [plain_gufunc(item)] * 2
 
 
-def interpreted(item: Item) -> Callable[..., Any]:
+def interpreted(item: Item) -> Function:
     """Return such a gufunc, item by item, without compilation (for NUMBA_DISABLE_JIT=1)."""
     shapes, results = item.inputs, item.results
 
@@ -77,7 +75,7 @@ def _as_tuple(array: Any) -> Any:
     return tuple(_as_tuple(a) for a in array) if np.ndim(array) else float(array)
 
 
-def plain_gufunc(item: Item) -> Callable[..., Any]:
+def plain_gufunc(item: Item) -> Function:
     """Return what `gufuncs` returns one of, with a loop that takes one item after the other.
 
     `guvectorize` knows core sizes by name only: the first arguments are arrays of these sizes.
