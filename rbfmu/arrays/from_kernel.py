@@ -15,7 +15,7 @@ import numpy as np
 
 from rbfmu.types import Array
 from rbfmu_kernels.compile.gufunc import STREAMED, gufuncs
-from rbfmu_kernels.compile.shapes import core_shapes, python_function
+from rbfmu_kernels.compile.shapes import Item, core_shapes, python_function
 from rbfmu_kernels.rotations.euler_angles import sequence
 from rbfmu_kernels.types import Function, Shape
 
@@ -74,7 +74,7 @@ def array_function(kernel: Function, *constants: int, singular: Singular | None 
                 raise clear_error(kernel, args, kwargs, error) from None
         except ValueError as error:
             raise clear_error(kernel, args, kwargs, error) from None
-        loops = gufuncs(kernel, *constants, singular=singular)
+        loops = gufuncs(Item(kernel, constants, singular))
         limits[:] = [(len(shape) + 1, math.prod(shape)) for shape in core_shapes(kernel)[0].values()]
         return call(*args, **kwargs)
 

@@ -1,6 +1,6 @@
 """Array functions made from a scalar kernel's one definition."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,14 +19,13 @@ fast where others use the memory too.
 """
 
 
-def gufuncs(kernel: Function, *constants: int, singular: Callable[..., bool] | None = None) -> Sequence[Function]:
-    """Return two gufuncs that map `kernel(*constants, ...)` over leading axes.
+def gufuncs(item: Item) -> Sequence[Function]:
+    """Return two gufuncs that do for all items along leading axes what is done for one.
 
     The first is for whole arrays; the second for the pieces of a large one, which go past the caches however small.
-    singular: a kernel of the first few arguments. The gufunc then takes a mark before its arguments: an array of shape
-    (), zero, which becomes 1 where `singular` is true for an item.
+    Where an item may be singular, they take a mark before the arguments: an array of shape (), zero, which becomes 1
+    where one is.
     """
-    item = Item(kernel, constants, singular)
     if config.DISABLE_JIT:
         return [interpreted(item)] * 2
     if not MISSING:

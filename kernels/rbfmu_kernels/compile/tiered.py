@@ -130,21 +130,15 @@ def _tier(kernel: Any) -> "Tiered":
 
 def evaluated(kernel: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
     """Return what a kernel makes of Python's numbers and tuples, in such; it is compiled if that pays."""
-    found: R = _in_python(tiered(kernel)(*map(_in_numpy, args)))
-    return found
+    found: R = _each(tiered(kernel)(*(_each(value, float, np.float64) for value in args)), np.generic, np.generic.item)
+    return found  # inside the kernel they are NumPy's, which can be divided by zero
 
 
-def _in_numpy(value: Any) -> Any:
-    """Return NumPy's numbers, which can be divided by zero."""
+def _each(value: Any, kind: type, convert: Function) -> Any:
+    """Return numbers in nested tuples, those of a kind converted."""
     if isinstance(value, tuple | list):
-        return tuple(map(_in_numpy, value))
-    return np.float64(value) if isinstance(value, float) else value
-
-
-def _in_python(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return tuple(map(_in_python, value))
-    return value.item() if isinstance(value, np.generic) else value
+        return tuple(_each(one, kind, convert) for one in value)
+    return convert(value) if isinstance(value, kind) else value
 
 
 def is_kept(kernel: Any, *args: object) -> bool:
