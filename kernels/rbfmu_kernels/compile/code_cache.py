@@ -64,7 +64,7 @@ class DiskCache:
         """kind: CalleeCache; without, it is Numba's own."""
         self._function, self._kind = function, kind
 
-    def load_overload(self, signature: tuple[types.Type, ...], context: Context) -> inside.CompileResult:
+    def load_overload(self, signature: tuple[types.Type, ...], context: Context) -> "inside.CompileResult":
         """Return stored code, or None where there is none."""
         try:
             if not exists(self._cache._cache_file._index_path):
@@ -78,7 +78,7 @@ class DiskCache:
         return getattr(self._cache, name)
 
     @cached_property
-    def _cache(self) -> inside.FunctionCache:
+    def _cache(self) -> "inside.FunctionCache":
         try:
             cache = (self._kind or inside.FunctionCache)(self._function)
             name = cache._impl.filename_base + ("-callee" if self._kind else "")
