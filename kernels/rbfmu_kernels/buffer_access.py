@@ -1,7 +1,8 @@
 """Vectors, quaternions, matrices and named tuples of numbers in a flat buffer."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import count
 from typing import Any, Generic, NamedTuple, TypeVar, get_args, get_type_hints
 
 from .compile.decorator import kernel
@@ -13,15 +14,6 @@ def copy_numbers(z: Buffer, source: int, target: int, n: int) -> None:
     """Copy n numbers from z[source] on to z[target] on; the two do not overlap."""
     for i in range(n):
         z[target + i] = z[source + i]
-
-
-@kernel
-def are_finite(z: Buffer, first: int, end: int) -> bool:
-    """Return whether all numbers from z[first] to before z[end] are finite: 0 x is 0 then, else NaN; one sum asks."""
-    total = 0.0
-    for i in range(first, end):
-        total += 0.0 * z[i]
-    return total == 0.0
 
 
 @kernel
@@ -95,24 +87,15 @@ def record(kind: type[T], size: int = 0) -> Record[T]:
 
     size: how many numbers `flatten` gives at least; it fills up with zeros.
     """
-    name, paths = kind.__name__, _paths(kind, "value")
+    name, paths, known = kind.__name__, _paths(kind, "value"), dict[str, Any](__name__=kind.__module__)
     stores = [f"    z[i + {k}] = {path}" for k, path in enumerate(paths)]
-    names = {part.__name__: part for part in _named(kind)}
-    put = _kernel(kind, names, f"put_{name}", "(z, i, value):", *stores)
-    read = _kernel(
-        kind, names, f"read_{name}", "(numbers):", f"    return {_expression(kind, iter(range(len(paths))))}"
-    )
-    padded = [*paths, *["0.0"] * (size - len(paths))]
-    flatten = _kernel(kind, names, f"flatten_{name}", "(value):", f"    return ({', '.join(padded)},)")
-    return Record(len(paths), put, read, flatten)
-
-
-def _kernel(kind: Any, scope: dict[str, Any], name: str, *lines: str) -> Callable[..., Any]:
-    """Compile generated source as a kernel of the module that defines the named tuple, whose cache it shares."""
-    module = sys.modules[kind.__module__]
-    made = scope | {"__name__": kind.__module__}
-    exec(compile("\n".join([f"def {name}{lines[0]}", *lines[1:]]), str(module.__file__), "exec"), made)
-    return kernel(made[name])
+    numbers = ", ".join([*paths, *["0.0"] * (size - len(paths))])
+    source = [f"def put_{name}(z, i, value):", *stores]
+    source += [f"def read_{name}(numbers):", f"    return {_expression(kind, count(), known)}"]
+    source += [f"def flatten_{name}(value):", f"    return ({numbers},)"]
+    # as if it stood in the module that defines the named tuple, whose cache it shares
+    exec(compile("\n".join(source), str(sys.modules[kind.__module__].__file__), "exec"), known)
+    return Record(len(paths), *(kernel(known[f"{what}_{name}"]) for what in ("put", "read", "flatten")))
 
 
 def _fields(kind: Any) -> dict[str, Any]:
@@ -129,15 +112,12 @@ def _paths(kind: Any, value: str) -> list[str]:
     return [path for step, part in _fields(kind).items() for path in _paths(part, value + step)]
 
 
-def _expression(kind: Any, places: Any) -> str:
-    """Return the expression that makes a value of numbers[0], numbers[1], ..."""
+def _expression(kind: Any, places: Iterator[int], known: dict[str, Any]) -> str:
+    """Return the expression that makes a value of numbers[0], numbers[1], ..., and note what named tuples it makes."""
     if kind is float:
         return f"numbers[{next(places)}]"
-    parts = [_expression(part, places) for part in _fields(kind).values()]
-    return f"{kind.__name__}({', '.join(parts)})" if hasattr(kind, "_fields") else f"({', '.join(parts)},)"
-
-
-def _named(kind: Any) -> list[Any]:
-    """Return the named tuples that a value is made of."""
-    own = [kind] if hasattr(kind, "_fields") else []
-    return own + [named for part in _fields(kind).values() if part is not float for named in _named(part)]
+    parts = [_expression(part, places, known) for part in _fields(kind).values()]
+    if not hasattr(kind, "_fields"):
+        return f"({', '.join(parts)},)"
+    known[kind.__name__] = kind
+    return f"{kind.__name__}({', '.join(parts)})"

@@ -1,6 +1,7 @@
 """Core types of kernels. A kernel's annotations are its shapes; array functions are made from them."""
 
-from typing import Protocol, get_args, get_origin, overload
+from collections.abc import Callable
+from typing import Any, Protocol, get_args, get_origin, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,10 @@ Vec6 = tuple[float, float, float, float, float, float]
 Matrix6 = tuple[Vec6, Vec6, Vec6, Vec6, Vec6, Vec6]
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+
+Function = Callable[..., Any]
+"""A kernel, or what is made of one: its own annotations say of what."""
 
 
 class Buffer(Protocol):

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 from numba import config
+from numpy.typing import ArrayLike
 
 from rbfmu.arrays.from_kernel import array_function, clear_error, documented_by, in_order, warn_of_singular
+from rbfmu.types import Array
 from rbfmu_kernels.compile.simd import widest
 from rbfmu_kernels.exact.free_rotation import (
     SCRATCH,
@@ -20,6 +22,7 @@ from rbfmu_kernels.exact.free_rotation import (
     free_rotations_in_four,
 )
 from rbfmu_kernels.exact.free_rotation import free_rotation as _kernel
+from rbfmu_kernels.types import Shape
 
 _FEW = 8
 """Bodies from which on lanes pay."""
@@ -42,12 +45,12 @@ def free_rotation(*args: Any, **kwargs: Any) -> Any:
         raise clear_error(_kernel, args, kwargs, error) from None
 
 
-def _times_exceed_bodies(moments: Any, q_0: Any, omega_b_0: Any, t: Any) -> bool:
+def _times_exceed_bodies(moments: ArrayLike, q_0: ArrayLike, omega_b_0: ArrayLike, t: ArrayLike) -> bool:
     bodies = np.broadcast_shapes(*(np.shape(a)[:-1] for a in (moments, q_0, omega_b_0)))
     return math.prod(np.broadcast_shapes(bodies, np.shape(t))) > math.prod(bodies)
 
 
-def _in_lanes(*args: Any) -> Any:
+def _in_lanes(*args: ArrayLike) -> tuple[Array, Array] | None:
     """Return the motions (..., n, 4) and (..., n, 3) of bodies (..., 1) at n times; None where they are not such."""
     arrays = [np.asarray(a) for a in args]
     if config.DISABLE_JIT or len(arrays) != 4 or any(a.dtype.kind not in "iuf" for a in arrays):
@@ -67,7 +70,7 @@ def _in_lanes(*args: Any) -> Any:
     return q.reshape(*shape, 4), omega.reshape(*shape, 3)
 
 
-def _flat(a: Any, shape: tuple[int, ...], width: int) -> Any:
+def _flat(a: Array, shape: Shape, width: int) -> Array:
     """Return an array broadcast to a shape as rows of `width` numbers."""
     rows = np.broadcast_to(a, shape).reshape(-1, width)
     return np.require(rows, float, ("C", "W"))

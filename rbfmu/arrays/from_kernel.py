@@ -5,7 +5,7 @@ import itertools
 import math
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
 from functools import partial, wraps
@@ -15,11 +15,10 @@ import numpy as np
 
 from rbfmu.types import Array
 from rbfmu_kernels.compile.gufunc import STREAMED, gufuncs
-from rbfmu_kernels.compile.shapes import core_shapes, python_function
+from rbfmu_kernels.compile.shapes import Item, core_shapes, python_function
 from rbfmu_kernels.rotations.euler_angles import sequence
-from rbfmu_kernels.types import Shape
+from rbfmu_kernels.types import Function, Shape
 
-Function = Callable[..., Any]
 Arguments = tuple[Any, ...]
 Keywords = dict[str, Any]
 
@@ -50,7 +49,8 @@ def array_function(kernel: Function, *constants: int, singular: Singular | None 
     singular: a kernel of the first few arguments; where it is true for an item, the warning of that text is given.
     """
     loops: Any = None  # gufuncs of whole arrays, and of pieces
-    limits: list[tuple[int, int]] = []  # of each argument: core axes and one more, numbers of an item
+    shapes = core_shapes(kernel)[0].values()
+    limits = [(len(shape) + 1, math.prod(shape)) for shape in shapes]  # core axes and one more, numbers of an item
     report = partial(warn_of_singular, warning) if singular else None
 
     @documented_by(kernel)
@@ -75,8 +75,7 @@ def array_function(kernel: Function, *constants: int, singular: Singular | None 
                 raise clear_error(kernel, args, kwargs, error) from None
         except ValueError as error:
             raise clear_error(kernel, args, kwargs, error) from None
-        loops = gufuncs(kernel, *constants, singular=singular)
-        limits[:] = [(len(shape) + 1, math.prod(shape)) for shape in core_shapes(kernel)[0].values()]
+        loops = gufuncs(Item(kernel, constants, singular))
         return call(*args, **kwargs)
 
     return call
@@ -109,7 +108,7 @@ def sequence_function(
     return call
 
 
-def _are_few(args: Any, limits: list[tuple[int, int]]) -> bool:
+def _are_few(args: Arguments, limits: list[tuple[int, int]]) -> bool:
     """Return, after a quick look, whether arguments have one leading axis at most and fewer items than a bound."""
     try:
         for array, (axes, size) in zip(args, limits):  # noqa: B905 - naming `strict` costs half as much as the rest
@@ -120,7 +119,7 @@ def _are_few(args: Any, limits: list[tuple[int, int]]) -> bool:
     return True
 
 
-def _in_threads(pool: Any, loops: Any, kernel: Any, args: Arguments, kwargs: Keywords, *mark: Any) -> Any:
+def _in_threads(pool: Any, loops: Any, kernel: Function, args: Arguments, kwargs: Keywords, *mark: Array) -> Any:
     """Make the call in chunks along its longest leading axis; as a whole where it is small or unusual."""
     whole, pieces = loops
     arguments, results = core_shapes(kernel)
@@ -133,7 +132,7 @@ def _in_threads(pool: Any, loops: Any, kernel: Any, args: Arguments, kwargs: Key
     if min(depths) < 0 or math.prod(leading) < THRESHOLD:
         return whole(*mark, *args, **kwargs)
     out = kwargs.get("out")
-    outs: tuple[Any, ...] = out if isinstance(out, tuple) else (out,) * len(results)
+    outs: Arguments = out if isinstance(out, tuple) else (out,) * len(results)
     outs = tuple(np.empty(leading + s) if o is None else o for o, s in zip(outs, results, strict=True))
     if any(o.shape != leading + s for o, s in zip(outs, results, strict=True)) or _overlap(arrays, outs):
         return whole(*mark, *args, **kwargs)
@@ -141,7 +140,7 @@ def _in_threads(pool: Any, loops: Any, kernel: Any, args: Arguments, kwargs: Key
     items = math.prod(leading)
     rows = max(1, max(CHUNK, items // (CHUNKS * _threads)) * leading[axis] // items)
 
-    def cut(array: Any, shape: tuple[int, ...], piece: slice) -> Any:
+    def cut(array: Array, shape: Shape, piece: slice) -> Array:
         position = array.ndim - len(shape) + axis
         if position < 0 or array.shape[position] == 1:
             return array
@@ -165,7 +164,7 @@ def _in_threads(pool: Any, loops: Any, kernel: Any, args: Arguments, kwargs: Key
     return outs if len(outs) > 1 else outs[0]
 
 
-def _overlap(arrays: Any, outs: Any) -> bool:
+def _overlap(arrays: Sequence[Array], outs: Sequence[Array]) -> bool:
     """Return whether a chunk's results may be written over what another chunk reads or writes.
 
     NumPy reads a copy where results overlap arguments, within one call; each chunk is a call of its own. An argument
@@ -175,7 +174,7 @@ def _overlap(arrays: Any, outs: Any) -> bool:
     return any(np.may_share_memory(a, o, 1) and not _are_same(a, o) for a, o in pairs)  # type: ignore[arg-type]  # as hard as ufuncs try
 
 
-def _are_same(a: Any, b: Any) -> bool:
+def _are_same(a: Array, b: Array) -> bool:
     return bool(a.shape == b.shape and a.strides == b.strides and a.ctypes.data == b.ctypes.data)
 
 
@@ -280,8 +279,8 @@ def _of_keywords(name: str, first: str, kwargs: Keywords) -> Exception | None:
     return None
 
 
-def _of_out(name: str, results: list[Shape], leading: tuple[int, ...], out: Any) -> Exception | None:
-    outs = out if isinstance(out, tuple) else () if out is None else (out,)
+def _of_out(name: str, results: list[Shape], leading: tuple[int, ...], out: object) -> Exception | None:
+    outs: Arguments = out if isinstance(out, tuple) else () if out is None else (out,)
     if outs and len(outs) != len(results):
         wanted = f"a tuple of {len(results)} arrays" if len(results) > 1 else "one array"
         return ValueError(f"{name}: out must be {wanted}, got {len(outs)}")
@@ -309,7 +308,7 @@ def _holds(shape: tuple[int, ...], leading: tuple[int, ...], core: Shape) -> boo
     return all(n in (1, m) for n, m in zip(leading, last, strict=True))
 
 
-def as_floats(function: str, argument: str, value: Any) -> Array:
+def as_floats(function: str, argument: str, value: object) -> Array:
     """Return an argument as an array of floats. Raises ValueError."""
     try:
         return np.asarray(value, dtype=np.float64)

@@ -7,17 +7,20 @@ from contextlib import contextmanager, suppress
 from functools import cached_property
 from os.path import exists
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from numba import config
+from numba import config, types
 
+from ..types import Function
 from . import numba_private as inside
+from .codegen import Context
 
 try:
     import fcntl
 except ImportError:  # Windows: each process compiles for itself
     fcntl = None  # type: ignore[assignment]
 
+T = TypeVar("T")
 _PACKAGE = Path(__file__).parents[1]
 
 
@@ -33,13 +36,13 @@ SOURCES = hash_of_sources(_PACKAGE)
 """The hash of this package's sources."""
 
 
-def stamp_of(function: Callable[..., Any]) -> str:
+def stamp_of(function: Function) -> str:
     """Return the stamp of a function's code: the hash of all kernels, and of its own file where that is elsewhere."""
     file = Path(function.__code__.co_filename)
     return SOURCES if file.is_relative_to(_PACKAGE) else SOURCES + hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
-def kept_on_disk(compiled: Callable[[bool], Any]) -> Any:
+def kept_on_disk(compiled: Callable[[bool], T]) -> T:
     """Compile with a cache in a folder of these sources, as Numba's stamp does not see what a function calls."""
     folder = config.CACHE_DIR
     config.CACHE_DIR = str(Path(folder or _PACKAGE / "__pycache__") / SOURCES)
@@ -57,11 +60,11 @@ class DiskCache:
     It is looked for at the first use, and read without loading Numba's compiler, which costs 0.2 s and is not needed.
     """
 
-    def __init__(self, function: Callable[..., Any], kind: Any = None) -> None:
+    def __init__(self, function: Function, kind: type | None = None) -> None:
         """kind: CalleeCache; without, it is Numba's own."""
         self._function, self._kind = function, kind
 
-    def load_overload(self, signature: Any, context: Any) -> Any:
+    def load_overload(self, signature: tuple[types.Type, ...], context: Context) -> "inside.CompileResult":
         """Return stored code, or None where there is none."""
         try:
             if not exists(self._cache._cache_file._index_path):
@@ -75,7 +78,7 @@ class DiskCache:
         return getattr(self._cache, name)
 
     @cached_property
-    def _cache(self) -> Any:
+    def _cache(self) -> "inside.FunctionCache":
         try:
             cache = (self._kind or inside.FunctionCache)(self._function)
             name = cache._impl.filename_base + ("-callee" if self._kind else "")
@@ -86,7 +89,7 @@ class DiskCache:
 
 
 @contextmanager
-def made_once(kept: Any) -> Iterator[None]:
+def made_once(kept: "DiskCache") -> Iterator[None]:
     """Let one process at a time compile what a cache keeps, so that those which wait find what the first has made.
 
     Where files cannot be locked, each compiles. Threads wait at Numba's own lock, which comes first: one that had the

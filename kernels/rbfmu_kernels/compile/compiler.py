@@ -5,33 +5,41 @@ kernel calls is called by compiled code only, into which it is merged, so that L
 """
 
 import gc
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache, partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 from llvmlite import binding
 from numba import njit, types
 
+from ..types import Function
 from . import numba_private as inside
 from .code_cache import DiskCache, made_once
+from .codegen import Signature, Value
 from .numba_private import CALLED_BY_CODE
+
+State: TypeAlias = Any  # Numba's StateDict, which passes share
+TargetContext: TypeAlias = Any  # Numba's BaseContext
+Serialized = tuple[str, str, bytes]
 
 
 class _Remembering(inside.Context):  # type: ignore[misc]
     """A typing context that remembers: Numba tries some ten templates at each sum of two numbers, this one once."""
 
-    _answers: ClassVar[dict[Any, Any]] = {}
+    _answers: ClassVar[dict[tuple[types.Type, tuple[types.Type, ...]], Signature]] = {}
     _numbers = (types.Number, types.Boolean, types.Literal)
 
     @classmethod
-    def beside(cls, context: Any) -> "_Remembering":
+    def beside(cls, context: inside.Context) -> "_Remembering":
         """Return another view of Numba's own context: they share all that they know."""
         view = object.__new__(cls)
         view.__dict__ = context.__dict__
         return view
 
-    def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
+    def resolve_function_type(
+        self, func: types.Type, args: tuple[types.Type, ...], kws: dict[str, types.Type]
+    ) -> object:
         if kws or not isinstance(func, types.Function) or not all(isinstance(a, self._numbers) for a in args):
             return super().resolve_function_type(func, args, kws)
         if (func, args) not in self._answers:
@@ -40,7 +48,7 @@ class _Remembering(inside.Context):  # type: ignore[misc]
         return self._answers[func, args]
 
 
-def _flags_for_all() -> Any:
+def _flags_for_all() -> inside.ConfigStack:
     """Return flags under which Numba's own functions, such as min, are the same code whoever calls them first."""
     flags = inside.ConfigStack().top().copy()
     flags.forceinline, flags.no_cpython_wrapper, flags.no_cfunc_wrapper = False, True, True
@@ -48,7 +56,7 @@ def _flags_for_all() -> Any:
 
 
 class _Lower(inside.Lower):  # type: ignore[misc]
-    def lower_binop(self, resty: Any, expr: Any, op: Any) -> Any:
+    def lower_binop(self, resty: types.Type, expr: inside.ir.Expr, op: Function) -> Value:
         """Lower an operation by the signature that type inference has found; Numba would look for it anew."""
         signature, context = self.fndesc.calltypes[expr], self.context
         known = (context.typing_context.resolve_value_type(op), signature.args)
@@ -64,13 +72,13 @@ class _Lower(inside.Lower):  # type: ignore[misc]
 
 
 @cache
-def _no_processor() -> Any:
+def _no_processor() -> binding.TargetMachine:
     target = binding.Target.from_triple(binding.get_process_triple())
     return target.create_target_machine(cpu="", features="", opt=3)
 
 
 @contextmanager
-def _for_no_processor(codegen: Any) -> Iterator[None]:
+def _for_no_processor(codegen: inside.CPUCodegen) -> Iterator[None]:
     """Keep this machine's processor from LLVM: what is called gets into FMUs too, whose bytes must not hang on it.
 
     Nothing is lost: LLVM optimises what is called once more for this processor, in the caller that it is merged into.
@@ -87,7 +95,7 @@ def _for_no_processor(codegen: Any) -> Iterator[None]:
 class _TypeInference(inside.NopythonTypeInference):  # type: ignore[misc]
     """Finds types, for which it compiles all that is called, also functions of Numba's own."""
 
-    def run_pass(self, state: Any) -> Any:
+    def run_pass(self, state: State) -> object:
         with _for_no_processor(state.targetctx.codegen()):
             return super().run_pass(state)
 
@@ -106,7 +114,7 @@ _PASSES = (
 class _Passes(inside.PassManager):  # type: ignore[misc]
     """Passes one after another, without Numba's timers, events and checks, which take as long as some passes."""
 
-    def _runPass(self, index: int, stage: Any, state: Any) -> None:
+    def _runPass(self, index: int, stage: inside.NativeLowering, state: State) -> None:
         stage.analysis = self._analysis
         stage.run_pass(state)
 
@@ -114,11 +122,11 @@ class _Passes(inside.PassManager):  # type: ignore[misc]
 class KernelCompiler(inside.CompilerBase):  # type: ignore[misc]
     """A compiler without the passes for closures, `with`, `raise`, array expressions and literals."""
 
-    def __init__(self, typingctx: Any, *rest: Any) -> None:
+    def __init__(self, typingctx: inside.Context, *rest: object) -> None:
         super().__init__(typingctx, *rest)
         self.state.typingctx = _Remembering.beside(typingctx)
 
-    def compile_extra(self, function: Any) -> Any:
+    def compile_extra(self, function: Function) -> inside.CompileResult:
         """Compile without looking for garbage: that takes a tenth of the time, and there is little."""
         collecting = gc.isenabled()
         gc.disable()
@@ -129,7 +137,7 @@ class KernelCompiler(inside.CompilerBase):  # type: ignore[misc]
                 _count_as_old()
                 gc.enable()
 
-    def define_pipelines(self) -> list[Any]:
+    def define_pipelines(self) -> list[inside.PassManager]:
         """Return the one pipeline of a kernel."""
         passes = _Passes("kernel")
         for stage in _PASSES:
@@ -152,17 +160,17 @@ def _count_as_old() -> None:
 class CalleeCompiler(KernelCompiler):
     """A compiler of what only compiled code calls."""
 
-    def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
+    def __init__(self, typingctx: inside.Context, targetctx: TargetContext, library: object, *rest: object) -> None:
         super().__init__(typingctx, targetctx, _IntermediateCode(targetctx.codegen(), "callee"), *rest)
 
-    def compile_extra(self, function: Any) -> Any:
+    def compile_extra(self, function: Function) -> inside.CompileResult:
         """Compile for no processor."""
         with _for_no_processor(self.state.targetctx.codegen()):
             return super().compile_extra(function)
 
 
 @cache
-def _few_passes() -> Any:
+def _few_passes() -> binding.FunctionPassManager:
     passes = binding.create_new_function_pass_manager()
     passes.add_sroa_pass()
     passes.add_simplify_cfg_pass()
@@ -172,21 +180,21 @@ def _few_passes() -> Any:
 
 class _IntermediateCode(inside.JITCodeLibrary):  # type: ignore[misc]
     @property
-    def codegen(self) -> Any:
+    def codegen(self) -> "_IntermediateCode":
         """Return itself, as Numba asks for `set_env` only."""
         return self
 
-    def set_env(self, name: str, environment: Any) -> None:
+    def set_env(self, name: str, environment: object) -> None:
         """Do nothing, as exceptions and Python objects need an environment, but kernels do not."""
 
     def get_pointer_to_function(self, name: str) -> int:
         self._ensure_finalized()
         return 0
 
-    def serialize_using_object_code(self) -> Any:
+    def serialize_using_object_code(self) -> object:
         return self.serialize_using_bitcode()
 
-    def _optimize_functions(self, module: Any) -> None:
+    def _optimize_functions(self, module: binding.ModuleRef) -> None:
         """Take variables from memory into registers; the rest is done once, in the caller."""
         if not hasattr(self._codegen, "_pass_builder"):  # Numba 0.61, whose LLVM knows no such pass by itself
             super()._optimize_functions(module)
@@ -213,7 +221,7 @@ class _IntermediateCode(inside.JITCodeLibrary):  # type: ignore[misc]
         self._finalized = True
 
     @classmethod
-    def _unserialize(cls, codegen: Any, state: Any) -> Any:
+    def _unserialize(cls, codegen: inside.CPUCodegen, state: Serialized) -> "_IntermediateCode":
         name, _, code = state
         library = cls(codegen, name)
         library._final_module = binding.parse_bitcode(code)
@@ -222,7 +230,7 @@ class _IntermediateCode(inside.JITCodeLibrary):  # type: ignore[misc]
 
 
 class _CalleeCacheImplementation(inside.CompileResultCacheImpl):  # type: ignore[misc]
-    def rebuild(self, target_context: Any, payload: Any) -> Any:
+    def rebuild(self, target_context: TargetContext, payload: tuple[Any, ...]) -> inside.CompileResult:
         """Return what CalleeCompiler made, as if compiled now; making machine code of it would change it."""
         state, description, environment, signature, *_ = payload
         library = _IntermediateCode._unserialize(target_context.codegen(), state)
@@ -247,7 +255,7 @@ class CalleeCache(inside.FunctionCache):  # type: ignore[misc]
 # Kernels by these compilers
 
 
-def reduced_kernel(function: Callable[..., Any], *, inline: bool) -> Any:
+def reduced_kernel(function: Function, *, inline: bool) -> inside.Dispatcher:
     """Return the kernel of a function."""
     compiled = _njit(inline)(pipeline_class=pipeline)(function)
     if hasattr(compiled, "_cache"):  # not where the JIT is disabled
@@ -256,27 +264,27 @@ def reduced_kernel(function: Callable[..., Any], *, inline: bool) -> Any:
     return compiled
 
 
-def _njit(inline: bool) -> Any:
+def _njit(inline: bool) -> Function:
     # _nrt: kernels allocate nothing, and counting references to a buffer costs half of a small model's step
     return partial(njit, error_model="numpy", nogil=True, forceinline=inline, _nrt=False)
 
 
-def _keep_on_disk(dispatcher: Any, kept: DiskCache) -> None:
+def _keep_on_disk(dispatcher: inside.Dispatcher, kept: DiskCache) -> None:
     compiled = dispatcher.compile
 
-    def compile_once(signature: Any) -> Any:
+    def compile_once(signature: Signature) -> object:
         with made_once(kept):
             return compiled(signature)
 
     dispatcher._cache, dispatcher.compile = kept, compile_once
 
 
-def _compile_callees_bare(compiled: Any, inline: bool) -> None:
+def _compile_callees_bare(compiled: inside.Dispatcher, inline: bool) -> None:
     """Let compiled callers have the function without machine code of its own and what Python needs to call it."""
     as_numba_does = compiled.get_call_template, compiled.get_overload
 
     @cache
-    def template_and_overload() -> Any:
+    def template_and_overload() -> tuple[Function, Function]:
         if not internals_serve():
             return as_numba_does
         callee = _bare(compiled.py_func, inline)
@@ -285,10 +293,10 @@ def _compile_callees_bare(compiled: Any, inline: bool) -> None:
         return callee.get_call_template, callee.get_overload
 
     @cache
-    def template(args: Any) -> Any:
+    def template(args: tuple[types.Type, ...]) -> object:
         return template_and_overload()[0](args, {})
 
-    def template_of(args: Any, kws: Any) -> Any:
+    def template_of(args: tuple[types.Type, ...], kws: dict[str, types.Type]) -> object:
         args = tuple(map(types.unliteral, args))
         return template_and_overload()[0](args, kws) if kws else template(args)
 
@@ -297,17 +305,17 @@ def _compile_callees_bare(compiled: Any, inline: bool) -> None:
     compiled.get_overload = lambda sig: template_and_overload()[1](sig)
 
 
-def _bare(function: Callable[..., Any], inline: bool) -> Any:
+def _bare(function: Function, inline: bool) -> inside.Dispatcher:
     return _njit(inline)(pipeline_class=CalleeCompiler, **CALLED_BY_CODE)(function)
 
 
-def code_for_callers(function: Callable[..., Any], signature: Any) -> Any:
+def code_for_callers(function: Function, signature: Signature) -> inside.Dispatcher:
     """Return what Numba compiles of a function that is called by compiled code only: the same on every processor."""
     compiler = CalleeCompiler if internals_serve() else inside.Compiler
     return njit(signature, pipeline_class=compiler, **CALLED_BY_CODE)(function)
 
 
-def pipeline(*state: Any) -> Any:
+def pipeline(*state: object) -> inside.CompilerBase:
     """Return the compiler of a function: that of kernels, or Numba's own where the internals behave otherwise."""
     return (KernelCompiler if internals_serve() else inside.Compiler)(*state)
 

@@ -10,14 +10,16 @@ from typing import Any, ParamSpec, TypeVar, overload
 
 from numba import njit
 
+from ..types import Function
 from .code_cache import kept_on_disk
+from .codegen import Signature
 from .numba_private import CALLED_BY_CODE, MISSING
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def _plain_kernel(function: Callable[..., Any], *, inline: bool) -> Any:
+def _plain_kernel(function: Function, *, inline: bool) -> Any:
     """Return the kernel of a function.
 
     Compiled callers have a twin without what Python needs to call it, and without counts of references to buffers: half
@@ -32,7 +34,7 @@ def _plain_kernel(function: Callable[..., Any], *, inline: bool) -> Any:
     return compiled
 
 
-def _plain_code_for_callers(function: Callable[..., Any], signature: Any) -> Any:
+def _plain_code_for_callers(function: Function, signature: Signature) -> object:
     """Return what Numba compiles of a function that is called by compiled code only."""
     return njit(signature, **CALLED_BY_CODE)(function)
 

@@ -1,12 +1,12 @@
 """Array functions made from a scalar kernel's one definition."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numba import config, float64, guvectorize
 
-from ..types import Shape
+from ..types import Function, Shape
 from .code_cache import kept_on_disk
 from .numba_private import MISSING
 from .shapes import Item
@@ -19,16 +19,13 @@ fast where others use the memory too.
 """
 
 
-def gufuncs(
-    kernel: Callable[..., Any], *constants: int, singular: Callable[..., bool] | None = None
-) -> Sequence[Callable[..., Any]]:
-    """Return two gufuncs that map `kernel(*constants, ...)` over leading axes.
+def gufuncs(item: Item) -> Sequence[Function]:
+    """Return two gufuncs that do for all items along leading axes what is done for one.
 
     The first is for whole arrays; the second for the pieces of a large one, which go past the caches however small.
-    singular: a kernel of the first few arguments. The gufunc then takes a mark before its arguments: an array of shape
-    (), zero, which becomes 1 where `singular` is true for an item.
+    Where an item may be singular, they take a mark before the arguments: an array of shape (), zero, which becomes 1
+    where one is.
     """
-    item = Item(kernel, constants, singular)
     if config.DISABLE_JIT:
         return [interpreted(item)] * 2
     if not MISSING:
@@ -41,7 +38,7 @@ def gufuncs(
     return [plain_gufunc(item)] * 2
 
 
-def interpreted(item: Item) -> Callable[..., Any]:
+def interpreted(item: Item) -> Function:
     """Return such a gufunc, item by item, without compilation (for NUMBA_DISABLE_JIT=1)."""
     shapes, results = item.inputs, item.results
 
@@ -77,7 +74,7 @@ def _as_tuple(array: Any) -> Any:
     return tuple(_as_tuple(a) for a in array) if np.ndim(array) else float(array)
 
 
-def plain_gufunc(item: Item) -> Callable[..., Any]:
+def plain_gufunc(item: Item) -> Function:
     """Return what `gufuncs` returns one of, with a loop that takes one item after the other.
 
     `guvectorize` knows core sizes by name only: the first arguments are arrays of these sizes.

@@ -9,63 +9,51 @@ import importlib
 import operator
 from typing import Any
 
-INTERNALS: dict[str, str] = {
-    f"{module}:{name}": what
-    for what, modules in {
-        "Kernels are compiled by fewer passes, in half of the time.": {
-            "numba.core.compiler": "CompilerBase.define_pipelines CompilerBase.compile_extra",
-            "numba.core.compiler_machinery":
-                "PassManager.add_pass PassManager.finalize PassManager._runPass register_pass",
-            "numba.core.untyped_passes": "TranslateByteCode FixupArgs GenericRewrites ReconstructSSA",
-            "numba.core.typed_passes":
-                "NopythonTypeInference PreLowerStripPhis AnnotateTypes NativeLowering NoPythonBackend",
-        },
-        "What compiled code calls stays LLVM's intermediate code, without machine code of its own.": {
-            "numba.core.compiler": "compile_result",
-            "numba.core.codegen":
-                "JITCodeLibrary.codegen JITCodeLibrary.get_pointer_to_function JITCodeLibrary._ensure_finalized "
-                "JITCodeLibrary.serialize_using_object_code JITCodeLibrary.serialize_using_bitcode "
-                "JITCodeLibrary._optimize_functions JITCodeLibrary._optimize_final_module JITCodeLibrary._unserialize "
-                "JITCodeLibrary._finalize_final_module JITCodeLibrary._finalize_dynamic_globals "
-                "CPUCodegen._module_pass_manager",
-            "numba.core.dispatcher": "Dispatcher.get_call_template Dispatcher.get_overload",
-            "numba.core.caching": "CompileResultCacheImpl.rebuild",
-        },
-        "Cached code is stamped with all sources, and is read without loading the compiler.": {
-            "numba.core.caching": "FunctionCache._load_overload FunctionCache._impl_class IndexDataCacheFile NullCache",
-            "numba.core.runtime": "rtsys.initialize",
-        },
-        "A long compilation is announced, and what code is kept is found before anything is compiled.": {
-            "numba.core.event": "Listener register trigger_event", "numba.core.dispatcher": "Dispatcher.add_overload",
-        },
-        "An array function's loop is compiled once and cached, and becomes a NumPy gufunc with fixed core sizes.": {
-            "numba.core.ccallback": "CFunc.compile CFunc.address", "numba.np.ufunc._internal": "fromfunc",
-            "numba.core": "cgutils.for_range_slice",
-        },
-        "Sums and products are lowered by the signature that is known.": {
-            "numba.core.lowering": "Lower.lower_binop", "numba.core": "ir.UNDEFINED",
-        },
-        "Sums and products of two numbers are resolved once, not each.": {
-            "numba.core.typing": "Context.resolve_function_type",
-        },
-        "It compiles kernels where the others behave otherwise than expected.": {"numba.core.compiler": "Compiler"},
-        "Code for FMUs is made from LLVM's source of a function, found by its name in it.": {
-            "numba.core.compiler": "CompileResult.library CompileResult.fndesc",
-        },
-        "Numba's own functions are compiled alike for all kernels.": {
-            "numba.core.targetconfig": "ConfigStack.enter",
-        },
-        "Buffers are not counted: that costs half of a small model's step.": {
-            "numba.core.options": "DefaultOptions._nrt",
-        },
-        "One process at a time compiles a function that others need too.": {
-            "numba.core.compiler_lock": "global_compiler_lock",
-        },
-    }.items()
-    for module, names in modules.items()
-    for name in names.split()
-}  # fmt: skip
-"""What is needed of Numba's internals (a name in a module, or a member of it), and what for."""
+_MODULES = [
+    # Kernels are compiled by fewer passes, in half of the time.
+    ("numba.core.compiler", "CompilerBase.define_pipelines CompilerBase.compile_extra"),
+    ("numba.core.compiler_machinery", "PassManager.add_pass PassManager.finalize PassManager._runPass register_pass"),
+    ("numba.core.untyped_passes", "TranslateByteCode FixupArgs GenericRewrites ReconstructSSA"),
+    ("numba.core.typed_passes",
+     "NopythonTypeInference PreLowerStripPhis AnnotateTypes NativeLowering NoPythonBackend"),
+    # What compiled code calls stays LLVM's intermediate code, without machine code of its own.
+    ("numba.core.compiler", "compile_result"),
+    ("numba.core.codegen",
+     "JITCodeLibrary.codegen JITCodeLibrary.get_pointer_to_function JITCodeLibrary._ensure_finalized "
+     "JITCodeLibrary.serialize_using_object_code JITCodeLibrary.serialize_using_bitcode "
+     "JITCodeLibrary._optimize_functions JITCodeLibrary._optimize_final_module JITCodeLibrary._unserialize "
+     "JITCodeLibrary._finalize_final_module JITCodeLibrary._finalize_dynamic_globals "
+     "CPUCodegen._module_pass_manager"),
+    ("numba.core.dispatcher", "Dispatcher.get_call_template Dispatcher.get_overload"),
+    ("numba.core.caching", "CompileResultCacheImpl.rebuild"),
+    # Cached code is stamped with all sources, and is read without loading the compiler.
+    ("numba.core.caching", "FunctionCache._load_overload FunctionCache._impl_class IndexDataCacheFile NullCache"),
+    ("numba.core.runtime", "rtsys.initialize"),
+    # A long compilation is announced, and what code is kept is found before anything is compiled.
+    ("numba.core.event", "Listener register trigger_event"),
+    ("numba.core.dispatcher", "Dispatcher.add_overload"),
+    # An array function's loop is compiled once and cached, and becomes a NumPy gufunc with fixed core sizes.
+    ("numba.core.ccallback", "CFunc.compile CFunc.address"),
+    ("numba.np.ufunc._internal", "fromfunc"),
+    ("numba.core", "cgutils.for_range_slice"),
+    # Sums and products are lowered by the signature that is known.
+    ("numba.core.lowering", "Lower.lower_binop"),
+    ("numba.core", "ir.UNDEFINED"),
+    # Sums and products of two numbers are resolved once, not each.
+    ("numba.core.typing", "Context.resolve_function_type"),
+    # It compiles kernels where the others behave otherwise than expected.
+    ("numba.core.compiler", "Compiler"),
+    # Code for FMUs is made from LLVM's source of a function, found by its name in it.
+    ("numba.core.compiler", "CompileResult.library CompileResult.fndesc"),
+    # Numba's own functions are compiled alike for all kernels.
+    ("numba.core.targetconfig", "ConfigStack.enter"),
+    # Buffers are not counted: that costs half of a small model's step.
+    ("numba.core.options", "DefaultOptions._nrt"),
+    # One process at a time compiles a function that others need too.
+    ("numba.core.compiler_lock", "global_compiler_lock"),
+]  # fmt: skip
+INTERNALS = [f"{module}:{name}" for module, names in _MODULES for name in names.split()]
+"""What is needed of Numba's internals: a name in a module, or a member of it."""
 
 _found: dict[str, Any] = {}
 

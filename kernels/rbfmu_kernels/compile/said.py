@@ -59,23 +59,21 @@ class Announcer(_Listener):  # type: ignore[misc]
     """A listener that waits from the outermost start of a compilation of ours to its end, and speaks once."""
 
     def __init__(self) -> None:
-        self._depth, self._spoken = 0, False
+        self._spoken = False
         self._timer = Timer(COMPILING_PATIENCE, self._say)
 
     def on_start(self, event: Any) -> None:
         """Begin to wait."""
-        if self._depth == 0 and not self._spoken and _is_ours(event):
+        if Compilations.begun == Compilations.ended and not self._spoken and _is_ours(event):
             self._timer = Timer(COMPILING_PATIENCE, self._say)
             self._timer.daemon = True
             self._timer.start()
-        self._depth += 1
         Compilations.begun += 1
 
     def on_end(self, event: Any) -> None:
         """Wait no longer."""
-        self._depth -= 1
         Compilations.ended += 1
-        if self._depth == 0:
+        if Compilations.begun == Compilations.ended:
             self._timer.cancel()
 
     def _say(self) -> None:

@@ -5,21 +5,21 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
-from ..types import Shape, shape_of, shapes_of_result
+from ..types import Function, Shape, shape_of, shapes_of_result
 
 
-def python_function(kernel: Callable[..., Any]) -> Callable[..., Any]:
+def python_function(kernel: Function) -> Function:
     """Return the undecorated function of a kernel (the kernel itself where Numba's JIT is disabled)."""
     return getattr(kernel, "py_func", kernel)
 
 
 @cache
-def core_shapes(kernel: Callable[..., Any]) -> tuple[dict[str, Shape], list[Shape]]:
+def core_shapes(kernel: Function) -> tuple[dict[str, Shape], list[Shape]]:
     """Return argument names with core shapes, and result shapes (arguments that are int are left out)."""
     return _argument_shapes(kernel), shapes_of_result(inspect.signature(python_function(kernel)).return_annotation)
 
 
-def _argument_shapes(kernel: Callable[..., Any]) -> dict[str, Shape]:
+def _argument_shapes(kernel: Function) -> dict[str, Shape]:
     parameters = inspect.signature(python_function(kernel)).parameters
     return {name: shape_of(p.annotation) for name, p in parameters.items() if p.annotation is not int}
 
@@ -27,7 +27,7 @@ def _argument_shapes(kernel: Callable[..., Any]) -> dict[str, Shape]:
 class Item(NamedTuple):
     """What is done for an item: `kernel(*constants, ...)`, after a look by `singular` at the first few arguments."""
 
-    kernel: Callable[..., Any]
+    kernel: Function
     constants: tuple[int, ...] = ()
     singular: Callable[..., bool] | None = None
 
@@ -61,7 +61,7 @@ class Item(NamedTuple):
         names = ", ".join(f"r{k}" for k in range(len(self.results)))
         return check * bool(self.singular) + [f"{names} = kernel({', '.join(given)})"]
 
-    def function(self, kind: str, head: str, lines: Sequence[str], names: dict[str, Any]) -> Callable[..., Any]:
+    def function(self, kind: str, head: str, lines: Sequence[str], names: dict[str, Any]) -> Function:
         """Return the function of source, as if it stood beside the kernel, where its code is cached then."""
         function = python_function(self.kernel)
         name = "_".join([function.__name__, kind, *map(str, self.constants)])

@@ -14,9 +14,10 @@ from types import FunctionType, ModuleType
 from typing import Any, ParamSpec, TypeGuard, TypeVar, cast
 
 import numpy as np
-from numba import float64, typeof
+from numba import float64, typeof, types
 from numpy.typing import NDArray
 
+from ..types import Function
 from .shapes import python_function
 
 P = ParamSpec("P")
@@ -72,28 +73,28 @@ def on_buffer(function: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
-def is_buffer(value: Any) -> TypeGuard[NDArray[np.float64]]:
+def is_buffer(value: object) -> TypeGuard[NDArray[np.float64]]:
     """Return whether an argument is an array with one axis, of doubles."""
     return isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == np.float64
 
 
-def size_of_code(kernel: Any) -> int:
+def size_of_code(kernel: Function) -> int:
     """Return the number of bytes of a kernel and of all that it calls, as Python's code."""
-    found: dict[Any, int] = {}
-    _measure(kernel, found)
-    return sum(found.values())
+    found: set[FunctionType] = set()
+    _reach(kernel, found)
+    return sum(len(function.__code__.co_code) for function in found)
 
 
-def _measure(kernel: Any, found: dict[Any, int]) -> None:
+def _reach(kernel: object, found: set[FunctionType]) -> None:
     function = getattr(kernel, "py_func", None)
     if function is None or function in found:
         return
+    found.add(function)
     code, known = function.__code__, function.__globals__
-    found[function] = len(code.co_code)
     used = [known[name] for name in code.co_names if name in known]
     modules = [one for one in used if isinstance(one, ModuleType)]
     for one in [*used, *(getattr(module, name, None) for module in modules for name in code.co_names)]:
-        _measure(one, found)
+        _reach(one, found)
 
 
 class _PlainModule:
@@ -110,7 +111,7 @@ PATIENCE, PATIENCE_PER_BYTE = 0.3, 1.4e-4
 measured, what compiling takes."""
 
 
-def tiered(kernel: Callable[..., Any], calls: int = 1) -> Callable[..., Any]:
+def tiered(kernel: Function, calls: int = 1) -> Function:
     """Return a kernel that is compiled where its calls in plain Python take longer.
 
     calls: how many are known to come.
@@ -129,24 +130,18 @@ def _tier(kernel: Any) -> "Tiered":
 
 def evaluated(kernel: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
     """Return what a kernel makes of Python's numbers and tuples, in such; it is compiled if that pays."""
-    found: R = _in_python(tiered(kernel)(*map(_in_numpy, args)))
-    return found
+    found: R = _each(tiered(kernel)(*(_each(value, float, np.float64) for value in args)), np.generic, np.generic.item)
+    return found  # inside the kernel they are NumPy's, which can be divided by zero
 
 
-def _in_numpy(value: Any) -> Any:
-    """Return NumPy's numbers, which can be divided by zero."""
+def _each(value: Any, kind: type, convert: Function) -> Any:
+    """Return numbers in nested tuples, those of a kind converted."""
     if isinstance(value, tuple | list):
-        return tuple(map(_in_numpy, value))
-    return np.float64(value) if isinstance(value, float) else value
+        return tuple(_each(one, kind, convert) for one in value)
+    return convert(value) if isinstance(value, kind) else value
 
 
-def _in_python(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return tuple(map(_in_python, value))
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def is_kept(kernel: Any, *args: Any) -> bool:
+def is_kept(kernel: Any, *args: object) -> bool:
     """Return whether a kernel's code for such arguments is compiled already, or is kept on disk; it is loaded then."""
     return has_code(kernel, tuple(map(_type_of, args)))
 
@@ -155,7 +150,7 @@ _LOADING = Lock()
 """Of two threads that load the same code one waits: Numba takes code that is there twice for two that both serve."""
 
 
-def has_code(kernel: Any, signature: tuple[Any, ...]) -> bool:
+def has_code(kernel: Any, signature: tuple[types.Type, ...]) -> bool:
     """Return the same for arguments of these types."""
     try:
         if signature in kernel.overloads:
@@ -169,7 +164,7 @@ def has_code(kernel: Any, signature: tuple[Any, ...]) -> bool:
         return False
 
 
-def _type_of(value: Any) -> Any:
+def _type_of(value: object) -> types.Type:
     """Return Numba's type of an argument; to ask it about an array loads numpy.ma, which takes 10 ms."""
     return float64[::1] if is_buffer(value) and value.flags.carray else typeof(value)
 
@@ -177,7 +172,7 @@ def _type_of(value: Any) -> Any:
 class Tiered:
     """A kernel that is called in plain Python first, and compiled later; calls: how many are known to come."""
 
-    def __init__(self, kernel: Any, plain: Callable[..., Any]) -> None:
+    def __init__(self, kernel: Any, plain: Function) -> None:
         self._kernel, self._plain, self.calls = kernel, plain, 1
         self._patience = PATIENCE + PATIENCE_PER_BYTE * size_of_code(kernel)
         self._shortest = math.inf

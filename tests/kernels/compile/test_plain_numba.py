@@ -49,10 +49,11 @@ def test_all_internals_are_here_and_serve():
     from rbfmu_kernels import quaternion_from_axis_angle
     from rbfmu_kernels.compile.compiler import internals_serve
     from rbfmu_kernels.compile.gufunc import gufuncs
+    from rbfmu_kernels.compile.shapes import Item
 
     assert numba_private.MISSING == ""
     assert internals_serve()
-    assert isinstance(gufuncs(quaternion_from_axis_angle)[0], np.ufunc)  # no plain loop
+    assert isinstance(gufuncs(Item(quaternion_from_axis_angle))[0], np.ufunc)  # no plain loop
 
 
 @pytest.mark.parametrize("row", numba_private.INTERNALS)

@@ -166,7 +166,7 @@ def test_no_kernel_raises(name, number):
 )
 def test_interpreted_functions_have_the_same_bits(kernel):
     args = {"rotate": (Q, V[:1]), "angle_between": (Q, Q[3])}.get(kernel.__name__, (Q,))
-    ours, theirs = interpreted(Item(kernel))(*args), gufuncs(kernel)[0](*args)
+    ours, theirs = interpreted(Item(kernel))(*args), gufuncs(Item(kernel))[0](*args)
     for a, b in zip(ours, theirs, strict=True):
         assert (a == b).all()
 
