@@ -17,6 +17,15 @@ def copy_numbers(z: Buffer, source: int, target: int, n: int) -> None:
 
 
 @kernel
+def are_finite(z: Buffer, first: int, end: int) -> bool:
+    """Return whether all numbers from z[first] to before z[end] are finite: 0 x is 0 then, else NaN; one sum asks."""
+    total = 0.0
+    for i in range(first, end):
+        total += 0.0 * z[i]
+    return total == 0.0
+
+
+@kernel
 def pair_at(z: Buffer, i: int) -> tuple[float, float]:
     """Return the two numbers from z[i] on: a pair, or the high and low parts of one number."""
     return (z[i], z[i + 1])

@@ -58,11 +58,11 @@ def reference_motion(
         times = pairs_of(accumulate(map(Decimal, steps), initial=Decimal(0)))
     work, sizes = np.zeros((2, len(listed.found) * kernels.LENGTH)), np.zeros(len(listed.least))
     rows = np.full((times.shape[1], len(listed.wanted)), np.nan)
-    equations = listed.operations, listed.states, listed.least, sides, listed.touching, listed.wanted
+    equations = kernels.Equations(listed.operations, listed.states, listed.least, sides, listed.touching, listed.wanted)
     for first in range(0, times.shape[1], CHUNK):
         chunk = slice(max(first - 1, 0), first + CHUNK)
         taken, lately = kernels.formula_motion(
-            *equations, times[:, chunk], rows[chunk], most, work, here, sizes, not scene.has_formulas
+            equations, times[:, chunk], rows[chunk], most, work, here, sizes, not scene.has_formulas
         )
         if taken == kernels.NOWHERE and scene.has_formulas:
             raise _leads_nowhere(scene, steps, rows, listed.keys_at_fault(work, sides))

@@ -34,8 +34,8 @@ DOP853 = "rbfmu/studies/dop853"
 FAULTS = {
     "Taylor sum 1e-5 too large": Fault(
         "integrators/taylor",
-        "    return (x, y, z)\n\n\n@kernel\ndef half_turn",
-        "    return (1.00001 * x, y, z)\n\n\n@kernel\ndef half_turn",
+        "    return (x, y, z)\n\n\n@kernel\ndef _half_turn",
+        "    return (1.00001 * x, y, z)\n\n\n@kernel\ndef _half_turn",
     ),
     "Taylor coefficient of the gyroscopic term": Fault(
         "integrators/taylor_coefficients",

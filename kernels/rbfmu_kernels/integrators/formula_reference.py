@@ -8,6 +8,7 @@ parts in s[0], low ones in s[1].
 """
 
 import math
+from typing import NamedTuple
 
 from ..compile.decorator import kernel
 from ..numerics import double_double as dd
@@ -34,6 +35,23 @@ KINDS = (
     _NUMBER, _PLACE, _INPUT, _STATE, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, _SQRT, _EXP, _LOG, _SIN, _COS, _ATAN2, _POWER,
     _SIDE, _SELECT, _SCALE,
 ) = range(len(KINDS))  # fmt: skip
+
+
+class Equations(NamedTuple):
+    """What is walked, in rows.
+
+    operations (n, 5): kind, what it is of, and whether it changes. states (m, 3): which operation it is and that of its
+    rate, and its group. least: of each group, the least size that its errors are relative to, negative where that alone
+    counts. sides (n, 3): operation, whether a series began and ends at its corner. touching (n, 2): what may come down
+    to zero, and the root or angle of it. wanted: operations.
+    """
+
+    operations: Indices
+    states: Indices
+    least: Array
+    sides: Array
+    touching: Indices
+    wanted: Indices
 
 
 @kernel
@@ -138,11 +156,9 @@ def evaluate(operations: Indices, s: Array, stride: int, with_sides: bool) -> No
 
 
 @kernel(inline=False)
-def _expand(operations: Indices, states: Indices, s: Array, unit: float) -> None:
-    """Set the coefficients of all operations from the states' first; states: where each stands, and its rate.
-
-    unit: that of time, s, a power of two.
-    """
+def _expand(equations: Equations, s: Array, unit: float) -> None:
+    """Set the coefficients of all operations from the states' first; unit: that of time, s, a power of two."""
+    operations, states = equations.operations, equations.states
     evaluate(operations, s, LENGTH, False)
     for k in range(ORDER):
         for n in range(operations.shape[0] if k > 0 else 0):
@@ -156,12 +172,12 @@ def _expand(operations: Indices, states: Indices, s: Array, unit: float) -> None
 
 
 @kernel(inline=False)
-def _longest(states: Indices, least: Array, sizes: Array, s: Array) -> float:
+def _longest(equations: Equations, sizes: Array, s: Array) -> float:
     """Return the step, in units of time, whose last two terms are within the tolerance; NaN where one is not finite.
 
-    least: of each group of states, the least size that its errors are relative to, negative where that alone counts;
-    sizes: the largest that it has been.
+    sizes: the largest that each group of states has been.
     """
+    states, least = equations.states, equations.least
     longest = math.inf
     for g in range(least.shape[0]):
         slope, bend, before, last = 0.0, 0.0, 0.0, 0.0
@@ -186,13 +202,14 @@ def _longest(states: Indices, least: Array, sizes: Array, s: Array) -> float:
 
 
 @kernel(inline=False)
-def _settled(operations: Indices, states: Indices, sides: Array, s: Array, unit: float) -> bool:
+def _settled(equations: Equations, s: Array, unit: float) -> bool:
     """Expand until all sides are those to which the series lead; return whether there are any such."""
+    operations, sides = equations.operations, equations.sides
     for i in range(sides.shape[0]):
         sides[i, 1], sides[i, 2] = sides[i, 2], 0.0
     last = 0
     for _ in range(3 * sides.shape[0] + 1):
-        _expand(operations, states, s, unit)
+        _expand(equations, s, unit)
         changed = False
         for i in range(sides.shape[0]):
             n = int(sides[i, 0])
@@ -209,9 +226,9 @@ def _settled(operations: Indices, states: Indices, sides: Array, s: Array, unit:
 
 
 @kernel(inline=False)
-def _to_corner(operations: Indices, sides: Array, touching: Indices, s: Array, longest: float) -> float:
+def _to_corner(equations: Equations, s: Array, longest: float) -> float:
     """Return how far the series reach, at most `longest`, and note at whose corner they end."""
-    corner = -1
+    operations, sides, touching, corner = equations.operations, equations.sides, equations.touching, -1
     for i in range(sides.shape[0]):
         longest = polynomials.known_until(
             s[0], operations[int(sides[i, 0]), 1] * LENGTH, 1, ORDER, longest, polynomials.ROUGHLY
@@ -254,20 +271,18 @@ def _put_states(states: Indices, s: Array, at: DoubleDouble, found: Array, strid
 
 @kernel(inline=False)
 def formula_motion(
-    operations: Indices, states: Indices, least: Array, sides: Array, touching: Indices, wanted: Indices, times: Array,
-    rows: Array, most: int, s: Array, here: Array, sizes: Array, in_a_hurry: bool,
-) -> tuple[int, float]:  # fmt: skip
+    equations: Equations, times: Array, rows: Array, most: int, s: Array, here: Array, sizes: Array, in_a_hurry: bool
+) -> tuple[int, float]:
     """Set rows of what is wanted at increasing times (s, pairs) after the start; return the steps, and how far the
     last of them went: those after half of `most`.
 
     The steps are -1 beyond `most`, and NOWHERE where numbers are not finite or slide along a corner; in a hurry -1
     after a fifth of them as well, where these did too little, and the later ones no more than those before.
 
-    operations: (n, 5), kind, what it is of, and whether it changes; states: (m, 3), which operation it is and that of
-    its rate, and its group; least: see `_longest`; sides: (n, 3), operation, whether a series began and ends at its
-    corner; touching: (n, 2), what may come down to zero, and the root or angle of it; wanted: operations. here: (2, n)
-    values at the start, of numbers and leaves; s: room for their series, (2, n LENGTH); sizes: one for each group.
+    here: (2, n) values at the start, of numbers and leaves; s: room for their series, (2, n LENGTH); sizes: one for
+    each group.
     """
+    operations, states, _, sides, _, wanted = equations
     now, steps, k, end = (times[0, 0], times[1, 0]), 0, 0, times.shape[1]
     half, span, tenth, shortened = now[0], times[0, end - 1] - times[0, 0], 0.0, 0
     unit = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
@@ -275,13 +290,13 @@ def formula_motion(
     for n in range(operations.shape[0]):
         dd.put(s, n * LENGTH, dd.at(here, n))
     while k < end:
-        if not _settled(operations, states, sides, s, unit):
+        if not _settled(equations, s, unit):
             return NOWHERE, 0.0
-        longest = min(_longest(states, least, sizes, s), 2.0 * span / unit)
+        longest = min(_longest(equations, sizes, s), 2.0 * span / unit)
         if math.isnan(longest) and sides.shape[0] == 0 and shortened < MOST_SHORTENED:
             unit, shortened = SHORTER * unit, shortened + 1
             continue
-        longest = _to_corner(operations, sides, touching, s, longest)
+        longest = _to_corner(equations, s, longest)
         steps += 1
         done = now[0] - times[0, 0]
         if not longest > 0.0:

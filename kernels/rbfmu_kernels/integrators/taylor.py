@@ -11,7 +11,6 @@ Works in a piece of a model's buffer, see `taylor_coefficients`; states: see `ri
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -33,31 +32,27 @@ from .taylor_coefficients import ACCELERATION, FORCE, PER, RATE, TORQUE, TURN, W
 
 _MAX_DERIVATIVES = 9
 """Of the attitude, beside rates of `MAX_ORDER`: see `derivatives_of_attitude`."""
-_WEIGHT = np.array(
-    [
-        [
-            math.perm(m, k) * math.factorial(2 * m - k) / math.factorial(2 * m) if k <= m else 0.0
-            for k in range(_MAX_DERIVATIVES + 2)
-        ]
-        for m in range(_MAX_DERIVATIVES + 1)
-    ]
-)
+_COUNTS = range(_MAX_DERIVATIVES + 1)
+
+
+def _weight(m: int, k: int) -> float:
+    return math.perm(m, k) * math.factorial(2 * m - k) / math.factorial(2 * m) if k <= m else 0.0
+
+
+_WEIGHT = np.array([[_weight(m, k) for k in range(_MAX_DERIVATIVES + 2)] for m in _COUNTS])
 """c_k k! of the two-point formula with m derivatives: [m, k]."""
 _REMAINDER = np.array(
-    [
-        math.factorial(m) ** 2 / (math.factorial(2 * m) * math.factorial(2 * m + 1)) * 0.25**m
-        for m in range(_MAX_DERIVATIVES + 1)
-    ]
+    [math.factorial(m) ** 2 / (math.factorial(2 * m) * math.factorial(2 * m + 1)) * 0.25**m for m in _COUNTS]
 )
 """Its error: this times (2 h)^(2m+1) / 2 and the (2m+1)-th derivative."""
-_RATE_PER_ACCELERATION = 4.0 / math.e * np.arange(_MAX_DERIVATIVES + 1)
+_RATE_PER_ACCELERATION = 4.0 / math.e * np.array(_COUNTS)
 """Times an angular acceleration alpha, the square of the steady rate that counts as much in the remainder.
 
 A turn from rest is q = exp(alpha t^2 / 4), whose (2m)-th derivative is (2m)! / m! (alpha / 4)^m at rest; that of a
 steady turn is (omega / 2)^(2m). They are equal at omega^2 = ((2m)! / m!)^(1/m) alpha, by Stirling's formula some
 4 m / e alpha. Without this a body that starts from rest would be thought not to turn at all.
 """
-_FOUR = 4.0 ** np.arange(_MAX_DERIVATIVES + 1)
+_FOUR = 4.0 ** np.array(_COUNTS)
 """Against the 0.25^m of `_REMAINDER`, which is of half angles: a path turns by whole ones."""
 
 STEPS_OF_LOADS = 8
@@ -88,7 +83,7 @@ def _sum(s: Buffer, u: int, order: int, h: float) -> Vec3:
 
 
 @kernel
-def half_turn(s: Buffer, m: int, h: float) -> Quaternion:
+def _half_turn(s: Buffer, m: int, h: float) -> Quaternion:
     """Return half of the two-point formula: the sum of c_k k! h^k D_k."""
     power, total = 1.0, (0.0, 0.0, 0.0, 0.0)
     for k in range(m + 1):
@@ -110,9 +105,9 @@ def _half_path(s: Buffer, m: int, h: float) -> tuple[Vec3, Vec3]:
 
 
 @kernel
-def _move(z: Buffer, y: int, q: Quaternion, m: int, s: Buffer, h: float) -> None:
+def _move_centre(z: Buffer, y: int, s: Buffer, m: int, h: float) -> None:
     """Add half of the two-point formula to velocity and position of the state z[y:], h < 0 at a step's end."""
-    speed, path = _half_path(s, m, h)
+    (speed, path), q = _half_path(s, m, h), state.attitude(z, y)
     sign = math.copysign(1.0, h)
     gain, path = scale(sign, rotate(q, speed)), scale(sign, rotate(q, path))
     none = (0.0, 0.0, 0.0)
@@ -133,27 +128,27 @@ def space_fixed_acceleration(s: Buffer, body: Body, fixed: SpaceFixedLoads) -> f
 
 
 @kernel(inline=False)
-def estimated_error(
+def estimated_excess(
     s: Buffer, method: Method, h: float, acceleration: float, alpha_fixed: float, steps: float
 ) -> float:
-    """Estimate for a step of h: its truncation, and the two-point formula's remainder (rad).
+    """Estimate for a step of h its truncation, and the two-point formula's remainder (rad), over what is allowed.
 
     acceleration: that by a force that turns with the body, relative to the velocity, which counts as 1 m/s at least.
     """
-    m = derivatives_of_attitude(method.order)
+    m, allowed = derivatives_of_attitude(method.order), substeps.tolerance_of_substep(method.tolerance, method.span, h)
     last, square = substeps.truncation(s, method, h, alpha_fixed, steps)
     if method.n == RATE_ONLY:
-        return last
+        return last / allowed
     alpha = vec3_at(s, term(RATE, 1))
     square = h * h * (square + _RATE_PER_ACCELERATION[m] * math.sqrt(dot(alpha, alpha)))
     remainder: float = (
         _REMAINDER[m] * substeps.power_of(square, m) * max(math.sqrt(square), _FOUR[m] * h * acceleration)
     )
-    return max(last, remainder)
+    return max(last, remainder) / allowed
 
 
 @kernel
-def put_sums(s: Buffer, order: int, h: float, fixed: SpaceFixedLoads) -> None:
+def _put_sums(s: Buffer, order: int, h: float, fixed: SpaceFixedLoads) -> None:
     """Set row 0 of omega and of the loads that turn in b to their series' sum at h."""
     series.put_factors(s, RATE, _sum(s, RATE, order, h))
     for level in range(3 if fixed.changing else 1):
@@ -162,6 +157,25 @@ def put_sums(s: Buffer, order: int, h: float, fixed: SpaceFixedLoads) -> None:
             series.put_factors(s, force, _sum(s, force, order, h))
         if fixed.torque:
             series.put_factors(s, torque, _sum(s, torque, order, h))
+
+
+@kernel
+def turn(
+    z: Buffer, y: int, s: Buffer, method: Method, h: float, body: Body, torques: series.Torques, fixed: SpaceFixedLoads
+) -> None:
+    """Set rate and attitude, and row 0 of what turns in b, to those after h; torques: from then on.
+
+    Row 0 to m of the series are those at the step's end then, by which the two-point formula knows the attitude there.
+    """
+    q, half, m = state.attitude(z, y), (1.0, 0.0, 0.0, 0.0), derivatives_of_attitude(method.order)
+    if method.n != RATE_ONLY:
+        half = _half_turn(s, m, h)
+    _put_sums(s, method.order, h, fixed)
+    state.put_omega(z, y, vec3_at(s, RATE))
+    if method.n != RATE_ONLY:
+        series.motion_series(s, 0, m, m, body, torques, fixed)
+        q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(_half_turn(s, m, -h)))
+        state.put_unit_attitude(z, y, q)
 
 
 @kernel(inline=False)
@@ -201,12 +215,15 @@ def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, 
         left = 0.0 if count == 1 else rest - part
         low += (rest - left) - part
         rest = left
-        half = _leave(z, y, s, method, part)
-        put_sums(s, order, part, fixed)
+        if n == WHOLE_STATE:
+            _move_centre(z, y, s, m, part)
         if fixed.changing:
             now = polynomial_after(loads, h - rest)
             torques = series.known_torques(now, body)
-        _arrive(z, y, s, method, part, half, body, Acting(now, torques, fixed))
+        turn(z, y, s, method, part, body, torques, fixed)
+        if n == WHOLE_STATE:
+            series.acceleration_series(s, m, body.inverse_mass, now)
+            _move_centre(z, y, s, m, -part)
         if rest > 0.0:
             anew = turned and (fixed.changing or tried % STEPS_OF_LOADS == 0)
             if anew:
@@ -226,40 +243,4 @@ def _excess(
         acceleration = largest_component(vec3_at(s, ACCELERATION)) / speed
     turned = fixed.lever_force or fixed.torque
     alpha_fixed = space_fixed_acceleration(s, body, fixed) if turned and count > 1 else 0.0
-    allowed = substeps.tolerance_of_substep(method.tolerance, method.span, part)
-    return estimated_error(s, method, part, acceleration, alpha_fixed, min(count, STEPS_OF_LOADS)) / allowed
-
-
-@kernel
-def _leave(z: Buffer, y: int, s: Buffer, method: Method, part: float) -> Quaternion:
-    """Return the two-point formula's half at the step's beginning; add that of the path to the state."""
-    m, half = derivatives_of_attitude(method.order), (1.0, 0.0, 0.0, 0.0)
-    if method.n != RATE_ONLY:
-        half = half_turn(s, m, part)
-    if method.n == WHOLE_STATE:
-        _move(z, y, state.attitude(z, y), m, s, part)
-    return half
-
-
-class Acting(NamedTuple):
-    """The loads from a moment on, their torque that is known in b, and which of them are fixed in a."""
-
-    loads: LoadPolynomial
-    torques: series.Torques
-    fixed: SpaceFixedLoads
-
-
-@kernel
-def _arrive(
-    z: Buffer, y: int, s: Buffer, method: Method, part: float, half: Quaternion, body: Body, acting: Acting
-) -> None:
-    """Set the state to that at the step's end, by the halves of the two-point formula there and at its beginning."""
-    q, m = state.attitude(z, y), derivatives_of_attitude(method.order)
-    state.put_omega(z, y, vec3_at(s, RATE))
-    if method.n != RATE_ONLY:
-        series.motion_series(s, 0, m, m, body, acting.torques, acting.fixed)
-        q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(half_turn(s, m, -part)))
-        state.put_unit_attitude(z, y, q)
-    if method.n == WHOLE_STATE:
-        series.acceleration_series(s, m, body.inverse_mass, acting.loads)
-        _move(z, y, state.attitude(z, y), m, s, -part)
+    return estimated_excess(s, method, part, acceleration, alpha_fixed, min(count, STEPS_OF_LOADS))

@@ -66,12 +66,11 @@ class LoadPolynomial(NamedTuple):
 
 
 class ActingLoads(NamedTuple):
-    """Whether each of the loads acts at any time of a step."""
+    """Whether each of the loads that decide on the method acts at any time of a step."""
 
     force_a: bool
     force_b: bool
     torque_a: bool
-    torque_b: bool
 
 
 @kernel
@@ -111,13 +110,12 @@ def is_changing(polynomial: LoadPolynomial) -> bool:
 
 @kernel
 def acting_loads(polynomial: LoadPolynomial) -> ActingLoads:
-    """Return which loads act at any time of the step."""
+    """Return which of the loads act at any time of the step."""
     now, rate, rate_2 = polynomial.value, polynomial.rate, polynomial.rate_2
     return ActingLoads(
         is_nonzero(now.force_a) or is_nonzero(rate.force_a) or is_nonzero(rate_2.force_a),
         is_nonzero(now.force_b) or is_nonzero(rate.force_b) or is_nonzero(rate_2.force_b),
         is_nonzero(now.torque_a) or is_nonzero(rate.torque_a) or is_nonzero(rate_2.torque_a),
-        is_nonzero(now.torque_b) or is_nonzero(rate.torque_b) or is_nonzero(rate_2.torque_b),
     )
 
 

@@ -12,7 +12,7 @@ from ..body.members import Control, Driving, Members, Room, Run
 from ..buffer import OK, STEP_REJECTED
 from ..compile.simd import lane_at, put_lane_at, width_of
 from ..types import Array, Buffer
-from .formulas import PENDING, begin_step, go_on_by_series, prepare_series, settle_sides
+from .formulas import PENDING, begin_step, evaluate_at_end, go_on_by_series, prepare_series, reaches_over, settle_sides
 
 MARKS = 8
 MEMBER, POINT, PIECE, SETTLED = range(4)
@@ -92,8 +92,9 @@ def run_on_with_member(z: Buffer, state: Array, mark: Array, status: int, run: R
             one.record(z, i, k, run)
         if k == len(driving.time) - 1 or not one.drive(z, state, i, k, piece, run):
             break
-        h = driving.lengths[piece]
-        status = begin_step(z, h) if h > 0.0 else STEP_REJECTED
+        h, status = driving.lengths[piece], STEP_REJECTED
+        if h > 0.0:
+            status = evaluate_at_end(z, h) if reaches_over(z, h) else begin_step(z, h)
     mark[POINT], mark[PIECE] = k, piece
     if status != PENDING:
         one.note(z, i, run)

@@ -254,13 +254,15 @@ def change_inputs(z: Buffer, h: float) -> None:
         z[RATES[i]] += h * z[RATES_2[i]]
 
 
-def reaches_over_step(z: Buffer, h: float) -> bool:
+def reaches_over(z: Buffer, h: float) -> bool:
     """Return whether the series that stands serves a whole step."""
     return bool(z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and holds_inputs(z))
 
 
 def evaluate_at_end(z: Buffer, h: float) -> int:
     """Advance by h, over which the series serves."""
+    if NUMBER_OF_EVENTS:
+        clear_list(z)
     since, time = pair_at(z, SINCE), pair_at(z, TIME)
     put_pair_at(z, SINCE, dd.add_float(since, h))
     put_pair_at(z, TIME, dd.add_float(time, h))
@@ -275,6 +277,8 @@ def evaluate_at_end(z: Buffer, h: float) -> int:
 
 def advance_formulas(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion cannot be followed."""
+    if reaches_over(z, h):
+        return evaluate_at_end(z, h)
     status = begin_step(z, h)
     while status == PENDING:
         prepare_series(z)
@@ -283,11 +287,9 @@ def advance_formulas(z: Buffer, h: float) -> int:
 
 
 def begin_step(z: Buffer, h: float) -> int:
-    """Advance by h, or as far as the series that stands leads; return a status, PENDING where the next one is due."""
+    """Advance by h as far as the series that stands leads; return a status, PENDING where the next one is due."""
     if NUMBER_OF_EVENTS:
         clear_list(z)
-    if reaches_over_step(z, h):
-        return evaluate_at_end(z, h)
     keep_before_step(z)
     z[REST], z[CREPT], z[TRIED] = h, 0.0, 0.0
     return go_on_with_step(z, h)

@@ -22,10 +22,10 @@ from ..integrators import taylor
 from ..integrators import taylor_coefficients as series
 from ..integrators.dense_output import COOL_DOWN, COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
 from ..integrators.rigid_body_state import RATE_ONLY, ROTATION, WHOLE_STATE
-from ..integrators.substeps import Method, nearer_size, parts_in, tolerance_of_substep
+from ..integrators.substeps import Method, nearer_size, parts_in
 from ..integrators.taylor_coefficients import FORCE, RATE, TORQUE, WORK, SpaceFixedLoads, Torques
 from ..mechanics.equations_of_motion import Body, angular_acceleration
-from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
+from ..rotations.quaternion import invert_quaternion, rotate
 from ..rotations.vec3 import is_nonzero
 from ..types import Array, Buffer, Vec3
 from .loaded import LOADED_TAYLOR, is_series_tried
@@ -309,7 +309,7 @@ def take_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads) 
     c[SIZE] = choose(is_last, max(c[SIZE], nearer), nearer)
     left = choose(is_last, 0.0, rest - part)
     c[LOW], c[REST] = low + ((rest - left) - part), left
-    _move_state(c, s, method.n, order, part, body, fixed)
+    taylor.turn(c, STATE, s, method, part, body, _torques(c), fixed)
 
 
 @kernel
@@ -319,18 +319,4 @@ def _try_substeps(c: Buffer, s: Buffer, method: Method, acceleration: float) -> 
     part = (c[REST] + c[LOW]) / count
     alpha_fixed = choose(count > 1.0, acceleration, 0.0)
     steps = choose(count < taylor.STEPS_OF_LOADS, count, float(taylor.STEPS_OF_LOADS))
-    error = taylor.estimated_error(s, method, part, 0.0, alpha_fixed, steps)
-    return part, count, error / tolerance_of_substep(method.tolerance, method.span, part)
-
-
-@kernel
-def _move_state(c: Buffer, s: Buffer, n: int, order: int, part: float, body: Body, fixed: SpaceFixedLoads) -> None:
-    q, half, m = state.attitude(c, STATE), (1.0, 0.0, 0.0, 0.0), taylor.derivatives_of_attitude(order)
-    if n != RATE_ONLY:
-        half = taylor.half_turn(s, m, part)
-    taylor.put_sums(s, order, part, fixed)
-    state.put_omega(c, STATE, vec3_at(s, RATE))
-    if n != RATE_ONLY:
-        series.motion_series(s, 0, m, m, body, _torques(c), fixed)
-        q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(taylor.half_turn(s, m, -part)))
-        state.put_unit_attitude(c, STATE, q)
+    return part, count, taylor.estimated_excess(s, method, part, 0.0, alpha_fixed, steps)
