@@ -167,7 +167,7 @@ def _filled(s: Any, terms: Any) -> None:
 
 @njit
 def _inner(s: Any, k: int) -> Any:
-    return _inner_products(s, 0, 4, k)
+    return _inner_products(s, 0, 0, k)
 
 
 def test_inner_products_are_a_product_of_series_without_its_ends():

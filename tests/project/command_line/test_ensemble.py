@@ -53,7 +53,7 @@ def test_advice_is_about_the_runs_that_are_asked_for(tmp_path):
 
 
 def test_what_cannot_run_is_refused_before_anything_is_planned(tmp_path, monkeypatch):
-    monkeypatch.delattr("rbfmu.ensembles.planning.plan")
+    monkeypatch.delattr("rbfmu.ensembles.planning.Judge")
     (tmp_path / "store.npz").touch()
     found = call("ensemble", FILE, "-o", tmp_path / "store.npz")
     assert (found.exit_code, type(found.exception)) == (2, SystemExit)
