@@ -103,10 +103,6 @@ def _run(
             note(buffers[i], first + i, run)
 
 
-LANES = Lanes(bind(_run, __name__, "FOUR"), bind(_run, __name__, "EIGHT", wide=eight_wide), SCRATCH, IN_STEP=True)
-"""All are driven in pieces of equal length, as they go on together."""
-
-
 @kernel
 def advance(buffers: Array, h: float, c: Buffer, s: Buffer, statuses: Array) -> None:
     """Advance models' buffers (n, SIZE) by h, as many side by side as are in c.
@@ -317,3 +313,7 @@ def _try_substeps(c: Buffer, s: Buffer, method: Method, acceleration: float) -> 
     alpha_fixed = choose(count > 1.0, acceleration, 0.0)
     steps = choose(count < taylor.STEPS_OF_LOADS, count, float(taylor.STEPS_OF_LOADS))
     return part, count, taylor.estimated_excess(s, method, part, 0.0, alpha_fixed, steps)
+
+
+LANES = Lanes(bind(_run, __name__, "FOUR"), bind(_run, __name__, "EIGHT", wide=eight_wide), SCRATCH, IN_STEP=True)
+"""All are driven in pieces of equal length, as they go on together."""
