@@ -45,6 +45,7 @@ CASES = {
 }
 POINTS = (0.4, 0.9)
 N = 12
+NOTHING = np.zeros((1, 3), np.int64)
 
 
 def graph_of(text):
@@ -90,6 +91,11 @@ def truth_of(graph, x, t):
     return t if kind == "state" else value if kind == "number" else 0.7 if kind == "place" else simple[kind](*parts)
 
 
+def equations(operations=NOTHING, states=NOTHING, least=(0.0,)):
+    """What the reference walks, of one group of states, without sides."""
+    return reference.Equations(operations, states, np.array(least), np.zeros((0, 3)), NOTHING[:0], NOTHING[0])
+
+
 def double_doubles(text, t, n=N):
     graph, y = graph_of(text)
     angles = [
@@ -113,7 +119,7 @@ def double_doubles(text, t, n=N):
     for k, i in enumerate(found):
         if graph.operations[i].kind == "side":
             s[0, k * reference.LENGTH] = float(truth_of(graph, Symbol(graph, i), t))
-    interpreted(reference._expand)(operations, states, s, 1.0)
+    interpreted(reference._expand)(equations(operations, states), s, 1.0)
     at = place[y.index] * reference.LENGTH
     return [mpmath.mpf(s[0, at + k]) + mpmath.mpf(s[1, at + k]) for k in range(n + 1)]
 
@@ -187,20 +193,20 @@ def test_steps_of_the_reference_keep_the_last_terms_small_beside_the_size_of_a_s
     """The state is 3 now and has been `largest`; the size is negative where it alone counts, and not the state."""
     s, order, sizes = np.zeros((2, reference.LENGTH)), reference.ORDER, np.array([largest])
     s[0, 0], s[0, order] = 3.0, 0.5
-    longest = interpreted(reference._longest)(np.array([[0, 0, 0]]), np.array([least]), sizes, s)
+    longest = interpreted(reference._longest)(equations(least=[least]), sizes, s)
     assert longest == pytest.approx((reference.TOLERANCE * size / 0.5) ** (1.0 / order), rel=1e-14)
     s[0, order - 1] = 40.0  # the last term but one counts as well
-    longest = interpreted(reference._longest)(np.array([[0, 0, 0]]), np.array([least]), sizes, s)
+    longest = interpreted(reference._longest)(equations(least=[least]), sizes, s)
     assert longest == pytest.approx((reference.TOLERANCE * size / 40.0) ** (1.0 / (order - 1)), rel=1e-14)
     s[0, 4] = math.nan
-    assert math.isnan(interpreted(reference._longest)(np.array([[0, 0, 0]]), np.array([least]), sizes, s))
+    assert math.isnan(interpreted(reference._longest)(equations(least=[least]), sizes, s))
 
 
 @pytest.mark.parametrize("first", [1, 2])
 def test_a_state_that_begins_at_zero_has_the_size_that_its_first_terms_make(first):
-    s, order, states = np.zeros((2, reference.LENGTH)), reference.ORDER, np.array([[0, 0, 0]])
+    s, order = np.zeros((2, reference.LENGTH)), reference.ORDER
     s[0, first], s[0, order] = 0.5, 0.25
-    longest = interpreted(reference._longest)(states, np.zeros(1), np.zeros(1), s)
+    longest = interpreted(reference._longest)(equations(), np.zeros(1), s)
     assert longest == pytest.approx((reference.TOLERANCE * 0.5 / 0.25) ** (1.0 / (order - first)), rel=1e-14)
 
 
