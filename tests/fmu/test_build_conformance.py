@@ -1,19 +1,19 @@
 """Builds on a machine that is not kind: full and read-only disks, a kill at any moment."""
 
 import errno
+import io
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import time
-import zipfile
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from rbfmu_fmu import builder
+from rbfmu import kept_plans
 from tests.support.command_line import call
 from tests.support.fmu.fmus import built
 from tests.support.paths import ROOT
@@ -68,35 +68,33 @@ def test_a_disk_that_takes_nothing_is_one_message_and_status_2(option, kind, sce
     assert done.stdout == ""  # no message, and nothing left in the folder
 
 
-class FullDisk(zipfile.ZipFile):
-    """Of the archive's files so many fit."""
+class FullDisk(io.FileIO):
+    """A file of which so many bytes fit."""
 
     room = 0
 
-    def writestr(self, *arguments, **options):
-        if FullDisk.room == 0:
+    def write(self, content):
+        super().write(content[: FullDisk.room])
+        if len(content) > FullDisk.room:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        FullDisk.room -= 1
-        super().writestr(*arguments, **options)
+        return len(content)
 
 
 @pytest.mark.thorough
 @KINDS
-def test_a_disk_full_at_any_file_leaves_what_was_there(kind, scene_file, tmp_path, monkeypatch):
-    target = tmp_path / "it.fmu"
-    with zipfile.ZipFile(built("prescribed", kind)) as whole:
-        files = len(whole.namelist())
-    monkeypatch.setattr(builder, "zipfile", SimpleNamespace(**vars(zipfile) | {"ZipFile": FullDisk}))
+def test_a_disk_full_at_any_byte_leaves_what_was_there(kind, scene_file, tmp_path, monkeypatch):
+    target, whole = tmp_path / "it.fmu", built("prescribed", kind).read_bytes()
+    monkeypatch.setattr(kept_plans, "os", SimpleNamespace(**vars(os) | {"fdopen": FullDisk}))
     target.write_bytes(b"what was there")
-    for FullDisk.room in (0, 1, files - 1):
+    for FullDisk.room in (0, 1, len(whole) - 1):
         result = call(*command(scene_file, target, kind)[3:])
         assert result.exit_code == 2
         assert result.stderr == f"Error: {target}: No space left on device\n"
         assert target.read_bytes() == b"what was there"
         assert sorted(p.name for p in tmp_path.iterdir()) == ["it.fmu", "prescribed.toml"]
-    FullDisk.room = files
+    FullDisk.room = len(whole)
     assert call(*command(scene_file, target, kind)[3:]).exit_code == 0
-    assert target.read_bytes() == built("prescribed", kind).read_bytes()
+    assert target.read_bytes() == whole
 
 
 @pytest.mark.slow

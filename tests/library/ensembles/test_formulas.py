@@ -77,7 +77,7 @@ def test_other_processes_give_the_same_bits_and_a_store_is_read_again(kind, scen
     ({"constants.k": {"normal": [1.0, 0.1]}}, r"constants\.k.*: expected a key out of constants\.d, constants\.m"),
     ({"states.v": {"normal": [1.0, 0.1]}}, r"states\.v.*: expected a key out of states\.w"),
     ({"constants.m": {"normal": [1.0, 0.1]}}, "distributions of 3 numbers"),
-    ({"constants.m": {"relative": [0.1] * 3}}, "relative to numbers that are not 0"),
+    ({"constants.m": {"relative": [0.1] * 3}}, "expected 0 for constants.m\\[1\\], as it is 0 in the scene"),
     ({"constants.d": {"normal": 3.0}}, "mean, standard deviation"),
     ({"constants.d": 0.02}, "expected a table with one of normal"),
 ])  # fmt: skip
