@@ -12,15 +12,35 @@ from typing import Any
 import click
 
 import rbfmu
-
-from rbfmu.cli_output import (  # isort: skip
-    INPUTS, MODEL, PATH, RUN_OPTIONS, Asked, Commands, SceneCommand, check_target, choice, file_option, folder_option,
-    keys_option, method_option, more_keys, plan_text, plot_option, print_columns, print_end, print_ensemble, print_fit,
-    print_written, say_where_nothing_is_kept, usage_errors, write,
-)  # fmt: skip
+from rbfmu.cli_output import (
+    INPUTS,
+    MODEL,
+    PATH,
+    RUN_OPTIONS,
+    Asked,
+    Commands,
+    SceneCommand,
+    check_target,
+    choice,
+    file_option,
+    folder_option,
+    keys_option,
+    method_option,
+    more_keys,
+    plan_text,
+    plot_option,
+    print_columns,
+    print_end,
+    print_ensemble,
+    print_fit,
+    print_written,
+    say_where_nothing_is_kept,
+    usage_errors,
+    write,
+)
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
-from rbfmu.kept_plans import kept_plan
+from rbfmu.on_disk import kept_plan
 from rbfmu.progress import bar, progress_bar
 
 

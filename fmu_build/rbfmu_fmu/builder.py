@@ -18,7 +18,7 @@ import pythonfmu
 
 import rbfmu_kernels
 from rbfmu import Plan, Scene
-from rbfmu.kept_plans import write_whole
+from rbfmu.on_disk import write_whole
 from rbfmu.planning.select import plan
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe

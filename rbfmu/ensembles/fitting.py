@@ -34,7 +34,8 @@ PART, LOOSER = 0.5, 2.0
 over the accuracy: with 14 the estimates overlooked one member in a thousand, which was off by 8.4 times the accuracy
 where all others were within 0.2, so that no tail told of it."""
 TIGHT, LITTLE = 1e-16, 1e-3
-"""The tolerance of series by which other pilots are judged, where its error in the first is so small a part."""
+"""The tolerance of the series by which pilots are judged; and the part of the accuracy by which two such may differ, or
+of a tolerance, which that of a truth may be."""
 HIGHEST, LEAST_IN_LANES = 20, 10
 """The highest order of series, and that below which lanes do not pay for more substeps."""
 SCOUTS, FEWEST, TAIL = 1024, 64, 32

@@ -78,6 +78,7 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     pilots, growth = _pilots(scene), 1.0
     judges = [Judge(Question(pilot)) for pilot in islice(pilots, OF_SERIES)]
     by_series, chosen = _by_series(scene, judges)
+    wild = by_series and chosen is None
     if chosen is None:
         judges += [Judge(Question(pilot)) for pilot in pilots]
         found = []
@@ -86,12 +87,13 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
                 found.append(cheapest(judge.asked, judge))
             tell(0.9 * (k + 1) / len(judges))
         chosen, growth = _accurate(_for_all(found).of_scene(scene), judges)
-        chosen = with_likely_error(scene, chosen, judges[0].names)
+        if not wild:  # else scouts differ by round-off alone, which two runs of the same substeps have in common
+            chosen = with_likely_error(scene, chosen, judges[0].names)
     tell(1.0)
     reasons = (
         *_of_model(judges[0].asked, chosen),
-        *_of_members(scene, chosen, len(judges)),
-        *_of_growth(scene, growth, wild=by_series and chosen.span > 0.0),
+        *_of_members(scene, chosen, len(judges), wild),
+        *_of_growth(scene, growth, wild),
     )
     if not scene.inputs.ports:  # through which anything may act
         warn(scene, _of_no_effect(scene, chosen), stacklevel=4)
@@ -151,12 +153,12 @@ def _of_model(pilot: Question, chosen: Plan) -> Iterator[str]:
         yield f"{say.held_over_a_run(chosen)} in every member"
 
 
-def _of_members(scene: Scene, chosen: Plan, pilots: int) -> Iterator[str]:
+def _of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator[str]:
     ensemble = ensemble_of(scene)
     keys = ", ".join(variation.key for variation in ensemble.vary)
     whatever = f"the model holds whatever {keys} may be"
     yield f"one plan for all {ensemble.runs} members; the numbers above are of one, {whatever}"
-    if chosen.model == LOADED_TAYLOR.key:
+    if chosen.model == LOADED_TAYLOR.key and not wild:
         said = f"by {pilots} pilot members, as far out as the farthest, and by up to a thousand others"
         likely = f"error at most {chosen.error:.1e} in {MEMBERS:,} members, with 99 in 100"
         yield f"{likely}, {said}; {scene.run.accuracy:g} asked"

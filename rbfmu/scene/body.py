@@ -5,9 +5,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from rbfmu.scene.section import (  # isort: skip
-    FLAG, POSITIVE, Numbers, Rule, SceneError, Section, fault, flattened, numbers, one_word, plain,
-)  # fmt: skip
+from rbfmu.scene.section import (
+    FLAG,
+    POSITIVE,
+    Numbers,
+    Rule,
+    SceneError,
+    Section,
+    fault,
+    flattened,
+    numbers,
+    one_word,
+    plain,
+)
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.mechanics import shape_inertia as _shapes

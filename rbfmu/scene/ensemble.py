@@ -9,11 +9,22 @@ import numpy as np
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
 from rbfmu.scene.own import PARAMETER_END, is_own, parameter_of
 from rbfmu.scene.section import Numbers, Rule, Section, as_toml, fault, joined, names, one_word, plain, texts, whole
-
-from rbfmu.scene.variations import (  # isort: skip
-    ATTITUDE, AXES, DEGREES, FIXED, INERTIA, NORMAL, QUANTITY_OF, RELATIVE, SHAPE, VARYING_ANGLES,
-    Marginal, Variation, components, read_variations,
-)  # fmt: skip
+from rbfmu.scene.variations import (
+    ATTITUDE,
+    AXES,
+    DEGREES,
+    FIXED,
+    INERTIA,
+    NORMAL,
+    QUANTITY_OF,
+    RELATIVE,
+    SHAPE,
+    VARYING_ANGLES,
+    Marginal,
+    Variation,
+    components,
+    read_variations,
+)
 
 Rows = tuple[tuple[float, ...], ...]
 NO_VARIANCE, NO_COVARIANCE = 1e-10, 1e-5

@@ -8,9 +8,22 @@ from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Self, TypeVar
 
-from rbfmu.scene.section import (  # isort: skip
-    FLAG, Apart, Numbers, Readable, Rule, SceneError, Section, checked, fault, joined, line, one_word, plain, texts,
-)  # fmt: skip
+from rbfmu.scene.section import (
+    FLAG,
+    Apart,
+    Numbers,
+    Readable,
+    Rule,
+    SceneError,
+    Section,
+    checked,
+    fault,
+    joined,
+    line,
+    one_word,
+    plain,
+    texts,
+)
 from rbfmu_kernels.quantities import Parameter
 
 T = TypeVar("T")

@@ -20,11 +20,19 @@ from rbfmu.scene import own as named
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
 from rbfmu.scene.section import Apart, SceneError, Section, as_lists, as_toml, checked, fault, line, names
-
-from rbfmu.scene.tables import (  # isort: skip
-    NOTHING, PARAMETERS, QUANTITIES, About, Initial, Inputs, Loads, Outputs, Run, default_quantities,
+from rbfmu.scene.tables import (
+    NOTHING,
+    PARAMETERS,
+    QUANTITIES,
+    About,
+    Initial,
+    Inputs,
+    Loads,
+    Outputs,
+    Run,
+    default_quantities,
     faults_between,
-)  # fmt: skip
+)
 from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import evaluated

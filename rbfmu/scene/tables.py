@@ -8,10 +8,21 @@ import numpy as np
 
 from rbfmu.scene import own as named
 from rbfmu.scene.body import ZERO, Body
-
-from rbfmu.scene.section import (  # isort: skip
-    POSITIVE, Apart, Numbers, Rule, Section, as_lists, checked, fault, line, names, numbers, one_word, texts,
-)  # fmt: skip
+from rbfmu.scene.section import (
+    POSITIVE,
+    Apart,
+    Numbers,
+    Rule,
+    Section,
+    as_lists,
+    checked,
+    fault,
+    line,
+    names,
+    numbers,
+    one_word,
+    texts,
+)
 from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, LOADS, OUTPUT, OUTPUTS, PORTS, TORQUES

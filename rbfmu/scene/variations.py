@@ -11,11 +11,21 @@ import numpy as np
 
 from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
 from rbfmu.scene.own import is_own
-
-from rbfmu.scene.section import (  # isort: skip
-    NOT_NEGATIVE, POSITIVE, Numbers, Rule, SceneError, as_toml, checked, closest, fault, flattened, joined,
-    numbers, plain,
-)  # fmt: skip
+from rbfmu.scene.section import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Numbers,
+    Rule,
+    SceneError,
+    as_toml,
+    checked,
+    closest,
+    fault,
+    flattened,
+    joined,
+    numbers,
+    plain,
+)
 from rbfmu.scene.tables import Attitude
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, PARAMETERS, Load, Parameter, indices
 

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rbfmu import kept_plans
+from rbfmu import on_disk
 from tests.support.command_line import call
 from tests.support.fmu.fmus import built
 from tests.support.paths import ROOT
@@ -84,7 +84,7 @@ class FullDisk(io.FileIO):
 @KINDS
 def test_a_disk_full_at_any_byte_leaves_what_was_there(kind, scene_file, tmp_path, monkeypatch):
     target, whole = tmp_path / "it.fmu", built("prescribed", kind).read_bytes()
-    monkeypatch.setattr(kept_plans, "os", SimpleNamespace(**vars(os) | {"fdopen": FullDisk}))
+    monkeypatch.setattr(on_disk, "os", SimpleNamespace(**vars(os) | {"fdopen": FullDisk}))
     target.write_bytes(b"what was there")
     for FullDisk.room in (0, 1, len(whole) - 1):
         result = call(*command(scene_file, target, kind)[3:])

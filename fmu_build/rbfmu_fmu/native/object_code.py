@@ -22,7 +22,7 @@ import llvmlite.binding as llvm
 import numba
 from numba import carray, types
 
-from rbfmu.kept_plans import kept
+from rbfmu.on_disk import kept
 from rbfmu_fmu.native.platforms import BuildError, Platform
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.code_cache import SOURCES

@@ -177,7 +177,10 @@ def body_of(z: Buffer) -> Body:
     """Return the constants of the equations of motion; see `equations_of_motion.Body`."""
     free = 1.0 if z[_PIVOT] == 0.0 else 0.0
     M, M_inverse = matrix_at(z, _M), matrix_at(z, _M_INVERSE)
-    return Body(z[_INVERSE_MASS], M, M_inverse, vec3_at(z, _ARM), vec3_at(z, _DAMPING), free)
+    return Body(
+        inverse_mass=z[_INVERSE_MASS], inertia=M, inertia_inverse=M_inverse, arm_b=vec3_at(z, _ARM),
+        damping_b=vec3_at(z, _DAMPING), is_free=free,
+    )  # fmt: skip
 
 
 @kernel

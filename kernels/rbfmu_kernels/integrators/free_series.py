@@ -60,8 +60,10 @@ def _undamped(body: Body) -> Body:
 
     With the damping the rate would drift over each series and jump back at its end.
     """
-    inverse_mass, M, M_inverse, arm, _, is_free = body
-    return Body(inverse_mass, M, M_inverse, arm, (0.0, 0.0, 0.0), is_free)
+    return Body(
+        inverse_mass=body.inverse_mass, inertia=body.inertia, inertia_inverse=body.inertia_inverse, arm_b=body.arm_b,
+        damping_b=(0.0, 0.0, 0.0), is_free=body.is_free,
+    )  # fmt: skip
 
 
 @kernel

@@ -12,7 +12,7 @@ Layout = tuple[dict[str, slice], int]
 Kernels = Mapping[str, Callable[..., Any]]
 _HOME = formulas.__name__
 """The module of all that is bound."""
-_TEMPLATES = {formula_events.__name__, formula_lanes.__name__, formulas.__name__}
+_TEMPLATES = {one.__name__ for one in (formula_events, formula_lanes, formula_variations, formulas)}
 """The modules whose functions are templates."""
 
 
@@ -36,7 +36,7 @@ def make_formulas(constant: str, layout: Layout, generated: Kernels, places: Map
     globals are.
     """
     own = {**places, **generated}
-    advance = _advance(constant, own)
+    advance = _bound(formulas.advance_formulas, constant, own)
     set_up = _bound(formulas.set_up_formulas, constant, own)
     return Model(
         f"formulas.{constant}",
@@ -47,13 +47,6 @@ def make_formulas(constant: str, layout: Layout, generated: Kernels, places: Map
         feedthrough=generated["feedthrough"],
         ORDERS=formulas.ORDERS,
     )
-
-
-def _advance(constant: str, own: dict[str, Any]) -> Any:
-    """Return `advance_formulas`, bound, and put all that it calls into own."""
-    for name, template in formula_variations.TEMPLATES.items():
-        own[name] = bind(template, _HOME, constant, **own)
-    return _bound(formulas.advance_formulas, constant, own)
 
 
 def make_over(constant: str, base: Model, layout: Layout, generated: Kernels, places: Mapping[str, Any]) -> Model:
@@ -77,7 +70,7 @@ def make_lanes(model: Model, own: Mapping[str, Any], constant: str, wide: Mappin
     of series over numbers of several bodies, by name, and WIDE_ROW, the length of a row there.
     """
     found = {**own}
-    _advance(model.name.partition(".")[2], found)
+    _bound(formulas.advance_formulas, model.name.partition(".")[2], found)  # what steps call, which lanes call too
     found |= {**wide, "initialize": model.initialize}
     in_four, in_eight = (
         _bound(formula_lanes.run_in_lanes, f"{constant}_{width}", found | {"wide": numbers})

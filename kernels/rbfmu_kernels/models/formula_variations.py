@@ -12,7 +12,6 @@ Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, ch. 7).
 """
 
 import math
-from collections.abc import Callable, Mapping
 from typing import Any
 
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
@@ -28,8 +27,6 @@ from ..types import Buffer
 NUMBER_OF_ERRORS = COLUMNS = ERRORS = PATTERN = ENTRIES = SHIFTS = RATES_BEFORE = OF_ERRORS = OF_ENTRIES = 0
 STATE_OF: tuple[int, ...] = (-1,)
 GROUPS: tuple[tuple[int, int], ...] = ((0, 0),)
-add_products: Any = None
-squares: Any = None
 ORDER = TOLERANCE = SPAN = REACH = NEXT = WATCHED = NUMBER_OF_SIDES = ROWS = ROW = 0
 
 BEGINNING = 4
@@ -112,7 +109,7 @@ def vary_series(z: Buffer, ended: bool) -> None:
                     z[here + ROW + row * COLUMNS - 1 - of] += z[term + k * ROW]
                 else:
                     last = 0 if z[at + 3] != 0.0 else k
-                    add_products(z, here + ROW + row * COLUMNS, term, here + of * COLUMNS, last)
+                    add_products_of(z, here + ROW + row * COLUMNS, term, here + of * COLUMNS, last)
         part = 1.0 / (k + 1)
         for i in range(NUMBER_OF_ERRORS * COLUMNS):
             z[here + ROW + i] *= part
@@ -137,8 +134,8 @@ def reach_of_errors(z: Buffer, h: float) -> float:
     n, worst = int(z[ORDER]), 0.0
     for first, end in GROUPS:
         for d in range(0, COLUMNS, 4):
-            sizes = numbers(squares(z, h, first * COLUMNS + d, end * COLUMNS, 0, BEGINNING))
-            lasts = numbers(squares(z, h, first * COLUMNS + d, end * COLUMNS, n - 1, n))
+            sizes = numbers(squares_at(z, h, first * COLUMNS + d, end * COLUMNS, 0, BEGINNING))
+            lasts = numbers(squares_at(z, h, first * COLUMNS + d, end * COLUMNS, n - 1, n))
             for size, last in zip(sizes, lasts):  # noqa: B905  (Numba knows no strict)
                 worst = max(worst, last / size if size > 0.0 else 0.0)
     excess = math.sqrt(worst) / tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
@@ -153,13 +150,3 @@ def put_errors_at(z: Buffer, t: float) -> None:
         for k in range(n - 1, -1, -1):
             total = add_lanes(multiply_lanes(total, times), lanes_at(z, OF_ERRORS + k * ROW + i))
         put_lanes(z, ERRORS + i, total)
-
-
-TEMPLATES: Mapping[str, Callable[..., Any]] = {
-    "shift_corner": shift_of_corner,
-    "add_products": add_products_of,
-    "vary": vary_series,
-    "squares": squares_at,
-    "errors_reach": reach_of_errors,
-    "put_errors": put_errors_at,
-}

@@ -32,6 +32,7 @@ from .formula_events import (
     set_up_events,
     side_that_counts,
 )
+from .formula_variations import put_errors_at, reach_of_errors, shift_of_corner, vary_series
 
 ORDERS = range(6, 31, 2)
 SERIES = {
@@ -66,7 +67,6 @@ NEAR = 0.2
 # of the rates of these, at least one each, as an empty tuple has no type.
 _missing: Any = None
 constants = first = further = values = loads = begin = advance = refresh = _missing
-shift_corner = vary = errors_reach = put_errors = _missing
 _places: tuple[int, ...] = ()
 INPUTS = RATES = RATES_2 = STATES = FIRSTS = ENDS = OF_EVENT = _places
 LEASTS: tuple[float, ...] = ()
@@ -171,7 +171,7 @@ def prepare_series(z: Buffer) -> None:
     """Set what series begin with from the states now."""
     ended = z[SINCE] >= z[REACH]
     if NUMBER_OF_ERRORS and ended:
-        shift_corner(z)
+        shift_of_corner(z)
     for i in range(len(STATES)):
         z[ROWS + i] = z[STATES[i]]
     for g in range(len(FIRSTS)):
@@ -209,8 +209,8 @@ def begin_to_serve(z: Buffer, settled: bool) -> bool:
         if abs(ratio - 1.0) <= NEAR or h == longest:
             break
     if NUMBER_OF_ERRORS:
-        vary(z, ended)
-        h = errors_reach(z, h) if z[BOUNDED] != 0.0 else h
+        vary_series(z, ended)
+        h = reach_of_errors(z, h) if z[BOUNDED] != 0.0 else h
     z[driven.STEP_SIZE], z[REACH], z[STANDS] = h, reach_to_corner(z, h), 1.0
     put_pair_at(z, SINCE, (0.0, 0.0))
     put_pair_at(z, BEGUN, pair_at(z, TIME))
@@ -234,7 +234,7 @@ def put_states_at(z: Buffer, t: float) -> None:
         for j in range(i, min(i + 4, len(STATES))):
             z[STATES[j]] = z[LAST + j - i]
     if NUMBER_OF_ERRORS:
-        put_errors(z, t)
+        put_errors_at(z, t)
     if ATTITUDE:
         put_quaternion_at(z, memory.STATE_START, normalize(quaternion_at(z, memory.STATE_START)))
 

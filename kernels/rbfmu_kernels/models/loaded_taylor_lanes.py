@@ -236,7 +236,10 @@ def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
 
 @kernel
 def _bodies(c: Buffer) -> Body:
-    return Body(0.0, matrix_at(c, INERTIA), matrix_at(c, INVERSE), vec3_at(c, ARM), vec3_at(c, DAMPING), 0.0)
+    return Body(
+        inverse_mass=0.0, inertia=matrix_at(c, INERTIA), inertia_inverse=matrix_at(c, INVERSE), arm_b=vec3_at(c, ARM),
+        damping_b=vec3_at(c, DAMPING), is_free=0.0,
+    )  # fmt: skip
 
 
 @kernel

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 import rbfmu.__main__
-from rbfmu import kept_plans, progress
+from rbfmu import on_disk, progress
 from rbfmu.cli import main
 from tests.support.paths import ROOT, SCENES
 
@@ -165,7 +165,7 @@ def test_another_scene_option_or_source_is_another_plan(scene, monkeypatch):
     said("plan", scene, "--accuracy", "1e-5")
     scene.write_text(scene.read_text() + "\n# another\n")
     said("plan", scene)
-    monkeypatch.setattr(kept_plans, "_stamp", lambda: b"other sources")
+    monkeypatch.setattr(on_disk, "_stamp", lambda: b"other sources")
     said("plan", scene)
     assert len(kept(scene)) == 4
 
@@ -213,7 +213,7 @@ def test_a_doubt_is_said_each_time(scene):
 
 
 def test_the_oldest_go(scene, monkeypatch):
-    monkeypatch.setattr(kept_plans, "MOST", 2)
+    monkeypatch.setattr(on_disk, "MOST", 2)
     for accuracy in ("1e-3", "1e-4", "1e-5"):
         said("plan", scene, "--accuracy", accuracy)
     assert len(kept(scene)) == 2

@@ -1,4 +1,4 @@
-"""Plans of scene files that were planned before, kept on disk: the same file is planned once.
+"""What is kept on disk, such as plans of scene files, which are so planned once; and files that are written whole.
 
 A plan is known by the bytes of its scene file, the options, and the sources and versions that it was made with. Where
 nothing can be written, or what stands there is not what was written (a checksum says so), the scene is planned anew.
