@@ -143,7 +143,7 @@ def _plan_of(asked: Asked, opened: AbstractContextManager["rbfmu.Scene"]) -> dic
 def run(asked: Asked, output: Path | None, plot: Path | None) -> None:
     """Simulate a scene, its ports at zero or driven by a file.
 
-    The units of the columns of FILE.csv are written to FILE.units.csv.
+    The units of the columns of FILE.csv are written to FILE.units.csv, events to FILE.events.csv.
     """
     from rbfmu.result import check_attitude
 
@@ -154,7 +154,8 @@ def run(asked: Asked, output: Path | None, plot: Path | None) -> None:
         result = rbfmu.simulate(scene, planned=planned, progress=progress_bar(scene.name), **asked.driven)
     write(result, output, plot, scene.name)
     print_end(scene, planned, result, asked.driven["inputs"] is not None)
-    print_written(output, output.with_suffix(".units.csv") if output and output.suffix == ".csv" else None, plot)
+    beside = [".units.csv", *([".events.csv"] if result.events else [])] if output and output.suffix == ".csv" else []
+    print_written(output, *(output.with_suffix(ending) for ending in beside if output), plot)
 
 
 @main.command()

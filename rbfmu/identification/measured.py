@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from rbfmu import arrays
 from rbfmu.csv_table import read_columns
+from rbfmu.exceptions import SceneError
 from rbfmu.result import Result, by_quantity
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
@@ -104,7 +105,10 @@ def _unit(rows: Array, where: str) -> Array:
 
 
 def _columns(path: Path, needed: str = "time") -> dict[str, Array]:
-    return read_columns(path, "a number, or nothing for a gap", gaps=GAPS, needed=needed)
+    try:
+        return read_columns(path, "a number, or nothing for a gap", gaps=GAPS, needed=needed)
+    except SceneError as error:  # no fault of the scene, in whose name it would be told
+        raise ValueError(str(error)) from None
 
 
 def sigma_of(text: str) -> float | dict[str, float]:

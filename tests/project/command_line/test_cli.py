@@ -173,6 +173,14 @@ def test_a_run_says_what_it_wrote(short: Path, tmp_path: Path) -> None:
     found = call("run", short, "-o", csv, "--plot", png).output
     assert found.splitlines()[-1] == f"written: {csv}, {tmp_path / 'it.units.csv'}, {png}"
     assert "written" not in call("run", short).output
+    with short.open("a", encoding="utf-8") as scene:
+        scene.write('\n[events]\nhalf = { when = "t - 0.5" }\n')
+    found = call("run", short, "-o", csv).output
+    assert (
+        found.splitlines()[-1]
+        == f"written: {', '.join(str(csv.with_suffix(x)) for x in ('.csv', '.units.csv', '.events.csv'))}"
+    )
+    assert csv.with_suffix(".events.csv").exists()
 
 
 def test_what_held_inputs_cost_is_said_where_a_loop_can_be_closed(short: Path) -> None:

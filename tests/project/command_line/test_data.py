@@ -73,11 +73,16 @@ def test_a_model_that_is_wrong_is_status_1(scene: Path, tmp_path: Path) -> None:
         (["sensitivity", "--by", "body.colour"], "by = 'body.colour': expected one of initial.attitude"),
         (["sensitivity", "--by", "body.mass", "-o", "s.txt"], "ends in .csv or .npz"),
         (["fit", "none.csv", "--free", "body.mass"], "none.csv"),
+        (["fit", "bad.csv", "--free", "body.mass"], 'Error: bad.csv: omega_b[1] = "x" in row 1: expected a number'),
         (["fit", "none.csv"], "Missing option '--free'"),
     ],
 )
-def test_what_cannot_be_done_is_one_message_and_status_2(arguments: list[str], said: str, scene: Path) -> None:
+def test_what_cannot_be_done_is_one_message_and_status_2(
+    arguments: list[str], said: str, scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     command, *rest = arguments
+    monkeypatch.chdir(tmp_path)
+    Path("bad.csv").write_text("time,omega_b[1],omega_b[2],omega_b[3]\n0,x,0,0\n", encoding="utf-8")
     result = call(command, scene, *rest)
     assert result.exit_code == 2
     assert said in " ".join(result.output.split())
