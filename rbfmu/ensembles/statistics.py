@@ -2,9 +2,9 @@
 
 Who runs a chunk sums it up; what is merged after that is small. Sums are merged in the order of the chunks, as
 floating-point sums depend on their order. Quantiles come of a sketch: of the sorted values of a chunk every w-th stands
-for w of them, and four such sets are sorted together and thinned out to one of the next level (Munro and Paterson 1980;
-Manku, Rajagopalan and Lindsay 1998). Its memory grows with the logarithm of the runs, and the largest error of a rank
-is known.
+for w of them, and eight such sets are sorted together and thinned out to one of the next level (Munro and Paterson
+1980; Manku, Rajagopalan and Lindsay 1998). Its memory grows with the logarithm of the runs, and the largest error of a
+rank is known.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ MOST_NUMBERS = 4_000_000
 """The largest number of numbers in one table of points, of which there are SETS for each level."""
 MOST_SAMPLED = 1024
 """Members of whose attitudes some are kept as they are, on average, for their angles from a mean that all make."""
-SETS = 4
+SETS = 8
 """Sets of points of a level that become one of the next."""
 LEAST_WEIGHT = 8
 """For how many members a point stands where not all fit: what is left to merge is so much less than what was run."""
@@ -109,9 +109,10 @@ def summary_of(rows: Array, good: Indices, columns: Columns, most: int, turn: in
         times = slice(first, first + at_once)
         compiled(moments)(rows, good, first, angles, pairs, mean[times], products[times], x)
         if most:
-            part = x.reshape(at_once, width, padded)[: len(mean[times])].take(ranked, axis=1)[:, :, : len(good)]
-            part.sort(axis=2)
-            values[times] = part[:, :, chosen]
+            part = x.reshape(at_once, width, padded)[: len(mean[times]), :, : len(good)]
+            for j in ranked.tolist():
+                part[:, j].sort(axis=1)
+            values[times] = part[:, ranked[:, None], chosen]
     table = values.reshape(points * len(ranked), values.shape[2])
     return Summary(len(good), mean, products, Points(table, weight, members, error))
 
@@ -149,7 +150,7 @@ def _thinned(sets: Sequence[Points], weight: int, turn: int) -> Points:
 
 @dataclass
 class Statistics:
-    """The statistics of the members of chunks 0, 1, ... that were added; levels: sets of points of 1, 4, ... chunks.
+    """The statistics of the members of chunks 0, 1, ... that were added; levels: sets of points of 1, 8, ... chunks.
 
     most: points of each number, at most; none are taken where it is 0.
     """

@@ -221,7 +221,7 @@ class Store:
     def add(self, chunk: Chunk) -> None:
         """Take the next chunk."""
         self._is_clean = False  # an interrupt may come between any two lines
-        if chunk.members < self._work.size:
+        if self._file is not None and chunk.members < self._work.size:
             self._whole = copy.deepcopy(self.progress)
         self._keep(chunk, chunk_arrays(self._work, chunk))
         self.progress.add(chunk, self._work)
