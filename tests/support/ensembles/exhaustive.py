@@ -46,7 +46,7 @@ class Searched:
         judges = [Judge(Question(pilot)) for pilot in islice(_pilots(self.scene), OF_SERIES)]
         highest = highest_in_lanes(judges, whole_series(self.scene, 0, self.scene.run.accuracy))
         found = [self._loosest(order) for order in range(6, highest + 2, 2)]
-        return min(filter(None, found), key=self.cost)
+        return min(filter(None, found), key=self.cost, default=None)
 
     def _loosest(self, order):
         low, high, kept = 0, len(QUARTERS) - 1, None
@@ -96,9 +96,13 @@ def main(first, count, runs):
         except rbfmu.SceneError as error:
             print(seed, "refused:", error, flush=True)
             continue
-        own, best = searched.plan, searched.best()
-        if not math.isclose(own.span, 0.0):
+        if not math.isclose(searched.plan.span, 0.0):
             print(f"{seed}: no tolerance is likely to hold for the worst member", flush=True)
+            continue
+        own, best = searched.plan, searched.best()
+        if best is None:
+            said = any("nearly equal starts" in reason for reason in own.reasons)
+            print(f"{seed}: no order and tolerance keeps all; the plan says so: {said}", flush=True)
             continue
         mine, other = searched.seconds([own, best])
         ratios.append((searched.cost(own) / searched.cost(best), mine / other))

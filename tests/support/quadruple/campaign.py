@@ -121,7 +121,7 @@ def offered_by(scene, planned):
 def verdict_of_refusal(scene, message):
     """Verdict, error, accuracy, text."""
     accuracy = scene.run.accuracy
-    if "run.accuracy" not in message:
+    if "run.accuracy" not in message and "run.stop" not in message:  # or it is too long, as it is for the reference
         return REFUSED, 0.0, accuracy, message
     if scene.body is None:
         return HONEST, 0.0, accuracy, message
