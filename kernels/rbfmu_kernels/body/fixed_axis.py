@@ -8,7 +8,7 @@ import math
 from ..buffer_access import quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration
-from ..mechanics.newton_euler import damping_torque
+from ..mechanics.rigid_body import damping_torque
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble, two_product
 from ..numerics.elementary import power_of_two_for

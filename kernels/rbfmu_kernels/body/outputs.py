@@ -3,7 +3,7 @@
 from ..buffer import NOT_FINITE
 from ..buffer_access import are_finite, matrix_at, put_quaternion_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
-from ..mechanics import newton_euler
+from ..mechanics import rigid_body
 from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration, angular_jerk, linear_acceleration
 from ..rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from ..rotations.matrix import transform
@@ -41,10 +41,10 @@ def outputs(z: Buffer) -> int:
     if memory.is_set(z, _SHOWS_OMEGA_A):
         put_vec3_at(z, _OMEGA_A, rotate(q, omega))
     if memory.is_set(z, _SHOWS_MOMENTUM):
-        put_vec3_at(z, _MOMENTUM, rotate(q, newton_euler.angular_momentum(matrix_at(z, _M), omega)))
+        put_vec3_at(z, _MOMENTUM, rotate(q, rigid_body.angular_momentum(matrix_at(z, _M), omega)))
     if memory.is_set(z, _SHOWS_ENERGY):
         mass = 0.0 if memory.has_pivot(z) else z[_MASS]
-        z[_ENERGY] = newton_euler.kinetic_energy(mass, matrix_at(z, _M), memory.centre_of(z).v_c, omega)
+        z[_ENERGY] = rigid_body.kinetic_energy(mass, matrix_at(z, _M), memory.centre_of(z).v_c, omega)
     return 0
 
 
@@ -72,7 +72,7 @@ def _put_accelerations(z: Buffer, q: Quaternion, omega: Vec3) -> None:
 def accelerations(q: Quaternion, omega: Vec3, body: Body, loads: Loads, r_oc: Vec3) -> tuple[Vec3, Vec3]:
     """Return (alpha_b, acceleration of o in a) of a body under loads; with a pivot o stays."""
     alpha = angular_acceleration(q, omega, body, loads)
-    relative = newton_euler.relative_acceleration(omega, alpha, r_oc)
+    relative = rigid_body.relative_acceleration(omega, alpha, r_oc)
     a_o = subtract(linear_acceleration(q, body, loads), rotate(q, relative))
     return alpha, ((0.0, 0.0, 0.0) if body.is_free == 0.0 else a_o)
 
@@ -88,7 +88,7 @@ def output_rates(z: Buffer) -> int:
     _put_accelerations(z, q, omega)
     M, alpha = body.inertia, vec3_at(z, _ALPHA)
     alpha_rate = angular_jerk(q, omega, alpha, body, loads)
-    torque = add(transform(M, alpha), newton_euler.gyroscopic_torque(M, omega))
+    torque = add(transform(M, alpha), rigid_body.gyroscopic_torque(M, omega))
     yaw, pitch, roll = euler_from_quaternion(ZYX, q)
     d_yaw, d_pitch, d_roll = euler_rate_b(ZYX, (yaw, pitch, roll), omega)
     put_quaternion_at(z, _D_Q, quaternion_rate_b(q, omega))
@@ -102,7 +102,7 @@ def output_rates(z: Buffer) -> int:
     put_vec3_at(z, _D_POSITION, vec3_at(z, _VELOCITY))
     put_vec3_at(z, _D_VELOCITY, vec3_at(z, _ACCELERATION))
     r_oc = vec3_at(z, _R_OC)
-    relative = newton_euler.relative_jerk(omega, alpha, alpha_rate, r_oc)
+    relative = rigid_body.relative_jerk(omega, alpha, alpha_rate, r_oc)
     jerk = rotate(q, subtract(cross(omega, scale(body.inverse_mass, loads.force_b)), relative))
     put_vec3_at(z, _D_ACCELERATION, (0.0, 0.0, 0.0) if memory.has_pivot(z) else jerk)
     return 0

@@ -7,7 +7,7 @@ from ..rotations.matrix import transform
 from ..rotations.quaternion import invert_quaternion, quaternion_rate_b, rotate
 from ..rotations.vec3 import add, add_scaled, cross, is_nonzero, scale, subtract
 from ..types import Matrix, Quaternion, Vec3
-from .newton_euler import damping_torque, gyroscopic_torque
+from .rigid_body import damping_torque, gyroscopic_torque
 
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
 

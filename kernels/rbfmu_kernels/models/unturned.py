@@ -18,7 +18,7 @@ from ..buffer_access import matrix_at, put_matrix_at, put_pair_at, put_vec3_at, 
 from ..compile.decorator import kernel
 from ..integrators.splitting import is_symmetric_top
 from ..mechanics.equations_of_motion import angular_acceleration
-from ..mechanics.newton_euler import damping_torque
+from ..mechanics.rigid_body import damping_torque
 from ..numerics.elementary import relaxed, sincos
 from ..rotations.matrix import invert_matrix, transform
 from ..rotations.vec3 import add_scaled, cross, dot, is_nonzero
