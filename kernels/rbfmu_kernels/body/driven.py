@@ -7,9 +7,8 @@ step the input keeps its last value, and its rates are 0 until they are set agai
 from ..buffer import OK, STEP_REJECTED, places
 from ..buffer_access import copy_numbers
 from ..compile.decorator import kernel
-from ..integrators.rigid_body_state import RATE_ONLY, ROTATION, STATE_SIZE, WHOLE_STATE
 from ..mechanics import equations_of_motion as motion
-from ..mechanics.equations_of_motion import Body, LoadPolynomial, Loads
+from ..mechanics.equations_of_motion import RATE_ONLY, ROTATION, STATE_SIZE, WHOLE_STATE, Body, LoadPolynomial, Loads
 from ..rotations.vec3 import add_scaled, is_nonzero
 from ..types import Buffer
 from . import memory
@@ -42,7 +41,7 @@ def load_polynomial_of(z: Buffer) -> LoadPolynomial:
 
 @kernel
 def part_to_integrate(z: Buffer, body: Body, loads: LoadPolynomial) -> int:
-    """Return how many numbers of the state need integration: see `rigid_body_state`."""
+    """Return how many numbers of the state need integration: see `equations_of_motion`."""
     acting = motion.acting_loads(loads)
     if acting.force_b and memory.needs_translation(z) and not memory.has_pivot(z):
         return WHOLE_STATE

@@ -1,7 +1,7 @@
 """What the models of a body have in common: the layout of their buffers, their start, their state and their loads.
 
 A model's buffer begins with these blocks; what its method needs besides follows. For the state see
-`rigid_body_state`.
+`equations_of_motion`.
 """
 
 import math
@@ -10,8 +10,7 @@ from .. import quantities
 from ..buffer import BEAM_TURNS, NEGATIVE, NO_ATTITUDE, NO_MASS, NOT_FINITE, TWO_ZERO_MOMENTS, places
 from ..buffer_access import are_finite, matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE, Centre, Rotation
-from ..mechanics.equations_of_motion import Body, Loads, State
+from ..mechanics.equations_of_motion import STATE_BLOCKS, STATE_SIZE, Body, Centre, Loads, Rotation, State
 from ..mechanics.inertia import INERTIA_TOLERANCE, check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
 from ..rotations.quaternion import normalize, rotate
 from ..rotations.vec3 import add, cross, dot, is_nonzero, scale
@@ -47,7 +46,7 @@ _NOT_NEGATIVE = tuple((BLOCKS[load.block].start, BLOCKS[load.block].stop) for lo
 _POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = LAYOUT.starts("position_0", "velocity_0", "quaternion_0", "omega_b_0")
 _PIVOT, _SUBSTEP = LAYOUT.starts("pivot", "substep")
 STATE_START = _AT["q"]
-"""Where the state begins: see `rigid_body_state`."""
+"""Where the state begins: see `equations_of_motion`."""
 _OMEGA, _R_C, _V_C = _AT["omega"], _AT["r_c"], _AT["v_c"]
 _INVERSE_MASS, _M, _M_INVERSE, _ARM = LAYOUT.starts("inverse_mass", "M", "M_inverse", "arm")
 

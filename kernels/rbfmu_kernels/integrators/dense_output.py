@@ -5,24 +5,22 @@ body rate's series is that of `taylor_coefficients`. The attitude's begins at q_
 is linear, and goes on until its terms are small. Both are evaluated up to their reach.
 
 Works in a piece of a model's buffer, see `taylor_coefficients`; what is kept: `SERIES_BLOCKS`; states: see
-`rigid_body_state`.
+`equations_of_motion`.
 """
 
 import math
 
 from ..buffer import MAX_SUBSTEPS, places
-from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_vec3_at, quaternion_at, vec3_at
+from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import Lanes, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
-from ..mechanics.equations_of_motion import Body, LoadPolynomial
+from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, ROTATION, V_C, WHOLE_STATE, Body, LoadPolynomial
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble
 from ..rotations.vec3 import add, add_scaled, largest_component, norm, scale, subtract
 from ..types import Buffer, Quaternion, Vec3
-from . import rigid_body_state as state
 from . import substeps
 from . import taylor_coefficients as series
-from .rigid_body_state import RATE_ONLY, ROTATION, WHOLE_STATE
 from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE_RATE, PER, RATE, ROW, ROWS, TURN, WORK, term
 
@@ -249,9 +247,9 @@ def follow(z: Buffer, room: Room, i: int, order: int, h: float) -> None:
 def _put_motion(z: Buffer, room: Room, i: int, order: int, h: float, t: float) -> None:
     """Set the state to that at t of the series, h after the one before."""
     n, (y, w, _) = extent_of(z, i), room
-    state.put_omega(z, y, rate_at(z, w, order, t))
+    put_vec3_at(z, y + OMEGA, rate_at(z, w, order, t))
     if n != RATE_ONLY:
-        state.put_attitude(z, y, attitude_at(z, w, turn_order_of(z, i), t))
+        put_quaternion_at(z, y, attitude_at(z, w, turn_order_of(z, i), t))
     if n == WHOLE_STATE:
         _put_path(z, y, w, i, h, t)
 
@@ -265,12 +263,12 @@ def _put_path(z: Buffer, y: int, w: int, i: int, h: float, t: float) -> None:
         speed = add_scaled(gain, t, speed)
         path = add_scaled(scale(PER[k + 1], gain), t, path)
     speed, path = scale(t, speed), scale(t * t, path)
-    speed_0, path_0, v = vec3_at(z, i + _PATH), vec3_at(z, i + _PATH + 3), state.velocity(z, y)
+    speed_0, path_0, v = vec3_at(z, i + _PATH), vec3_at(z, i + _PATH + 3), vec3_at(z, y + V_C)
     put_vec3_at(z, i + _PATH, speed)
     put_vec3_at(z, i + _PATH + 3, path)
     way = subtract(subtract(path, path_0), scale(h, speed_0))
-    state.put_position(z, y, add(state.position(z, y), add_scaled(way, h, v)))
-    state.put_velocity(z, y, add(v, subtract(speed, speed_0)))
+    put_vec3_at(z, y + R_C, add(vec3_at(z, y + R_C), add_scaled(way, h, v)))
+    put_vec3_at(z, y + V_C, add(v, subtract(speed, speed_0)))
 
 
 @kernel
@@ -310,9 +308,9 @@ def _make(
 ) -> None:
     """Make the series of the motion from the state z[y:] on; again: to the order and reach that are kept."""
     (n, order, tolerance, span), (_, w, size) = method, room
-    s, q, m = z[w : w + WORK], state.attitude(z, y), turn_order_of(z, i) if again else order
+    s, q, m = z[w : w + WORK], quaternion_at(z, y), turn_order_of(z, i) if again else order
     fixed = series.space_fixed_loads(body, loads)
-    series.put_factors(s, RATE, state.omega(z, y))
+    series.put_factors(s, RATE, vec3_at(z, y + OMEGA))
     if fixed.lever_force or fixed.torque:
         series.turned_loads(s, q, loads, fixed)
     series.motion_series(s, 0, order, 0, body, series.known_torques(loads, body), fixed)
@@ -329,7 +327,7 @@ def _make(
         m = attitude_series(s, FORCE_RATE, q, m, reach, bound)
     if n == WHOLE_STATE:
         series.acceleration_series(s, m, body.inverse_mass, loads)
-        speed = max(largest_component(state.velocity(z, y)), 1.0)
+        speed = max(largest_component(vec3_at(z, y + V_C)), 1.0)
     if again:
         z[i] = VALID
         return

@@ -5,11 +5,10 @@ round-off.
 """
 
 from ..compile.decorator import kernel
-from ..mechanics.equations_of_motion import Body
+from ..mechanics.equations_of_motion import ROTATION, Body, Rotation
 from ..rotations.vec3 import norm
 from ..types import Buffer, Quaternion, Vec3
 from . import dense_output as dense
-from .rigid_body_state import ROTATION, Rotation
 from .substeps import LONGEST_STEP, Method
 from .taylor_coefficients import FORCE, FORCE_RATE, MAX_ORDER, RATE, SpaceFixedLoads, motion_series, put_factors
 

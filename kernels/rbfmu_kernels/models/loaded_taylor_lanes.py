@@ -13,18 +13,16 @@ from ..body.members import Control, Driving, Members, Room, Run, begin, drive, n
 from ..body.memory import MEMORY, STATE_START, body_of
 from ..body.shell import Lanes, bind
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout, places
-from ..buffer_access import matrix_at, vec3_at
+from ..buffer_access import matrix_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import eight_wide, four_wide, lane_at, put_lane_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
-from ..integrators import rigid_body_state as state
 from ..integrators import taylor
 from ..integrators import taylor_coefficients as series
 from ..integrators.dense_output import COOL_DOWN, COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
-from ..integrators.rigid_body_state import RATE_ONLY, ROTATION, WHOLE_STATE
 from ..integrators.substeps import Method, nearer_size, parts_in
 from ..integrators.taylor_coefficients import FORCE, RATE, TORQUE, WORK, SpaceFixedLoads, Torques
-from ..mechanics.equations_of_motion import Body, angular_acceleration
+from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_STATE, Body, angular_acceleration
 from ..rotations.quaternion import invert_quaternion, rotate
 from ..rotations.vec3 import is_nonzero
 from ..types import Array, Buffer, Vec3
@@ -131,7 +129,7 @@ def _kind(z: Buffer, h: float) -> Kind:
     n, order, fixed = part_to_integrate(z, body, loads), int(z[_ORDER]), series.space_fixed_loads(body, loads)
     served = z[_SERIES] != NONE or is_series_tried(z, h)
     if served and z[_SERIES] == NONE:
-        q, omega = state.attitude(z, STATE_START), state.omega(z, STATE_START)
+        q, omega = quaternion_at(z, STATE_START), vec3_at(z, STATE_START + OMEGA)
         alpha = angular_acceleration(q, omega, body, loads.value)
         served = n != ROTATION or not order < _SURELY * LEAST_REACH * h * turning_of(omega, alpha)
     if served or fixed.changing or n == WHOLE_STATE or not (h > 0.0 and z[_TOLERANCE] < math.inf):
@@ -257,7 +255,7 @@ def _choose_vector(condition: bool, a: Vec3, b: Vec3) -> Vec3:
 @kernel
 def _turn_loads_anew(c: Buffer, s: Buffer, anew: bool) -> None:
     """Set row 0 of the loads that are fixed in a, as b sees them, in the lanes that begin anew."""
-    q_ba = invert_quaternion(state.attitude(c, STATE))
+    q_ba = invert_quaternion(quaternion_at(c, STATE))
     series.put_factors(s, FORCE, _choose_vector(anew, rotate(q_ba, vec3_at(c, FORCE_A)), vec3_at(s, FORCE)))
     series.put_factors(s, TORQUE, _choose_vector(anew, rotate(q_ba, vec3_at(c, TORQUE_A)), vec3_at(s, TORQUE)))
 
@@ -274,7 +272,7 @@ def begin_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads)
     is_new, eighth = c[IS_NEW] > 0.0, c[TRIED] / taylor.STEPS_OF_LOADS
     first = 0 if n == RATE_ONLY else m
     if any_of(is_new):
-        series.put_factors(s, RATE, state.omega(c, STATE))
+        series.put_factors(s, RATE, vec3_at(c, STATE + OMEGA))
         if turned:
             _turn_loads_anew(c, s, is_new)
         series.motion_series(s, 0, first, m, body, torques, fixed)
