@@ -2,7 +2,7 @@
 
 `constant_rate`: a sphere, or a spin about a principal axis. `free_symmetric`: two equal moments make two steady turns,
 of elementary functions only. `free_triaxial`: any body; while steps are short, a series about an exact state serves
-many of them, see `integrators.free_series`.
+many of them: no error adds up, and it reaches as far as its terms are below round-off.
 
 `free_body_force`: a force fixed in b moves the body along a path that is a quadrature of it. A step is cut into equal
 panels of at most `substep`, each with `order` points of Gauss's rule. What a panel of length s leaves out shrinks as
@@ -11,7 +11,6 @@ Source: Abramowitz and Stegun, 25.4.30.
 """
 
 from ..body import closed_form, memory
-from ..body.fixed_axis import turns_path
 from ..body.outputs import output_rates
 from ..body.principal import axes_as_floats, exact_frame, exact_symmetric_frame, keeps_its_rate, rates_along
 from ..body.shell import make_model
@@ -20,21 +19,28 @@ from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec
 from ..compile.decorator import kernel
 from ..exact import free_rotation as exact
 from ..exact import uniform_rotation as uniform
-from ..integrators import free_series
-from ..integrators.dense_output import NONE, pass_time, reaches_over
+from ..integrators import dense_output as dense
 from ..integrators.splitting import is_symmetric_top
-from ..integrators.substeps import substeps_in
-from ..mechanics.equations_of_motion import steady_acceleration, turning_acceleration
+from ..integrators.substeps import LONGEST_STEP, Method, substeps_in
+from ..integrators.taylor_coefficients import (
+    FORCE,
+    FORCE_RATE,
+    MAX_ORDER,
+    RATE,
+    SpaceFixedLoads,
+    motion_series,
+    put_factors,
+)
+from ..mechanics.equations_of_motion import ROTATION, Body, steady_acceleration, turning_acceleration
 from ..numerics import double_double as dd
 from ..numerics.double_double import two_sum
 from ..rotations.matrix import invert_matrix, quaternion_from_matrix, transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
-from ..rotations.vec3 import add_scaled
-from ..types import Buffer, Vec3
+from ..rotations.vec3 import add_scaled, norm
+from ..types import Buffer, Quaternion, Vec3
 
 _CONSTANT_RATE_LAYOUT = places(closed_form.CLOSED_FORM | {"turning": uniform.TURNING_SIZE})
-
-_TURNING = _CONSTANT_RATE_LAYOUT.blocks["turning"].start
+(_TURNING,) = _CONSTANT_RATE_LAYOUT.starts("turning")
 
 
 @kernel
@@ -63,7 +69,7 @@ def _advance_constant_rate(z: Buffer, h: float) -> int:
 @kernel
 def _is_disturbed(z: Buffer) -> bool:
     """Return whether a torque acts, or a turning force bends the body's path; one along the rate does not turn."""
-    return closed_form.has_torque(z) or turns_path(z, memory.rotation_of(z).omega_b)
+    return closed_form.has_torque(z) or closed_form.turns_path(z, memory.rotation_of(z).omega_b)
 
 
 CONSTANT_RATE = make_model("CONSTANT_RATE", _CONSTANT_RATE_LAYOUT, _set_up_constant_rate, _advance_constant_rate)
@@ -115,11 +121,21 @@ FREE_SYMMETRIC = make_model("FREE_SYMMETRIC", _FREE_SYMMETRIC_LAYOUT, _set_up_fr
 
 FREE = closed_form.CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": exact.FREE_ROTATION_SIZE}
 """After CLOSED_FORM: principal axes, place on the polhode, 1 where the last step set it, constants of the motion."""
-_, _BEFORE = places(FREE | free_series.FREE_SERIES)
-_FREE_TRIAXIAL_LAYOUT = places(FREE | free_series.FREE_SERIES | {"pad_3": -_BEFORE % 8, "work": free_series.FREE_WORK})
+_FREE_SERIES = FREE | dense.SERIES_BLOCKS | {"next_reach": 1}
+_, _BEFORE = places(_FREE_SERIES)
+_FREE_WORK = FORCE_RATE
+"""The size of the work space: series of rate and attitude, and the latter's products where loads would stand."""
+_FREE_TRIAXIAL_LAYOUT = places(_FREE_SERIES | {"pad_3": -_BEFORE % 8, "work": _FREE_WORK})
+_LEAST_REACH = 16.0
+"""Communication steps that a series has to reach over at least: below, the closed form costs less."""
+_ROUND_OFF = 2.0**-50
+"""The size of the last two terms: those that are left out are some 2^-54."""
+_FARTHEST = 8.0
+"""A turn, rad, over which no series reaches: its order's last term, (turn / 2)^24 / 24!, is then 4e-10."""
+_NONE = (0.0, 0.0, 0.0)
 
 _M, _AXES, _PLACE, _MOVED, _CONSTANTS = _FREE_TRIAXIAL_LAYOUT.starts("M", "axes", "place", "moved", "constants")
-_SERIES, _WORK = _FREE_TRIAXIAL_LAYOUT.starts(next(iter(free_series.FREE_SERIES)), "work")
+_SERIES, _NEXT_REACH, _WORK = _FREE_TRIAXIAL_LAYOUT.starts("validity", "next_reach", "work")
 
 
 @kernel
@@ -127,9 +143,9 @@ def _set_up_free_triaxial(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and closed_form.is_driven(z):
         return TORQUE_ACTS
     set_up_rotation(z)
-    free_series.start_without_series(
-        z, _SERIES, memory.needs_attitude(z) and _has_exact_moments(z), memory.rotation_of(z).omega_b
-    )
+    serves, omega = memory.needs_attitude(z) and _has_exact_moments(z), memory.rotation_of(z).omega_b
+    longest = min(LONGEST_STEP, _FARTHEST / max(norm(omega), 1e-300)) if serves else 0.0
+    z[_SERIES], z[_NEXT_REACH] = dense.NONE, longest
     return 0
 
 
@@ -160,12 +176,13 @@ def _advance_free_triaxial(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
     if not memory.skips_model_checks(z) and closed_form.is_driven(z):
         return STEP_REJECTED
-    if not reaches_over(z, _SERIES, h):
+    if not dense.reaches_over(z, _SERIES, h):
         return _advance_exactly(z, h)
-    q, omega = free_series.motion_after(z, _WORK, _SERIES, h)
-    status = closed_form.finish_step(z, h, q, omega)
+    t, _ = dense.clock_after(z, _SERIES, h)
+    q = dense.attitude_at(z, _WORK, dense.turn_order_of(z, _SERIES), t)
+    status = closed_form.finish_step(z, h, q, dense.rate_at(z, _WORK, MAX_ORDER, t))
     if status == OK:
-        pass_time(z, _SERIES, h)
+        dense.pass_time(z, _SERIES, h)
         z[_MOVED] = 0.0
     return status
 
@@ -180,11 +197,39 @@ def _advance_exactly(z: Buffer, h: float) -> int:
     status = closed_form.finish_step(z, h, q, shown_rates(z, place))
     if status == OK:
         keep_place(z, place)
-        if free_series.series_pays(z, _SERIES, h):
-            free_series.begin_free_series(z, _WORK, _SERIES, h, q, _rates(z, place), memory.body_of(z))
+        if _LEAST_REACH * h <= z[_NEXT_REACH]:
+            _begin_series(z, h, q, _rates(z, place), memory.body_of(z))
         else:
-            z[_SERIES] = NONE
+            z[_SERIES] = dense.NONE
     return status
+
+
+@kernel(inline=False)
+def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -> None:
+    """Make a series from attitude and rate on, and keep it if it reaches over many steps of h."""
+    s, method = z[_WORK : _WORK + _FREE_WORK], Method(ROTATION, MAX_ORDER, _ROUND_OFF, 0.0)
+    put_factors(s, RATE, omega)
+    motion_series(s, 0, MAX_ORDER, 0, _undamped(body), (_NONE, _NONE, _NONE), SpaceFixedLoads(False, False, False))
+    dense.end_series(s, RATE, MAX_ORDER)
+    reach = dense.likely_reach(s, MAX_ORDER, z[_NEXT_REACH])
+    reach, _ = dense.reach_within(s, method, 0, 1.0, reach, 1.0)
+    m = dense.attitude_series(s, FORCE, q, MAX_ORDER, reach, 0.5 * _ROUND_OFF)
+    reach, z[_NEXT_REACH] = dense.reach_within(s, method, m, 1.0, reach, 1.0)
+    dense.begin_clock(z, _SERIES, ROTATION, m, reach)
+    if not _LEAST_REACH * h <= reach:
+        z[_SERIES] = dense.NONE
+
+
+@kernel
+def _undamped(body: Body) -> Body:
+    """Return the body as the closed form has it, which a plan may have taken although a little damping acts.
+
+    With the damping the rate would drift over each series and jump back at its end.
+    """
+    return Body(
+        inverse_mass=body.inverse_mass, inertia=body.inertia, inertia_inverse=body.inertia_inverse, arm_b=body.arm_b,
+        damping_b=_NONE, is_free=body.is_free,
+    )  # fmt: skip
 
 
 @kernel
@@ -201,7 +246,7 @@ def keep_place(z: Buffer, place: exact.Place) -> None:
 
 
 @kernel(inline=False)
-def free_output_rates(z: Buffer) -> int:
+def rates_of_outputs(z: Buffer) -> int:
     """Set the outputs' time derivatives at constant inputs, and first the rate, which may be an earlier step's."""
     if z[_MOVED] != 0.0:
         memory.put_rotation(z, memory.rotation_of(z).q_ab, _rates(z, quaternion_at(z, _PLACE)))
@@ -225,7 +270,7 @@ FREE_TRIAXIAL = make_model(
     _FREE_TRIAXIAL_LAYOUT,
     _set_up_free_triaxial,
     _advance_free_triaxial,
-    output_rates=free_output_rates,
+    output_rates=rates_of_outputs,
 )
 
 
@@ -265,7 +310,6 @@ _FREE_BODY_FORCE_LAYOUT = places(FREE | {"order": 1, "low_r": 3, "low_v": 3})
 """After FREE: order, and the low parts of position and velocity of the centre of mass."""
 
 _ORDER, _LOW_R, _LOW_V = _FREE_BODY_FORCE_LAYOUT.starts("order", "low_r", "low_v")
-_NONE = (0.0, 0.0, 0.0)
 
 
 @kernel
@@ -340,5 +384,5 @@ FREE_BODY_FORCE = make_model(
     _set_up_free_body_force,
     _advance_free_body_force,
     ORDERS=ORDERS,
-    output_rates=free_output_rates,
+    output_rates=rates_of_outputs,
 )

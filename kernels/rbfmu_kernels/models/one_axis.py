@@ -6,9 +6,7 @@
 
 import math
 
-from ..body import memory
-from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, start_clocks, time_after
-from ..body.fixed_axis import drive_and_damping_rate, leaves_axis, main_axis, swing
+from ..body import closed_form, memory
 from ..body.shell import make_model
 from ..buffer import MAX_SUBSTEPS, MORE_AXES, NO_PENDULUM, OK, STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
@@ -22,41 +20,41 @@ from ..rotations.rotation_vector import quaternion_about
 from ..rotations.vec3 import dot, scale
 from ..types import Buffer
 
-_ONE_AXIS_LAYOUT = places(CLOSED_FORM | {"axis": 3, "rate": 1, "drive": 1, "damping_rate": 1})
+_ONE_AXIS_LAYOUT = places(closed_form.CLOSED_FORM | {"axis": 3, "rate": 1, "drive": 1, "damping_rate": 1})
 
 _AXIS, _RATE, _DRIVE, _DAMPING_RATE = _ONE_AXIS_LAYOUT.starts("axis", "rate", "drive", "damping_rate")
 
 
 @kernel
 def _set_up_one_axis(z: Buffer) -> int:
-    axis = main_axis(z)
-    cosine, sine = swing(z, axis)
-    if not memory.skips_model_checks(z) and (cosine[0] != 0.0 or sine[0] != 0.0 or leaves_axis(z, axis)):
+    axis = closed_form.main_axis(z)
+    cosine, sine = closed_form.swing(z, axis)
+    if not memory.skips_model_checks(z) and (cosine[0] != 0.0 or sine[0] != 0.0 or closed_form.leaves_axis(z, axis)):
         return MORE_AXES
     put_vec3_at(z, _AXIS, axis)
     z[_RATE] = dot(axis, memory.rotation_of(z).omega_b)
-    drive, z[_DAMPING_RATE] = drive_and_damping_rate(z, axis)
+    drive, z[_DAMPING_RATE] = closed_form.drive_and_damping_rate(z, axis)
     z[_DRIVE] = drive + cosine[0]
-    start_clocks(z)
+    closed_form.start_clocks(z)
     return 0
 
 
 @kernel
 def _advance_one_axis(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite."""
-    high, low = time_after(z, h)
+    high, low = closed_form.time_after(z, h)
     t = high + low
-    axis, q = vec3_at(z, _AXIS), first_attitude(z)
+    axis, q = vec3_at(z, _AXIS), closed_form.first_attitude(z)
     angle, rate = relaxed(z[_RATE], z[_DRIVE], z[_DAMPING_RATE], t)
     if memory.needs_attitude(z):
         q = compose_quaternions(q, quaternion_about(axis, angle))
-    return finish_step(z, h, q, scale(rate, axis))
+    return closed_form.finish_step(z, h, q, scale(rate, axis))
 
 
 ONE_AXIS = make_model("ONE_AXIS", _ONE_AXIS_LAYOUT, _set_up_one_axis, _advance_one_axis)
 
 
-_PENDULUM_LAYOUT = places(CLOSED_FORM | {"q_hanging": 4, "axis": 3, "pendulum": exact.PENDULUM_SIZE})
+_PENDULUM_LAYOUT = places(closed_form.CLOSED_FORM | {"q_hanging": 4, "axis": 3, "pendulum": exact.PENDULUM_SIZE})
 """q_hanging: the attitude in stable equilibrium."""
 
 _Q_HANGING, _PENDULUM_AXIS, _PENDULUM = _PENDULUM_LAYOUT.starts("q_hanging", "axis", "pendulum")
@@ -64,19 +62,19 @@ _Q_HANGING, _PENDULUM_AXIS, _PENDULUM = _PENDULUM_LAYOUT.starts("q_hanging", "ax
 
 @kernel
 def _set_up_pendulum(z: Buffer) -> int:
-    (q, omega), axis = memory.rotation_of(z), main_axis(z)
+    (q, omega), axis = memory.rotation_of(z), closed_form.main_axis(z)
     if not memory.skips_model_checks(z):
-        if leaves_axis(z, axis):
+        if closed_form.leaves_axis(z, axis):
             return MORE_AXES
-        drive, damping_rate = drive_and_damping_rate(z, axis)
+        drive, damping_rate = closed_form.drive_and_damping_rate(z, axis)
         if drive != 0.0 or damping_rate != 0.0:
             return NO_PENDULUM
-    sine, cosine = exact.half_angle_rates(*swing(z, axis))
+    sine, cosine = exact.half_angle_rates(*closed_form.swing(z, axis))
     s, c = exact.sincos_of_half_angle(sine, cosine)
     put_quaternion_at(z, _Q_HANGING, compose_quaternions(q, (c, -s * axis[0], -s * axis[1], -s * axis[2])))
     put_vec3_at(z, _PENDULUM_AXIS, axis)
     exact.put_pendulum(z, _PENDULUM, exact.pendulum_setup(sine, (0.5 * dot(axis, omega), 0.0), cosine))
-    start_clocks(z)
+    closed_form.start_clocks(z)
     return 0
 
 
@@ -85,9 +83,9 @@ def _advance_pendulum(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite."""
     axis = vec3_at(z, _PENDULUM_AXIS)
     motion = exact.read_pendulum(z[_PENDULUM : _PENDULUM + exact.PENDULUM_SIZE])
-    s, c, rate = exact.pendulum_at(motion, time_after(z, h))
+    s, c, rate = exact.pendulum_at(motion, closed_form.time_after(z, h))
     turn = (c, s * axis[0], s * axis[1], s * axis[2])
-    return finish_step(z, h, compose_quaternions(quaternion_at(z, _Q_HANGING), turn), scale(rate, axis))
+    return closed_form.finish_step(z, h, compose_quaternions(quaternion_at(z, _Q_HANGING), turn), scale(rate, axis))
 
 
 PENDULUM = make_model("PENDULUM", _PENDULUM_LAYOUT, _set_up_pendulum, _advance_pendulum)
@@ -97,7 +95,7 @@ ORDERS = (4, 8, 16)
 """The orders of the series: powers of two, as their roots are repeated square roots."""
 _TERMS = ORDERS[-1] + 1
 _ONE_AXIS_TAYLOR_LAYOUT = places(
-    CLOSED_FORM
+    closed_form.CLOSED_FORM
     | {"order": 1, "substeps": 1, "axis": 3, "angle": 1, "drive": 1, "damping_rate": 1, "swing": 2}
     | {"rate_series": _TERMS, "sine_series": _TERMS, "cosine_series": _TERMS}
 )
@@ -113,15 +111,15 @@ _RATE_SERIES, _SINE_SERIES, _COSINE_SERIES = _ONE_AXIS_TAYLOR_LAYOUT.starts(
 
 @kernel
 def _set_up_one_axis_taylor(z: Buffer) -> int:
-    axis = main_axis(z)
-    if not memory.skips_model_checks(z) and leaves_axis(z, axis):
+    axis = closed_form.main_axis(z)
+    if not memory.skips_model_checks(z) and closed_form.leaves_axis(z, axis):
         return MORE_AXES
-    cosine, sine = swing(z, axis)
+    cosine, sine = closed_form.swing(z, axis)
     put_vec3_at(z, _SERIES_AXIS, axis)
     z[_ANGLE] = z[_SUBSTEPS] = 0.0
     put_pair_at(z, _SWING, (cosine[0], sine[0]))
-    z[_SERIES_DRIVE], z[_SERIES_DAMPING_RATE] = drive_and_damping_rate(z, axis)
-    start_clocks(z)
+    z[_SERIES_DRIVE], z[_SERIES_DAMPING_RATE] = closed_form.drive_and_damping_rate(z, axis)
+    closed_form.start_clocks(z)
     return 0
 
 
@@ -145,8 +143,8 @@ def _advance_one_axis_taylor(z: Buffer, h: float) -> int:
         part = rest / count
         angle, rate = _angle_after(z, angle, part, order), polynomial(z, _RATE_SERIES, 1, order, part)
         rest = 0.0 if count == 1 else rest - part
-    q = compose_quaternions(first_attitude(z), quaternion_about(axis, angle))
-    status = finish_step(z, h, q, scale(rate, axis))
+    q = compose_quaternions(closed_form.first_attitude(z), quaternion_about(axis, angle))
+    status = closed_form.finish_step(z, h, q, scale(rate, axis))
     if status == OK:
         z[_ANGLE] = angle
         z[_SUBSTEPS] += steps

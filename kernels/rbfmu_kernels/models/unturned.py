@@ -9,7 +9,6 @@ Source: Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).
 """
 
 from ..body import closed_form, memory
-from ..body.fixed_axis import drive_and_damping_rate
 from ..body.outputs import outputs
 from ..body.principal import is_sphere, symmetric_frame
 from ..body.shell import make_model
@@ -116,8 +115,8 @@ def _set_up_spin_up(z: Buffer) -> int:
         return NO_SPIN_UP
     put_matrix_at(z, _AXES, axes)
     put_vec3_at(z, _RATES, transform(axes, memory.rotation_of(z).omega_b))
-    z[_DRIVE], z[_DAMPING_RATE] = drive_and_damping_rate(z, axes[2])
-    _, z[_DAMPING_RATE_ACROSS] = drive_and_damping_rate(z, axes[0])
+    z[_DRIVE], z[_DAMPING_RATE] = closed_form.drive_and_damping_rate(z, axes[2])
+    _, z[_DAMPING_RATE_ACROSS] = closed_form.drive_and_damping_rate(z, axes[0])
     z[_RATIO] = (own - across) / across
     closed_form.start_clocks(z)
     return 0
