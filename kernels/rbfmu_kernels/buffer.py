@@ -4,7 +4,8 @@ A model's whole memory is one float64 buffer, so a copy of its bytes is a snapsh
 serve Python, pythonfmu and native code. This module needs neither numba nor numpy.
 """
 
-from typing import NamedTuple
+from collections import namedtuple
+from typing import Any, NamedTuple
 
 from .quantities import BOUNDED
 
@@ -15,9 +16,10 @@ class Layout(NamedTuple):
     blocks: dict[str, slice]
     size: int
 
-    def starts(self, *names: str) -> tuple[int, ...]:
-        """Return where the blocks named begin."""
-        return tuple(self.blocks[name].start for name in names)
+    @property
+    def at(self) -> Any:
+        """Where each block begins, in their order and by their names as attributes: constants of compiled code."""
+        return namedtuple("At", self.blocks)(*(block.start for block in self.blocks.values()))
 
 
 def places(sizes: dict[str, int]) -> Layout:

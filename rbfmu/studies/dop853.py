@@ -59,7 +59,8 @@ E3[[0, 8, 11]] -= [0.2440944881889764, 0.7338466882816118, 0.022058823529411766]
 _, _BEFORE = places(DRIVEN)
 _LAYOUT = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": motion.STATE_SIZE * (STAGES + 1)})
 """The work space, a trial state and then the stages' rates, begins at a cache line if the buffer does."""
-_TOLERANCE, _SPAN, _SUBSTEP, _WORK = _LAYOUT.starts("tolerance", "span", "substep", "work")
+_AT = _LAYOUT.at
+_WORK: int = _AT.work
 
 
 @kernel
@@ -128,7 +129,7 @@ def dop853_step(z: Buffer, n: int, t: float, h: float, body: Body, loads: motion
 @kernel(inline=False)
 def _error(z: Buffer, n: int, h: float) -> float:
     """Estimate the step's error: attitude in rad, the rest relative to the size of its vector (at least 1 for r, v)."""
-    y, span = STATE_START, z[_SPAN]
+    y, span = STATE_START, z[_AT.span]
     rate = max(largest_component(vec3_at(z, y + OMEGA)), largest_component(vec3_at(z, _WORK + OMEGA)), 1e-300)
     rate = rate if rate * span <= 1.0 else 1.0 / span
     position = max(largest_component(vec3_at(z, y + R_C)), 1.0)
@@ -161,7 +162,7 @@ def _march(z: Buffer, n: int, h: float, body: Body, loads: motion.LoadPolynomial
 
     STEP_REJECTED where that needs too many; the state is then unchanged.
     """
-    count = substeps_in(h, z[_SUBSTEP])
+    count = substeps_in(h, z[_AT.substep])
     for i in range(count):
         dop853_step(z, n, h / count * i, h / count, body, loads)
         _accept(z, n)
@@ -186,7 +187,7 @@ def _follow(z: Buffer, n: int, h: float, body: Body, loads: motion.LoadPolynomia
         part = (rest + low) / count
         dop853_step(z, n, h - rest, part, body, loads)
         count_substep(z, STEP_SIZE)
-        error = _error(z, n, part) / tolerance_of_substep(z[_TOLERANCE], z[_SPAN], part)
+        error = _error(z, n, part) / tolerance_of_substep(z[_AT.tolerance], z[_AT.span], part)
         if error <= 1.0:
             growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))
             _accept(z, n)
@@ -216,7 +217,7 @@ def _advance(z: Buffer, h: float) -> int:
     keep(z)
     body, loads = body_of(z), load_polynomial_of(z)
     n = max(ROTATION, part_to_integrate(z, body, loads))
-    status = _follow(z, n, h, body, loads) if z[_TOLERANCE] > 0.0 else _march(z, n, h, body, loads)
+    status = _follow(z, n, h, body, loads) if z[_AT.tolerance] > 0.0 else _march(z, n, h, body, loads)
     return finish(z, n, h, status, body, loads)
 
 

@@ -23,36 +23,34 @@ from . import memory
 from .outputs import outputs
 from .principal import is_sphere
 
-_CLOCKS = {"elapsed": 2, "q_0": 4, "r_0": 3, "v_0": 3, "a_c": 3, "since_a_c": 2}
-CLOSED_FORM = memory.COMMON | _CLOCKS
+CLOSED_FORM = memory.COMMON | {"elapsed": 2, "q_0": 4, "r_0": 3, "v_0": 3, "a_c": 3, "since_a_c": 2}
 """The buffer of all bodies and, besides, the time since the start, the attitude then; position and velocity of the
 centre of mass when its acceleration last changed, that acceleration, and the time since then."""
-_ELAPSED, _Q_0, _R_0, _V_0, _A_C, _SINCE_A_C = places(CLOSED_FORM).starts(*_CLOCKS)
-_FIRST_Q, _MASS, _R_OC = memory.LAYOUT.starts("quaternion_0", "mass", "r_oc_b")
+_AT = places(CLOSED_FORM).at
 
 
 @kernel
 def start_clocks(z: Buffer) -> None:
     """Set the clocks at the start of a run."""
-    put_pair_at(z, _ELAPSED, (0.0, 0.0))
-    put_pair_at(z, _SINCE_A_C, (0.0, 0.0))
-    put_quaternion_at(z, _Q_0, memory.rotation_of(z).q_ab)
+    put_pair_at(z, _AT.elapsed, (0.0, 0.0))
+    put_pair_at(z, _AT.since_a_c, (0.0, 0.0))
+    put_quaternion_at(z, _AT.q_0, memory.rotation_of(z).q_ab)
     r_c, v_c = memory.centre_of(z)
-    put_vec3_at(z, _R_0, r_c)
-    put_vec3_at(z, _V_0, v_c)
-    put_vec3_at(z, _A_C, (0.0, 0.0, 0.0))
+    put_vec3_at(z, _AT.r_0, r_c)
+    put_vec3_at(z, _AT.v_0, v_c)
+    put_vec3_at(z, _AT.a_c, (0.0, 0.0, 0.0))
 
 
 @kernel
 def first_attitude(z: Buffer) -> Quaternion:
     """Return the unit quaternion q_ab at the start."""
-    return quaternion_at(z, _Q_0)
+    return quaternion_at(z, _AT.q_0)
 
 
 @kernel
 def time_after(z: Buffer, h: float) -> DoubleDouble:
     """Return the time since the start, s, after a step h."""
-    return later(z, _ELAPSED, h)
+    return later(z, _AT.elapsed, h)
 
 
 @kernel
@@ -111,7 +109,7 @@ def is_finite_path(r: Vec3, v: Vec3) -> bool:
 def commit_step(z: Buffer, h: float, q: Quaternion, omega: Vec3) -> int:
     """Set attitude and rate after a step h, and refresh the outputs."""
     memory.put_rotation(z, q, omega)
-    put_pair_at(z, _ELAPSED, time_after(z, h))
+    put_pair_at(z, _AT.elapsed, time_after(z, h))
     return outputs(z)
 
 
@@ -121,10 +119,10 @@ def _moved(z: Buffer, h: float) -> bool:
 
     A force fixed in b keeps its first direction in a.
     """
-    since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _R_0), vec3_at(z, _V_0)
+    since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _AT.r_0), vec3_at(z, _AT.v_0)
     a = linear_acceleration(first_attitude(z), memory.body_of(z), memory.loads_of(z))
-    if a == vec3_at(z, _A_C):
-        since, low = later(z, _SINCE_A_C, h)
+    if a == vec3_at(z, _AT.a_c):
+        since, low = later(z, _AT.since_a_c, h)
     else:
         since, (r_0, v_0) = h, memory.centre_of(z)
     t = since + low
@@ -132,10 +130,10 @@ def _moved(z: Buffer, h: float) -> bool:
     if not is_finite_path(r, v):
         return False
     memory.put_centre(z, r, v)
-    put_pair_at(z, _SINCE_A_C, (since, low))
-    put_vec3_at(z, _R_0, r_0)
-    put_vec3_at(z, _V_0, v_0)
-    put_vec3_at(z, _A_C, a)
+    put_pair_at(z, _AT.since_a_c, (since, low))
+    put_vec3_at(z, _AT.r_0, r_0)
+    put_vec3_at(z, _AT.v_0, v_0)
+    put_vec3_at(z, _AT.a_c, a)
     return True
 
 
@@ -215,10 +213,10 @@ def _is_across(axis: Vec3, v: Vec3, slack: float) -> bool:
 def swing(z: Buffer, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
     """Return (A, B), rad/s2: forces fixed in space accelerate the angle from quaternion_0 by A cos + B sin of it."""
     arm, loads = memory.body_of(z).arm_b, memory.loads_of(z)
-    q, moment = quaternion_at(z, _FIRST_Q), _moment(z, axis)
+    q, moment = quaternion_at(z, _AT.quaternion_0), _moment(z, axis)
     up = power_of_two_for(max(max(abs(q[0]), abs(q[1])), max(abs(q[2]), abs(q[3]))))
     q = (up * q[0], up * q[1], up * q[2], up * q[3])
-    force, mass = (loads.gravity_a, z[_MASS]) if memory.has_pivot(z) else (loads.force_a, 1.0)
+    force, mass = (loads.gravity_a, z[_AT.mass]) if memory.has_pivot(z) else (loads.force_a, 1.0)
     lever = cross(axis, arm)
     unit = dd.multiply(moment, dd.add(two_product(q[0], q[0]), _dot(q[1:], q[1:])))
     a, b = _turned_dot(q, lever, force), _turned_dot(q, cross(axis, lever), force)
@@ -239,8 +237,8 @@ def _moment(z: Buffer, axis: Vec3) -> DoubleDouble:
     """Return the moment about the axis, through the centre of mass or the pivot."""
     moment = _dot(axis, transform(memory.inertia_of(z), axis))
     if memory.has_pivot(z):
-        lever = cross(axis, vec3_at(z, _R_OC))
-        moment = dd.add(moment, dd.multiply_float(_dot(lever, lever), z[_MASS]))
+        lever = cross(axis, vec3_at(z, _AT.r_oc_b))
+        moment = dd.add(moment, dd.multiply_float(_dot(lever, lever), z[_AT.mass]))
     return moment
 
 

@@ -18,14 +18,11 @@ RATES = {f"{name}_rate": size for name, size in memory.INPUTS.items()}
 RATES_2 = {f"{name}_rate_2": size for name, size in memory.INPUTS.items()}
 DRIVEN = memory.COMMON | RATES | RATES_2 | {"before": STATE_SIZE, "step_size": 1, "substeps": 1, "step_size_before": 1}
 """The buffer of such a model begins with these blocks."""
-BLOCKS, _ = places(DRIVEN)
-
-STEP_SIZE = BLOCKS["step_size"].start
+_LAYOUT = places(DRIVEN)
+_AT = _LAYOUT.at
+STEP_SIZE = _AT.step_size
 """The place of the step size; the count of substeps stands next to it."""
-_BEFORE, _SIZE_BEFORE = BLOCKS["before"].start, BLOCKS["step_size_before"].start
-INPUTS_START, RATES_START, RATES_2_START = (
-    BLOCKS[next(iter(names))].start for names in (memory.INPUTS, RATES, RATES_2)
-)
+RATES_START, RATES_2_START = (_LAYOUT.blocks[next(iter(names))].start for names in (RATES, RATES_2))
 NUMBER_OF_INPUTS = sum(memory.INPUTS.values())
 _PORT_FORCE_A, _PORT_TORQUE_A = memory.PORTS["force_a"], memory.PORTS["torque_a"]
 
@@ -55,7 +52,7 @@ def holds_inputs(z: Buffer, held: int) -> bool:
     """Return whether the inputs are those that were kept from z[held] on, and do not change within the step."""
     same = True
     for i in range(NUMBER_OF_INPUTS):
-        same &= bool(z[INPUTS_START + i] == z[held + i])
+        same &= bool(z[memory.INPUTS_START + i] == z[held + i])
         same &= bool(z[RATES_START + i] == 0.0) & bool(z[RATES_2_START + i] == 0.0)
     return same
 
@@ -63,14 +60,14 @@ def holds_inputs(z: Buffer, held: int) -> bool:
 @kernel
 def keep_inputs(z: Buffer, held: int) -> None:
     """Copy the inputs to z[held:], for `holds_inputs`."""
-    copy_numbers(z, INPUTS_START, held, NUMBER_OF_INPUTS)
+    copy_numbers(z, memory.INPUTS_START, held, NUMBER_OF_INPUTS)
 
 
 @kernel
 def keep(z: Buffer) -> None:
     """Keep what `finish` restores where the step is rejected."""
-    copy_numbers(z, memory.STATE_START, _BEFORE, STATE_SIZE)
-    z[_SIZE_BEFORE] = z[STEP_SIZE]
+    copy_numbers(z, memory.STATE_START, _AT.before, STATE_SIZE)
+    z[_AT.step_size_before] = z[STEP_SIZE]
 
 
 @kernel
@@ -81,8 +78,8 @@ def finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPoly
     if changing:
         _translate_further(z, h, body, loads)
     if status != 0 or not memory.is_finite(z):
-        copy_numbers(z, _BEFORE, memory.STATE_START, STATE_SIZE)
-        z[STEP_SIZE] = z[_SIZE_BEFORE]
+        copy_numbers(z, _AT.before, memory.STATE_START, STATE_SIZE)
+        z[STEP_SIZE] = z[_AT.step_size_before]
         return STEP_REJECTED
     if changing:
         hold_last_inputs(z, h)
@@ -117,5 +114,5 @@ def _translate_further(z: Buffer, h: float, body: Body, loads: LoadPolynomial) -
 def hold_last_inputs(z: Buffer, h: float) -> None:
     """Set the inputs to what they have become a time h after the step's beginning; they change no more."""
     for i in range(NUMBER_OF_INPUTS):
-        z[INPUTS_START + i] += h * z[RATES_START + i] + 0.5 * h * h * z[RATES_2_START + i]
+        z[memory.INPUTS_START + i] += h * z[RATES_START + i] + 0.5 * h * h * z[RATES_2_START + i]
         z[RATES_START + i] = z[RATES_2_START + i] = 0.0

@@ -170,7 +170,7 @@ order of the attitude; steps until a series is tried again; attitude and rate wh
 force which turns with the body has added since then."""
 _LAYOUT = places(SERIES_BLOCKS)
 SERIES_SIZE = _LAYOUT.size
-_VALIDITY, _REACH, SINCE, _EXTENT, _TURN_ORDER, COOL_DOWN, _START, _PATH = _LAYOUT.starts(*SERIES_BLOCKS)
+_VALIDITY, _REACH, SINCE, _EXTENT, _TURN_ORDER, COOL_DOWN, _START, _PATH = _LAYOUT.at
 NONE, VALID, STALE = 0.0, 1.0, 2.0
 """A stale series has its work space overwritten, and is made again before it goes on."""
 LEAST_REACH = 1.5

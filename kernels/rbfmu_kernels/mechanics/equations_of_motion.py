@@ -21,7 +21,7 @@ _ZERO: Vec3 = (0.0, 0.0, 0.0)
 STATE_BLOCKS = {"q": 4, "omega": 3, "pad": 1, "r_c": 3, "v_c": 3, "pad_2": 2}
 _PLACES = places(STATE_BLOCKS)
 STATE_SIZE = _PLACES.size
-OMEGA, R_C, V_C = _PLACES.starts("omega", "r_c", "v_c")
+_, OMEGA, _, R_C, V_C, _ = _PLACES.at
 """Where in a state its vectors begin; the attitude stands first."""
 RATE_ONLY, ROTATION, WHOLE_STATE = 3, R_C, STATE_SIZE
 """How much of a state is integrated: the rate alone (by DOP853 with the attitude), rotation, all."""

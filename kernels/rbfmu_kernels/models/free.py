@@ -40,7 +40,7 @@ from ..rotations.vec3 import add_scaled, norm
 from ..types import Buffer, Quaternion, Vec3
 
 _CONSTANT_RATE_LAYOUT = places(closed_form.CLOSED_FORM | {"turning": uniform.TURNING_SIZE})
-(_TURNING,) = _CONSTANT_RATE_LAYOUT.starts("turning")
+_TURNING = _CONSTANT_RATE_LAYOUT.at.turning
 
 
 @kernel
@@ -78,8 +78,7 @@ CONSTANT_RATE = make_model("CONSTANT_RATE", _CONSTANT_RATE_LAYOUT, _set_up_const
 _FREE_SYMMETRIC_LAYOUT = places(
     closed_form.CLOSED_FORM | {"omega_0": 3, "about_momentum": uniform.TURNING_SIZE, "about_axis": uniform.TURNING_SIZE}
 )
-
-_OMEGA_0, _ABOUT_MOMENTUM, _ABOUT_AXIS = _FREE_SYMMETRIC_LAYOUT.starts("omega_0", "about_momentum", "about_axis")
+_SYMMETRIC = _FREE_SYMMETRIC_LAYOUT.at
 
 
 @kernel
@@ -93,11 +92,11 @@ def _set_up_free_symmetric(z: Buffer) -> int:
     mean, moment, exact_axes = exact_symmetric_frame(z)
     momentum, own = uniform.symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
     axes = axes_as_floats(exact_axes)
-    put_vec3_at(z, _OMEGA_0, omega)
+    put_vec3_at(z, _SYMMETRIC.omega_0, omega)
     uniform.put_turning(
-        z, _ABOUT_MOMENTUM, uniform.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
+        z, _SYMMETRIC.about_momentum, uniform.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
     )
-    uniform.put_turning(z, _ABOUT_AXIS, uniform.Turning(axes[2], own.rate))
+    uniform.put_turning(z, _SYMMETRIC.about_axis, uniform.Turning(axes[2], own.rate))
     closed_form.start_clocks(z)
     return 0
 
@@ -109,11 +108,11 @@ def _advance_free_symmetric(z: Buffer, h: float) -> int:
         return STEP_REJECTED
     t = closed_form.time_after(z, h)
     q = closed_form.first_attitude(z)
-    back = uniform.rotation_after(uniform.turning_at(z, _ABOUT_AXIS), t)
+    back = uniform.rotation_after(uniform.turning_at(z, _SYMMETRIC.about_axis), t)
     if memory.needs_attitude(z):
-        about = uniform.rotation_after(uniform.turning_at(z, _ABOUT_MOMENTUM), t)
+        about = uniform.rotation_after(uniform.turning_at(z, _SYMMETRIC.about_momentum), t)
         q = compose_quaternions(compose_quaternions(q, about), back)
-    return closed_form.finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))
+    return closed_form.finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _SYMMETRIC.omega_0)))
 
 
 FREE_SYMMETRIC = make_model("FREE_SYMMETRIC", _FREE_SYMMETRIC_LAYOUT, _set_up_free_symmetric, _advance_free_symmetric)
@@ -134,8 +133,9 @@ _FARTHEST = 8.0
 """A turn, rad, over which no series reaches: its order's last term, (turn / 2)^24 / 24!, is then 4e-10."""
 _NONE = (0.0, 0.0, 0.0)
 
-_M, _AXES, _PLACE, _MOVED, _CONSTANTS = _FREE_TRIAXIAL_LAYOUT.starts("M", "axes", "place", "moved", "constants")
-_SERIES, _NEXT_REACH, _WORK = _FREE_TRIAXIAL_LAYOUT.starts("validity", "next_reach", "work")
+_TRIAXIAL = _FREE_TRIAXIAL_LAYOUT.at
+_SERIES = _TRIAXIAL.validity
+"""Where what is kept of a series begins."""
 
 
 @kernel
@@ -145,7 +145,7 @@ def _set_up_free_triaxial(z: Buffer) -> int:
     set_up_rotation(z)
     serves, omega = memory.needs_attitude(z) and _has_exact_moments(z), memory.rotation_of(z).omega_b
     longest = min(LONGEST_STEP, _FARTHEST / max(norm(omega), 1e-300)) if serves else 0.0
-    z[_SERIES], z[_NEXT_REACH] = dense.NONE, longest
+    z[_SERIES], z[_TRIAXIAL.next_reach] = dense.NONE, longest
     return 0
 
 
@@ -161,14 +161,14 @@ def set_up_rotation(z: Buffer) -> None:
     """Set the exact motion's constants and the clocks."""
     moments, axes = exact_frame(z)
     R_bp = invert_matrix(axes_as_floats(axes))
-    put_matrix_at(z, _AXES, R_bp)
+    put_matrix_at(z, _TRIAXIAL.axes, R_bp)
     q_ab, omega_b = memory.rotation_of(z)
     q_bp = quaternion_from_matrix(R_bp)
     q_ap = compose_quaternions(q_ab, q_bp)
     motion = exact.free_rotation_of(moments, q_ap, rates_along(axes, omega_b))
-    exact.put_free_rotation(z, _CONSTANTS, exact.with_axes_turned(motion, invert_quaternion(q_bp)))
+    exact.put_free_rotation(z, _TRIAXIAL.constants, exact.with_axes_turned(motion, invert_quaternion(q_bp)))
     closed_form.start_clocks(z)
-    z[_MOVED] = 0.0
+    z[_TRIAXIAL.moved] = 0.0
 
 
 @kernel
@@ -179,11 +179,11 @@ def _advance_free_triaxial(z: Buffer, h: float) -> int:
     if not dense.reaches_over(z, _SERIES, h):
         return _advance_exactly(z, h)
     t, _ = dense.clock_after(z, _SERIES, h)
-    q = dense.attitude_at(z, _WORK, dense.turn_order_of(z, _SERIES), t)
-    status = closed_form.finish_step(z, h, q, dense.rate_at(z, _WORK, MAX_ORDER, t))
+    q = dense.attitude_at(z, _TRIAXIAL.work, dense.turn_order_of(z, _SERIES), t)
+    status = closed_form.finish_step(z, h, q, dense.rate_at(z, _TRIAXIAL.work, MAX_ORDER, t))
     if status == OK:
         dense.pass_time(z, _SERIES, h)
-        z[_MOVED] = 0.0
+        z[_TRIAXIAL.moved] = 0.0
     return status
 
 
@@ -197,7 +197,7 @@ def _advance_exactly(z: Buffer, h: float) -> int:
     status = closed_form.finish_step(z, h, q, shown_rates(z, place))
     if status == OK:
         keep_place(z, place)
-        if _LEAST_REACH * h <= z[_NEXT_REACH]:
+        if _LEAST_REACH * h <= z[_TRIAXIAL.next_reach]:
             _begin_series(z, h, q, _rates(z, place), memory.body_of(z))
         else:
             z[_SERIES] = dense.NONE
@@ -207,14 +207,14 @@ def _advance_exactly(z: Buffer, h: float) -> int:
 @kernel(inline=False)
 def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -> None:
     """Make a series from attitude and rate on, and keep it if it reaches over many steps of h."""
-    s, method = z[_WORK : _WORK + _FREE_WORK], Method(ROTATION, MAX_ORDER, _ROUND_OFF, 0.0)
+    s, method = z[_TRIAXIAL.work : _TRIAXIAL.work + _FREE_WORK], Method(ROTATION, MAX_ORDER, _ROUND_OFF, 0.0)
     put_factors(s, RATE, omega)
     motion_series(s, 0, MAX_ORDER, 0, _undamped(body), (_NONE, _NONE, _NONE), SpaceFixedLoads(False, False, False))
     dense.end_series(s, RATE, MAX_ORDER)
-    reach = dense.likely_reach(s, MAX_ORDER, z[_NEXT_REACH])
+    reach = dense.likely_reach(s, MAX_ORDER, z[_TRIAXIAL.next_reach])
     reach, _ = dense.reach_within(s, method, 0, 1.0, reach, 1.0)
     m = dense.attitude_series(s, FORCE, q, MAX_ORDER, reach, 0.5 * _ROUND_OFF)
-    reach, z[_NEXT_REACH] = dense.reach_within(s, method, m, 1.0, reach, 1.0)
+    reach, z[_TRIAXIAL.next_reach] = dense.reach_within(s, method, m, 1.0, reach, 1.0)
     dense.begin_clock(z, _SERIES, ROTATION, m, reach)
     if not _LEAST_REACH * h <= reach:
         z[_SERIES] = dense.NONE
@@ -241,28 +241,28 @@ def shown_rates(z: Buffer, place: exact.Place) -> Vec3:
 @kernel
 def keep_place(z: Buffer, place: exact.Place) -> None:
     """Keep where on the polhode the body is after a step."""
-    put_quaternion_at(z, _PLACE, place)
-    z[_MOVED] = 1.0
+    put_quaternion_at(z, _TRIAXIAL.place, place)
+    z[_TRIAXIAL.moved] = 1.0
 
 
 @kernel(inline=False)
 def rates_of_outputs(z: Buffer) -> int:
     """Set the outputs' time derivatives at constant inputs, and first the rate, which may be an earlier step's."""
-    if z[_MOVED] != 0.0:
-        memory.put_rotation(z, memory.rotation_of(z).q_ab, _rates(z, quaternion_at(z, _PLACE)))
+    if z[_TRIAXIAL.moved] != 0.0:
+        memory.put_rotation(z, memory.rotation_of(z).q_ab, _rates(z, quaternion_at(z, _TRIAXIAL.place)))
     return output_rates(z)
 
 
 @kernel(inline=False)
 def _rates(z: Buffer, place: exact.Place) -> Vec3:
     """Return omega_ab_b at a place on the polhode."""
-    return transform(matrix_at(z, _AXES), exact.free_rate_at(free_motion_of(z), place))
+    return transform(matrix_at(z, _TRIAXIAL.axes), exact.free_rate_at(free_motion_of(z), place))
 
 
 @kernel
 def free_motion_of(z: Buffer) -> exact.FreeRotation:
     """Return what `set_up_rotation` has set up."""
-    return exact.read_free_rotation(z[_CONSTANTS : _CONSTANTS + exact.FREE_ROTATION_SIZE])
+    return exact.read_free_rotation(z[_TRIAXIAL.constants : _TRIAXIAL.constants + exact.FREE_ROTATION_SIZE])
 
 
 FREE_TRIAXIAL = make_model(
@@ -308,8 +308,7 @@ _WEIGHTS = (
 
 _FREE_BODY_FORCE_LAYOUT = places(FREE | {"order": 1, "low_r": 3, "low_v": 3})
 """After FREE: order, and the low parts of position and velocity of the centre of mass."""
-
-_ORDER, _LOW_R, _LOW_V = _FREE_BODY_FORCE_LAYOUT.starts("order", "low_r", "low_v")
+_FORCED = _FREE_BODY_FORCE_LAYOUT.at
 
 
 @kernel
@@ -317,15 +316,15 @@ def _set_up_free_body_force(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and closed_form.has_torque(z):
         return TORQUE_ACTS
     set_up_rotation(z)
-    put_vec3_at(z, _LOW_R, _NONE)
-    put_vec3_at(z, _LOW_V, _NONE)
+    put_vec3_at(z, _FORCED.low_r, _NONE)
+    put_vec3_at(z, _FORCED.low_v, _NONE)
     return 0
 
 
 @kernel
 def _advance_free_body_force(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
-    count = substeps_in(h, memory.substep_of(z))
+    count = substeps_in(h, z[_FORCED.substep])
     if count == 0 or (not memory.skips_model_checks(z) and closed_form.has_torque(z)):
         return STEP_REJECTED
     motion = free_motion_of(z)
@@ -336,8 +335,8 @@ def _advance_free_body_force(z: Buffer, h: float) -> int:
     if not closed_form.is_finite_rotation(q, omega) or not closed_form.is_finite_path(r, v):
         return STEP_REJECTED
     memory.put_centre(z, r, v)
-    put_vec3_at(z, _LOW_R, low_r)
-    put_vec3_at(z, _LOW_V, low_v)
+    put_vec3_at(z, _FORCED.low_r, low_r)
+    put_vec3_at(z, _FORCED.low_v, low_v)
     keep_place(z, place)
     return closed_form.commit_step(z, h, q, omega)
 
@@ -349,14 +348,14 @@ def _moved(z: Buffer, h: float, count: int) -> tuple[tuple[Vec3, Vec3], tuple[Ve
     (r, v), a = memory.centre_of(z), steady_acceleration(body, loads)
     gained_r, gained_v = _gained(z, h, count)
     way = add_scaled(add_scaled(gained_r, 0.5 * h * h, a), h, v)
-    return _sum(r, vec3_at(z, _LOW_R), way), _sum(v, vec3_at(z, _LOW_V), add_scaled(gained_v, h, a))
+    return _sum(r, vec3_at(z, _FORCED.low_r), way), _sum(v, vec3_at(z, _FORCED.low_v), add_scaled(gained_v, h, a))
 
 
 @kernel
 def _gained(z: Buffer, h: float, count: int) -> tuple[Vec3, Vec3]:
     """Return what the turning force adds to position and velocity in h."""
     body, loads, motion = memory.body_of(z), memory.loads_of(z), free_motion_of(z)
-    order, part = int(z[_ORDER]), h / count
+    order, part = int(z[_FORCED.order]), h / count
     first, r, v = order * (order - 1) // 2, _NONE, _NONE
     for i in range(count):
         r = add_scaled(r, part, v)
