@@ -22,14 +22,14 @@ class Layout(NamedTuple):
         return namedtuple("At", self.blocks)(*(block.start for block in self.blocks.values()))
 
 
-def places(sizes: dict[str, int]) -> Layout:
-    """Return consecutive places in a buffer for named blocks."""
+def places(sizes: dict[str, int], first: int = 0) -> Layout:
+    """Return consecutive places in a buffer, from the first on, for named blocks."""
     blocks: dict[str, slice] = {}
-    total = 0
+    end = first
     for name, size in sizes.items():
-        blocks[name] = slice(total, total + size)
-        total += size
-    return Layout(blocks, total)
+        blocks[name] = slice(end, end + size)
+        end += size
+    return Layout(blocks, end - first)
 
 
 OK, STEP_REJECTED, PAST_STOP = 0, 1, 2

@@ -24,7 +24,6 @@ STEP_SIZE = _AT.step_size
 """The place of the step size; the count of substeps stands next to it."""
 RATES_START, RATES_2_START = (_LAYOUT.blocks[next(iter(names))].start for names in (RATES, RATES_2))
 NUMBER_OF_INPUTS = sum(memory.INPUTS.values())
-_PORT_FORCE_A, _PORT_TORQUE_A = memory.PORTS["force_a"], memory.PORTS["torque_a"]
 
 
 @kernel
@@ -42,8 +41,8 @@ def part_to_integrate(z: Buffer, body: Body, loads: LoadPolynomial) -> int:
     acting = motion.acting_loads(loads)
     if acting.force_b and memory.needs_translation(z) and not memory.has_pivot(z):
         return WHOLE_STATE
-    levered = (acting.force_a or memory.is_set(z, _PORT_FORCE_A)) and is_nonzero(body.arm_b)
-    turned = acting.torque_a or memory.is_set(z, _PORT_TORQUE_A) or levered
+    levered = (acting.force_a or memory.is_set(z, memory.PORTS.force_a)) and is_nonzero(body.arm_b)
+    turned = acting.torque_a or memory.is_set(z, memory.PORTS.torque_a) or levered
     return ROTATION if turned or memory.needs_attitude(z) else RATE_ONLY
 
 

@@ -190,10 +190,9 @@ def loads_of(z: Buffer) -> Loads:
     return Loads(gravity_a, force_a, force_b, torque_a, add(known.torque_b, supplied.torque_b))
 
 
-PORTS = {name: AT.ports + i for i, name in enumerate(INPUTS)}
+PORTS = places(dict.fromkeys(INPUTS, 1), AT.ports).at
 """The place of each port's flag in the buffer."""
-_PORT_FORCE_B = PORTS["force_b"]
-ACTIVE = {name: AT.active + i for i, name in enumerate(OUTPUTS)}
+SHOWN = places(dict.fromkeys(OUTPUTS, 1), AT.active).at
 """The place of each output's flag in the buffer."""
 _TRANSLATION, _PATH, _ATTITUDE, _RATE, _LEVER_RATE, _LOADS_NOW, _BODY_AXES, _SPHERE_RATE = (
     AT.active + len(OUTPUTS) + i for i in range(len(quantities.NEEDS))
@@ -209,7 +208,7 @@ _UNKNOWN = tuple(
 
 @kernel
 def is_set(z: Buffer, flag: int) -> bool:
-    """Return whether an input may come to act, or an output is computed; flag: one of PORTS or of ACTIVE."""
+    """Return whether an input may come to act, or an output is computed; flag: one of PORTS or of SHOWN."""
     return bool(z[flag] != 0.0)
 
 
@@ -257,7 +256,7 @@ def needs_attitude(z: Buffer) -> bool:
 @kernel
 def _shows_turning_path(z: Buffer) -> bool:
     body_force = (
-        is_nonzero(vec3_at(z, AT.constant_force_b)) or is_nonzero(vec3_at(z, AT.force_b)) or is_set(z, _PORT_FORCE_B)
+        is_nonzero(vec3_at(z, AT.constant_force_b)) or is_nonzero(vec3_at(z, AT.force_b)) or is_set(z, PORTS.force_b)
     )
     beside = body_force or is_nonzero(vec3_at(z, AT.r_oc_b))
     return bool(beside and not has_pivot(z) and z[_PATH] != 0.0)

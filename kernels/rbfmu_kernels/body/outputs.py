@@ -11,10 +11,8 @@ from ..rotations.quaternion import quaternion_rate_b, rotate
 from ..rotations.vec3 import add, cross, dot, scale, subtract
 from ..types import Buffer, Quaternion, Vec3
 from . import memory
-from .memory import AT
+from .memory import AT, SHOWN
 
-_SHOWS_Q, _SHOWS_RPY, _SHOWS_OMEGA_A = (memory.ACTIVE[n] for n in ("quaternion", "rpy", "omega_a"))
-_SHOWS_MOMENTUM, _SHOWS_ENERGY = (memory.ACTIVE[n] for n in ("angular_momentum_a", "kinetic_energy"))
 _FIRST, _END = memory.BLOCKS[next(iter(memory.OUTPUTS))].start, memory.BLOCKS[next(reversed(memory.OUTPUTS))].stop
 
 
@@ -26,17 +24,17 @@ def outputs(z: Buffer) -> int:
         _put_translation(z, q, omega)
     if memory.shows_loads(z):
         _put_accelerations(z, q, omega)
-    if memory.is_set(z, _SHOWS_Q):
+    if memory.is_set(z, SHOWN.quaternion):
         put_quaternion_at(z, AT.quaternion, q)
-    if memory.is_set(z, _SHOWS_RPY):
+    if memory.is_set(z, SHOWN.rpy):
         yaw, pitch, roll = euler_from_quaternion(ZYX, q)
         put_vec3_at(z, AT.rpy, (roll, pitch, yaw))
     put_vec3_at(z, AT.omega_b, omega)
-    if memory.is_set(z, _SHOWS_OMEGA_A):
+    if memory.is_set(z, SHOWN.omega_a):
         put_vec3_at(z, AT.omega_a, rotate(q, omega))
-    if memory.is_set(z, _SHOWS_MOMENTUM):
+    if memory.is_set(z, SHOWN.angular_momentum_a):
         put_vec3_at(z, AT.angular_momentum_a, rotate(q, rigid_body.angular_momentum(matrix_at(z, AT.M), omega)))
-    if memory.is_set(z, _SHOWS_ENERGY):
+    if memory.is_set(z, SHOWN.kinetic_energy):
         mass = 0.0 if memory.has_pivot(z) else z[AT.mass]
         z[AT.kinetic_energy] = rigid_body.kinetic_energy(mass, matrix_at(z, AT.M), memory.centre_of(z).v_c, omega)
     return 0
