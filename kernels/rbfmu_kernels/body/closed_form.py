@@ -30,8 +30,8 @@ _AT = places(CLOSED_FORM).at
 
 
 @kernel
-def start_clocks(z: Buffer) -> None:
-    """Set the clocks at the start of a run."""
+def start_clocks(z: Buffer) -> int:
+    """Set the clocks at the start of a run; return 0, as what sets a model up."""
     put_pair_at(z, _AT.elapsed, (0.0, 0.0))
     put_pair_at(z, _AT.since_a_c, (0.0, 0.0))
     put_quaternion_at(z, _AT.q_0, memory.rotation_of(z).q_ab)
@@ -39,6 +39,7 @@ def start_clocks(z: Buffer) -> None:
     put_vec3_at(z, _AT.r_0, r_c)
     put_vec3_at(z, _AT.v_0, v_c)
     put_vec3_at(z, _AT.a_c, (0.0, 0.0, 0.0))
+    return 0
 
 
 @kernel

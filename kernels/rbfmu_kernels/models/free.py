@@ -19,6 +19,8 @@ from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec
 from ..compile.decorator import kernel
 from ..exact import free_rotation as exact
 from ..exact import uniform_rotation as uniform
+from ..exact.free_rotation_series import Place
+from ..exact.free_rotation_setup import FREE_ROTATION_SIZE, FreeRotation, put_free_rotation, read_free_rotation
 from ..integrators import dense_output as dense
 from ..integrators.splitting import is_symmetric_top
 from ..integrators.substeps import LONGEST_STEP, Method, substeps_in
@@ -49,8 +51,7 @@ def _set_up_constant_rate(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and (not keeps_its_rate(z, omega) or _is_disturbed(z)):
         return UNSTEADY
     uniform.put_turning(z, _TURNING, uniform.turning_about(dd.vector(omega)))
-    closed_form.start_clocks(z)
-    return 0
+    return closed_form.start_clocks(z)
 
 
 @kernel
@@ -59,10 +60,7 @@ def _advance_constant_rate(z: Buffer, h: float) -> int:
     if not memory.skips_model_checks(z) and _is_disturbed(z):
         return STEP_REJECTED
     t = closed_form.time_after(z, h)
-    q = compose_quaternions(
-        closed_form.first_attitude(z),
-        uniform.rotation_after(uniform.turning_at(z, _TURNING), t),
-    )
+    q = compose_quaternions(closed_form.first_attitude(z), uniform.rotation_after(uniform.turning_at(z, _TURNING), t))
     return closed_form.finish_step(z, h, q, memory.rotation_of(z).omega_b)
 
 
@@ -97,8 +95,7 @@ def _set_up_free_symmetric(z: Buffer) -> int:
         z, _SYMMETRIC.about_momentum, uniform.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
     )
     uniform.put_turning(z, _SYMMETRIC.about_axis, uniform.Turning(axes[2], own.rate))
-    closed_form.start_clocks(z)
-    return 0
+    return closed_form.start_clocks(z)
 
 
 @kernel
@@ -118,7 +115,7 @@ def _advance_free_symmetric(z: Buffer, h: float) -> int:
 FREE_SYMMETRIC = make_model("FREE_SYMMETRIC", _FREE_SYMMETRIC_LAYOUT, _set_up_free_symmetric, _advance_free_symmetric)
 
 
-FREE = closed_form.CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": exact.FREE_ROTATION_SIZE}
+FREE = closed_form.CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": FREE_ROTATION_SIZE}
 """After CLOSED_FORM: principal axes, place on the polhode, 1 where the last step set it, constants of the motion."""
 _FREE_SERIES = FREE | dense.SERIES_BLOCKS | {"next_reach": 1}
 _, _BEFORE = places(_FREE_SERIES)
@@ -166,7 +163,7 @@ def set_up_rotation(z: Buffer) -> None:
     q_bp = quaternion_from_matrix(R_bp)
     q_ap = compose_quaternions(q_ab, q_bp)
     motion = exact.free_rotation_of(moments, q_ap, rates_along(axes, omega_b))
-    exact.put_free_rotation(z, _TRIAXIAL.constants, exact.with_axes_turned(motion, invert_quaternion(q_bp)))
+    put_free_rotation(z, _TRIAXIAL.constants, exact.with_axes_turned(motion, invert_quaternion(q_bp)))
     closed_form.start_clocks(z)
     z[_TRIAXIAL.moved] = 0.0
 
@@ -233,13 +230,13 @@ def _undamped(body: Body) -> Body:
 
 
 @kernel
-def shown_rates(z: Buffer, place: exact.Place) -> Vec3:
+def shown_rates(z: Buffer, place: Place) -> Vec3:
     """Return omega_ab_b at a place on the polhode where an output needs it."""
     return _rates(z, place) if memory.shows_rates(z) else memory.rotation_of(z).omega_b
 
 
 @kernel
-def keep_place(z: Buffer, place: exact.Place) -> None:
+def keep_place(z: Buffer, place: Place) -> None:
     """Keep where on the polhode the body is after a step."""
     put_quaternion_at(z, _TRIAXIAL.place, place)
     z[_TRIAXIAL.moved] = 1.0
@@ -254,23 +251,19 @@ def rates_of_outputs(z: Buffer) -> int:
 
 
 @kernel(inline=False)
-def _rates(z: Buffer, place: exact.Place) -> Vec3:
+def _rates(z: Buffer, place: Place) -> Vec3:
     """Return omega_ab_b at a place on the polhode."""
     return transform(matrix_at(z, _TRIAXIAL.axes), exact.free_rate_at(free_motion_of(z), place))
 
 
 @kernel
-def free_motion_of(z: Buffer) -> exact.FreeRotation:
+def free_motion_of(z: Buffer) -> FreeRotation:
     """Return what `set_up_rotation` has set up."""
-    return exact.read_free_rotation(z[_TRIAXIAL.constants : _TRIAXIAL.constants + exact.FREE_ROTATION_SIZE])
+    return read_free_rotation(z[_TRIAXIAL.constants : _TRIAXIAL.constants + FREE_ROTATION_SIZE])
 
 
 FREE_TRIAXIAL = make_model(
-    "FREE_TRIAXIAL",
-    _FREE_TRIAXIAL_LAYOUT,
-    _set_up_free_triaxial,
-    _advance_free_triaxial,
-    output_rates=rates_of_outputs,
+    "FREE_TRIAXIAL", _FREE_TRIAXIAL_LAYOUT, _set_up_free_triaxial, _advance_free_triaxial, output_rates=rates_of_outputs
 )
 
 

@@ -98,12 +98,7 @@ def _lanes() -> Lanes:
 
 
 LOADED_TAYLOR = make_model(
-    "LOADED_TAYLOR",
-    _LOADED_TAYLOR_LAYOUT,
-    _set_up_loaded_taylor,
-    _advance_loaded_taylor,
-    ORDERS=ORDERS,
-    lanes=_lanes,
+    "LOADED_TAYLOR", _LOADED_TAYLOR_LAYOUT, _set_up_loaded_taylor, _advance_loaded_taylor, ORDERS=ORDERS, lanes=_lanes
 )
 
 

@@ -34,8 +34,7 @@ def _set_up_one_axis(z: Buffer) -> int:
     z[_STEADY.rate] = dot(axis, memory.rotation_of(z).omega_b)
     drive, z[_STEADY.damping_rate] = closed_form.drive_and_damping_rate(z, axis)
     z[_STEADY.drive] = drive + cosine[0]
-    closed_form.start_clocks(z)
-    return 0
+    return closed_form.start_clocks(z)
 
 
 @kernel
@@ -72,8 +71,7 @@ def _set_up_pendulum(z: Buffer) -> int:
     put_quaternion_at(z, _HANGING.q_hanging, compose_quaternions(q, (c, -s * axis[0], -s * axis[1], -s * axis[2])))
     put_vec3_at(z, _HANGING.axis, axis)
     exact.put_pendulum(z, _HANGING.pendulum, exact.pendulum_setup(sine, (0.5 * dot(axis, omega), 0.0), cosine))
-    closed_form.start_clocks(z)
-    return 0
+    return closed_form.start_clocks(z)
 
 
 @kernel
@@ -112,8 +110,7 @@ def _set_up_one_axis_taylor(z: Buffer) -> int:
     z[_AT.angle] = z[_AT.substeps] = 0.0
     put_pair_at(z, _AT.swing, (cosine[0], sine[0]))
     z[_AT.drive], z[_AT.damping_rate] = closed_form.drive_and_damping_rate(z, axis)
-    closed_form.start_clocks(z)
-    return 0
+    return closed_form.start_clocks(z)
 
 
 @kernel

@@ -30,8 +30,7 @@ _NO_ROTATION_LAYOUT = places(closed_form.CLOSED_FORM)
 def _set_up_no_rotation(z: Buffer) -> int:
     if memory.needs_rate(z) and not memory.skips_model_checks(z) and begins_to_turn(z):
         return TURNS
-    closed_form.start_clocks(z)
-    return 0
+    return closed_form.start_clocks(z)
 
 
 @kernel
@@ -68,8 +67,7 @@ def _set_up_angular_momentum(z: Buffer) -> int:
     put_pair_at(z, _MOMENTUM.since_alpha, (0.0, 0.0))
     put_vec3_at(z, _MOMENTUM.omega_0, memory.rotation_of(z).omega_b)
     put_vec3_at(z, _MOMENTUM.alpha, _AT_REST)
-    closed_form.start_clocks(z)
-    return 0
+    return closed_form.start_clocks(z)
 
 
 @kernel
@@ -114,8 +112,7 @@ def _set_up_spin_up(z: Buffer) -> int:
     z[_AT.drive], z[_AT.damping_rate] = closed_form.drive_and_damping_rate(z, axes[2])
     _, z[_AT.damping_rate_across] = closed_form.drive_and_damping_rate(z, axes[0])
     z[_AT.ratio] = (own - across) / across
-    closed_form.start_clocks(z)
-    return 0
+    return closed_form.start_clocks(z)
 
 
 @kernel
