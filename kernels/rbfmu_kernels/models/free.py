@@ -176,7 +176,7 @@ def _advance_free_triaxial(z: Buffer, h: float) -> int:
     if not dense.reaches_over(z, _SERIES, h):
         return _advance_exactly(z, h)
     t, _ = dense.clock_after(z, _SERIES, h)
-    q = dense.attitude_at(z, _TRIAXIAL.work, dense.turn_order_of(z, _SERIES), t)
+    q = dense.attitude_at(z, _TRIAXIAL.work, int(z[_TRIAXIAL.turn_order]), t)
     status = closed_form.finish_step(z, h, q, dense.rate_at(z, _TRIAXIAL.work, MAX_ORDER, t))
     if status == OK:
         dense.pass_time(z, _SERIES, h)

@@ -41,7 +41,7 @@ def _set_up_loaded_taylor(z: Buffer) -> int:
     z[driven.STEP_SIZE] = LONGEST_STEP  # the series themselves say at once how much is too long
     if z[_AT.substep] > 0.0:  # none that serves many steps is tried where it is the whole step
         z[driven.STEP_SIZE] = z[_AT.substep]
-    z[_SERIES], z[_SERIES + dense.COOL_DOWN] = dense.NONE, 0.0
+    z[_SERIES], z[_AT.cool_down] = dense.NONE, 0.0
     driven.keep_inputs(z, _AT.held_inputs)
     return 0
 
@@ -52,11 +52,11 @@ def _advance_loaded_taylor(z: Buffer, h: float) -> int:
     if not (dense.reaches_over(z, _SERIES, h) and driven.holds_inputs(z, _AT.held_inputs)):
         return _advance_by_new_series(z, h)
     driven.keep(z)
-    since = pair_at(z, _SERIES + dense.SINCE)
+    since = pair_at(z, _AT.since)
     dense.follow(z, _ROOM, _SERIES, int(z[_AT.order]), h)
-    status = driven.finish_steadily(z, dense.extent_of(z, _SERIES), h)
+    status = driven.finish_steadily(z, int(z[_AT.extent]), h)
     if status != OK:
-        put_pair_at(z, _SERIES + dense.SINCE, since)
+        put_pair_at(z, _AT.since, since)
     return status
 
 
@@ -72,7 +72,7 @@ def _advance_by_new_series(z: Buffer, h: float) -> int:
     status = OK
     if rest > 0.0:
         z[_SERIES] = dense.NONE
-        z[_SERIES + dense.COOL_DOWN] -= 1.0
+        z[_AT.cool_down] -= 1.0
         status = taylor_advance(z, _ROOM, method, rest, body, loads)
     status = driven.finish(z, method.n, h, status, body, loads)
     if status == OK:
@@ -88,7 +88,7 @@ def _advance_by_new_series(z: Buffer, h: float) -> int:
 def is_series_tried(z: Buffer, h: float) -> bool:
     """Return whether a series that serves further steps like this one is likely enough for one to be made."""
     steady = driven.holds_inputs(z, _AT.held_inputs) and z[_AT.tolerance] < math.inf
-    return bool(steady and z[_SERIES + dense.COOL_DOWN] <= 0.0 and h * dense.LEAST_REACH <= z[driven.STEP_SIZE])
+    return bool(steady and z[_AT.cool_down] <= 0.0 and h * dense.LEAST_REACH <= z[driven.STEP_SIZE])
 
 
 def _lanes() -> Lanes:

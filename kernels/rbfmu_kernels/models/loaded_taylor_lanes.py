@@ -19,7 +19,7 @@ from ..compile.simd import eight_wide, four_wide, lane_at, put_lane_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
 from ..integrators import taylor
 from ..integrators import taylor_coefficients as series
-from ..integrators.dense_output import COOL_DOWN, COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
+from ..integrators.dense_output import COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
 from ..integrators.substeps import Method, nearer_size, parts_in
 from ..integrators.taylor_coefficients import FORCE, RATE, TORQUE, WORK, SpaceFixedLoads, Torques
 from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_STATE, Body, angular_acceleration
@@ -216,9 +216,9 @@ def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
     if finish_steadily(z, n, h) != OK:
         return step(z, h)
     if is_series_tried(z, h):
-        z[_SERIES + COOL_DOWN] = COOL_DOWN_STEPS
+        z[_AT.cool_down] = COOL_DOWN_STEPS
     z[_SERIES] = NONE
-    z[_SERIES + COOL_DOWN] -= 1.0
+    z[_AT.cool_down] -= 1.0
     z[STEP_SIZE] = lane_at(c, LANE.size, lane)
     z[STEP_SIZE + 1] += lane_at(c, LANE.count, lane)
     keep_inputs(z, _AT.held_inputs)
