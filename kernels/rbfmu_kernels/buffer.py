@@ -4,7 +4,8 @@ A model's whole memory is one float64 buffer, so a copy of its bytes is a snapsh
 serve Python, pythonfmu and native code. This module needs neither numba nor numpy.
 """
 
-from typing import NamedTuple
+from collections import namedtuple
+from typing import Any, NamedTuple
 
 from .quantities import BOUNDED
 
@@ -15,19 +16,20 @@ class Layout(NamedTuple):
     blocks: dict[str, slice]
     size: int
 
-    def starts(self, *names: str) -> tuple[int, ...]:
-        """Return where the blocks named begin."""
-        return tuple(self.blocks[name].start for name in names)
+    @property
+    def at(self) -> Any:
+        """Where each block begins, in their order and by their names as attributes: constants of compiled code."""
+        return namedtuple("At", self.blocks)(*(block.start for block in self.blocks.values()))
 
 
-def places(sizes: dict[str, int]) -> Layout:
-    """Return consecutive places in a buffer for named blocks."""
+def places(sizes: dict[str, int], first: int = 0) -> Layout:
+    """Return consecutive places in a buffer, from the first on, for named blocks."""
     blocks: dict[str, slice] = {}
-    total = 0
+    end = first
     for name, size in sizes.items():
-        blocks[name] = slice(total, total + size)
-        total += size
-    return Layout(blocks, total)
+        blocks[name] = slice(end, end + size)
+        end += size
+    return Layout(blocks, end - first)
 
 
 OK, STEP_REJECTED, PAST_STOP = 0, 1, 2

@@ -6,9 +6,7 @@ from typing import TYPE_CHECKING, Any
 from rbfmu.arrays.from_kernel import array_function, checked_function, sequence_function, set_threads
 from rbfmu.arrays.inertia import check_inertia, inertia_of_points
 from rbfmu_kernels.mechanics import inertia as _inertia
-from rbfmu_kernels.mechanics import kinematics as _kinematics
-from rbfmu_kernels.mechanics import newton_euler as _rigid_body
-from rbfmu_kernels.mechanics import shape_inertia as _shapes
+from rbfmu_kernels.mechanics import rigid_body as _rigid_body
 from rbfmu_kernels.rotations import euler_angles as _euler
 from rbfmu_kernels.rotations import matrix as _rotation
 from rbfmu_kernels.rotations import quaternion as _quaternion
@@ -106,17 +104,17 @@ rotvec_rate_a = checked_function(_rotvec.rotvec_rate_a, _rotvec.rotvec_rate_is_s
 rotvec_rate_b = checked_function(_rotvec.rotvec_rate_b, _rotvec.rotvec_rate_is_singular, FULL_TURN)
 
 # Velocities and accelerations
-compose_omega = array_function(_kinematics.compose_omega)
-vector_rate = array_function(_kinematics.vector_rate)
-point_velocity = array_function(_kinematics.point_velocity)
-point_acceleration = array_function(_kinematics.point_acceleration)
+compose_omega = array_function(_rigid_body.compose_omega)
+vector_rate = array_function(_rigid_body.vector_rate)
+point_velocity = array_function(_rigid_body.point_velocity)
+point_acceleration = array_function(_rigid_body.point_acceleration)
 
 # Inertia
-beam_inertia = checked_function(_shapes.beam_inertia, _shapes.is_negative, NEGATIVE)
-box_inertia = checked_function(_shapes.box_inertia, _shapes.one_is_negative, NEGATIVE)
-cylinder_inertia = checked_function(_shapes.cylinder_inertia, _shapes.cylinder_is_negative, NEGATIVE)
-sphere_inertia = checked_function(_shapes.sphere_inertia, _shapes.is_negative, NEGATIVE)
-ellipsoid_inertia = checked_function(_shapes.ellipsoid_inertia, _shapes.one_is_negative, NEGATIVE)
+beam_inertia = checked_function(_inertia.beam_inertia, _inertia.is_negative, NEGATIVE)
+box_inertia = checked_function(_inertia.box_inertia, _inertia.one_is_negative, NEGATIVE)
+cylinder_inertia = checked_function(_inertia.cylinder_inertia, _inertia.cylinder_is_negative, NEGATIVE)
+sphere_inertia = checked_function(_inertia.sphere_inertia, _inertia.is_negative, NEGATIVE)
+ellipsoid_inertia = checked_function(_inertia.ellipsoid_inertia, _inertia.one_is_negative, NEGATIVE)
 parallel_axis = array_function(_inertia.parallel_axis)
 rotate_inertia = array_function(_inertia.rotate_inertia)
 principal_axes = array_function(_inertia.principal_axes)

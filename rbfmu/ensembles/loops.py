@@ -19,7 +19,7 @@ from rbfmu_kernels.body.members import Driving, Members, Room, Run, begin, drive
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes, widest
 from rbfmu_kernels.compile.tiered import has_code
-from rbfmu_kernels.models.formula_lanes import MARKS
+from rbfmu_kernels.models.formula_models import MARKS
 from rbfmu_kernels.numerics.elementary import sincos
 
 _NUMBERS, _TABLE, _BLOCK = float64[::1], float64[:, ::1], float64[:, :, ::1]

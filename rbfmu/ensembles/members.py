@@ -21,7 +21,7 @@ from rbfmu.scene.section import Numbers
 from rbfmu.scene.variations import ATTITUDE, AXES, DEGREES, INERTIA, RULES, SHAPE, UNIFORM, Marginal, Variation
 from rbfmu.types import Array, Indices
 from rbfmu_kernels.compile.tiered import evaluated, tiered
-from rbfmu_kernels.mechanics import inertia, shape_inertia
+from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE, check_inertia
 from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 
@@ -299,7 +299,7 @@ class _Appliance:
         masses = self._numbers(mass) if mass else np.full(self.count, self.scene.body.mass)
         # A member with a negative number is refused for that, and not drawn again for its inertia.
         sizes = (np.abs(value) for _, value in self._sizes(variation))
-        return self.call(getattr(shape_inertia, f"{variation.form}_inertia"), np.abs(masses), *sizes)
+        return self.call(getattr(inertia, f"{variation.form}_inertia"), np.abs(masses), *sizes)
 
     def _all(self, value: Any) -> Array:
         return np.broadcast_to(np.array(value), (self.count, *np.shape(value)))

@@ -9,7 +9,7 @@ import numpy as np
 from rbfmu.scene.body import six_numbers
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Buffer
-from rbfmu_kernels.body import closed_form, fixed_axis, memory, outputs, principal
+from rbfmu_kernels.body import closed_form, memory, outputs, principal
 from rbfmu_kernels.buffer import FAULTS, places
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import splitting
@@ -135,7 +135,7 @@ class BodyAtStart:
     """Whether an output does not follow from the angular momentum in a alone."""
     keeps_its_rate = _answer(principal.keeps_its_rate, lambda start: (start.z, start.rotation[1]))
     """Whether the rate stays as it is without a torque."""
-    turns_path = _answer(fixed_axis.turns_path, lambda start: (start.z, start.rotation[1]))
+    turns_path = _answer(closed_form.turns_path, lambda start: (start.z, start.rotation[1]))
     """Whether a force that turns about the rate with the body bends a path that an output shows."""
     is_symmetric = _answer(splitting.is_symmetric_top, lambda start: (start.body.inertia,))
     """Whether two moments are equal."""
@@ -153,21 +153,21 @@ class BodyAtStart:
 
     # A body that turns about one axis
 
-    axis = _answer(fixed_axis.main_axis, lambda start: (start.z,))
+    axis = _answer(closed_form.main_axis, lambda start: (start.z,))
     """The principal axis of most of the rate, in b."""
-    leaves_axis = _answer(fixed_axis.leaves_axis, lambda start: (start.z, start.axis))
+    leaves_axis = _answer(closed_form.leaves_axis, lambda start: (start.z, start.axis))
     """Whether anything turns the body about another axis."""
 
     @property
     def is_swung(self) -> bool:
         """Return whether forces fixed in space swing the body about the axis, by a torque that depends on its angle."""
-        cosine, sine = interpreted(fixed_axis.swing)(self.z, self.axis)
+        cosine, sine = interpreted(closed_form.swing)(self.z, self.axis)
         return cosine[0] != 0.0 or sine[0] != 0.0
 
     @property
     def is_driven_or_damped(self) -> bool:
         """Return whether anything else acts about the axis."""
-        drive, damping = interpreted(fixed_axis.drive_and_damping_rate)(self.z, self.axis)
+        drive, damping = interpreted(closed_form.drive_and_damping_rate)(self.z, self.axis)
         return drive != 0.0 or damping != 0.0
 
 

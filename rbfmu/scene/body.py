@@ -20,7 +20,6 @@ from rbfmu.scene.section import (
 )
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia as _inertia
-from rbfmu_kernels.mechanics import shape_inertia as _shapes
 from rbfmu_kernels.quantities import BY_NAME
 from rbfmu_kernels.types import Matrix, Vec3
 
@@ -107,7 +106,7 @@ class Shape(Section, path="body.shape"):
 
     def inertia(self, mass: float) -> Matrix:
         """Return M_c."""
-        kernel: Callable[..., Matrix] = getattr(_shapes, f"{self.kind}_inertia")
+        kernel: Callable[..., Matrix] = getattr(_inertia, f"{self.kind}_inertia")
         return evaluated(kernel, mass, *(getattr(self, key) for key in self.sizes()))
 
 

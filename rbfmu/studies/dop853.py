@@ -2,7 +2,7 @@
 
 A contestant and a subject of laws: series cost 1.7 to 12 times less at the same accuracy (`rbfmu chart`), so that no
 plan takes it. It is compiled, as the peer of SciPy's that is called from Python at each stage, and needs no package.
-Works in its model's buffer: 12 stages of 16 numbers are too many for tuples. States: see `rigid_body_state`. As a
+Works in its model's buffer: 12 stages of 16 numbers are too many for tuples. States: see `equations_of_motion`. As a
 model, `tolerance` is the largest estimated error of a substep, or 0 for substeps of at most `substep` without error
 control. Inputs may change within a step: see `body.driven`.
 Source: E. Hairer, S. P. Norsett & G. Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993, II.5 and II.10.
@@ -19,13 +19,11 @@ from rbfmu_kernels.body.driven import DRIVEN, STEP_SIZE, finish, keep, load_poly
 from rbfmu_kernels.body.memory import STATE_START, body_of, loads_of
 from rbfmu_kernels.body.shell import Model, make_model
 from rbfmu_kernels.buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, places
-from rbfmu_kernels.buffer_access import copy_numbers
+from rbfmu_kernels.buffer_access import copy_numbers, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from rbfmu_kernels.compile.decorator import kernel
-from rbfmu_kernels.integrators import rigid_body_state as state
-from rbfmu_kernels.integrators.rigid_body_state import OMEGA, R_C, ROTATION, STATE_SIZE, V_C, WHOLE_STATE
 from rbfmu_kernels.integrators.substeps import LONGEST_STEP, count_substep, substeps_in, tolerance_of_substep
 from rbfmu_kernels.mechanics import equations_of_motion as motion
-from rbfmu_kernels.mechanics.equations_of_motion import Body, LoadPolynomial, Loads, State
+from rbfmu_kernels.mechanics.equations_of_motion import OMEGA, R_C, ROTATION, V_C, WHOLE_STATE, Body, Loads
 from rbfmu_kernels.rotations.quaternion import quaternion_rate_b
 from rbfmu_kernels.rotations.vec3 import dot, largest_component
 from rbfmu_kernels.types import Buffer
@@ -59,26 +57,27 @@ E5[[0, *range(5, STAGES)]] = [
 E3[[0, 8, 11]] -= [0.2440944881889764, 0.7338466882816118, 0.022058823529411766]
 
 _, _BEFORE = places(DRIVEN)
-_LAYOUT = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": STATE_SIZE * (STAGES + 1)})
+_LAYOUT = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": motion.STATE_SIZE * (STAGES + 1)})
 """The work space, a trial state and then the stages' rates, begins at a cache line if the buffer does."""
-_TOLERANCE, _SPAN, _SUBSTEP, _WORK = _LAYOUT.starts("tolerance", "span", "substep", "work")
+_AT = _LAYOUT.at
+_WORK: int = _AT.work
 
 
 @kernel
 def _stage_rates(s: int) -> int:
     """Return where the rates of stage s begin."""
-    return _WORK + STATE_SIZE * (s + 1)
+    return _WORK + motion.STATE_SIZE * (s + 1)
 
 
 @kernel(inline=False)
 def _put_rates(z: Buffer, y: int, k: int, n: int, body: Body, loads: Loads) -> None:
     """Set z[k:] to d/dt of the state z[y:]."""
-    q_ab, omega_b = state.attitude(z, y), state.omega(z, y)
-    state.put_attitude(z, k, quaternion_rate_b(q_ab, omega_b))
-    state.put_omega(z, k, motion.angular_acceleration(q_ab, omega_b, body, loads))
+    q_ab, omega_b = quaternion_at(z, y), vec3_at(z, y + OMEGA)
+    put_quaternion_at(z, k, quaternion_rate_b(q_ab, omega_b))
+    put_vec3_at(z, k + OMEGA, motion.angular_acceleration(q_ab, omega_b, body, loads))
     if n == WHOLE_STATE:
-        state.put_position(z, k, state.velocity(z, y))
-        state.put_velocity(z, k, motion.turning_acceleration(q_ab, body, loads))
+        put_vec3_at(z, k + R_C, vec3_at(z, y + V_C))
+        put_vec3_at(z, k + V_C, motion.turning_acceleration(q_ab, body, loads))
 
 
 @kernel
@@ -93,12 +92,12 @@ def _combine(z: Buffer, n: int, s: int, h: float) -> None:
 
 
 @kernel(inline=False)
-def _loads_at(loads: LoadPolynomial, t: float) -> Loads:
+def _loads_at(loads: motion.LoadPolynomial, t: float) -> Loads:
     return motion.loads_after(loads, t)
 
 
 @kernel
-def _stage(z: Buffer, n: int, s: int, t: float, h: float, body: Body, loads: LoadPolynomial) -> None:
+def _stage(z: Buffer, n: int, s: int, t: float, h: float, body: Body, loads: motion.LoadPolynomial) -> None:
     """Compute stage s > 0 (a literal): its trial state and rates, with the loads at t + c_s h."""
     _combine(z, n, s, h)
     now = _loads_at(loads, t + C[s] * h) if motion.is_changing(loads) else loads.value
@@ -106,7 +105,7 @@ def _stage(z: Buffer, n: int, s: int, t: float, h: float, body: Body, loads: Loa
 
 
 @kernel(inline=False)
-def dop853_step(z: Buffer, n: int, t: float, h: float, body: Body, loads: LoadPolynomial) -> None:
+def dop853_step(z: Buffer, n: int, t: float, h: float, body: Body, loads: motion.LoadPolynomial) -> None:
     """Step with order 8 to the trial state, not normalised; the stages' rates stay.
 
     t: time since the polynomial's beginning.  Stable to h d / I = 6.394 (damping) and h omega / 2 = 5.96 (attitude).
@@ -130,11 +129,11 @@ def dop853_step(z: Buffer, n: int, t: float, h: float, body: Body, loads: LoadPo
 @kernel(inline=False)
 def _error(z: Buffer, n: int, h: float) -> float:
     """Estimate the step's error: attitude in rad, the rest relative to the size of its vector (at least 1 for r, v)."""
-    y, span = STATE_START, z[_SPAN]
-    rate = max(largest_component(state.omega(z, y)), largest_component(state.omega(z, _WORK)), 1e-300)
+    y, span = STATE_START, z[_AT.span]
+    rate = max(largest_component(vec3_at(z, y + OMEGA)), largest_component(vec3_at(z, _WORK + OMEGA)), 1e-300)
     rate = rate if rate * span <= 1.0 else 1.0 / span
-    position = max(largest_component(state.position(z, y)), 1.0)
-    velocity = max(largest_component(state.velocity(z, y)), 1.0)
+    position = max(largest_component(vec3_at(z, y + R_C)), 1.0)
+    velocity = max(largest_component(vec3_at(z, y + V_C)), 1.0)
     five, three = 0.0, 0.0
     for j in range(n):
         e5, e3 = 0.0, 0.0
@@ -154,16 +153,16 @@ def _error(z: Buffer, n: int, h: float) -> float:
 def _accept(z: Buffer, n: int) -> None:
     """Take the trial state as the state, its quaternion scaled to length 1."""
     copy_numbers(z, _WORK + OMEGA, STATE_START + OMEGA, n - OMEGA)
-    state.put_unit_attitude(z, STATE_START, state.attitude(z, _WORK))
+    motion.put_unit_attitude(z, STATE_START, quaternion_at(z, _WORK))
 
 
 @kernel(inline=False)
-def _march(z: Buffer, n: int, h: float, body: Body, loads: LoadPolynomial) -> int:
+def _march(z: Buffer, n: int, h: float, body: Body, loads: motion.LoadPolynomial) -> int:
     """Advance the state by h in equal steps of at most `substep`, without error control.
 
     STEP_REJECTED where that needs too many; the state is then unchanged.
     """
-    count = substeps_in(h, z[_SUBSTEP])
+    count = substeps_in(h, z[_AT.substep])
     for i in range(count):
         dop853_step(z, n, h / count * i, h / count, body, loads)
         _accept(z, n)
@@ -171,7 +170,7 @@ def _march(z: Buffer, n: int, h: float, body: Body, loads: LoadPolynomial) -> in
 
 
 @kernel(inline=False)
-def _follow(z: Buffer, n: int, h: float, body: Body, loads: LoadPolynomial) -> int:
+def _follow(z: Buffer, n: int, h: float, body: Body, loads: motion.LoadPolynomial) -> int:
     """Advance the state by h, each step's estimated error at most its share of `tolerance`.
 
     z[STEP_SIZE] keeps the step size, and next to it stands the count of the steps tried.
@@ -188,7 +187,7 @@ def _follow(z: Buffer, n: int, h: float, body: Body, loads: LoadPolynomial) -> i
         part = (rest + low) / count
         dop853_step(z, n, h - rest, part, body, loads)
         count_substep(z, STEP_SIZE)
-        error = _error(z, n, part) / tolerance_of_substep(z[_TOLERANCE], z[_SPAN], part)
+        error = _error(z, n, part) / tolerance_of_substep(z[_AT.tolerance], z[_AT.span], part)
         if error <= 1.0:
             growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(math.sqrt(error)))
             _accept(z, n)
@@ -205,8 +204,8 @@ def _follow(z: Buffer, n: int, h: float, body: Body, loads: LoadPolynomial) -> i
 @kernel
 def _set_up(z: Buffer) -> int:
     """Set the step size to begin with: half a radian at the rate and acceleration of the start."""
-    omega = state.omega(z, STATE_START)
-    alpha = motion.angular_acceleration(state.attitude(z, STATE_START), omega, body_of(z), loads_of(z))
+    omega = vec3_at(z, STATE_START + OMEGA)
+    alpha = motion.angular_acceleration(quaternion_at(z, STATE_START), omega, body_of(z), loads_of(z))
     rate_scale = math.sqrt(dot(omega, omega)) + math.sqrt(math.sqrt(dot(alpha, alpha)))
     z[STEP_SIZE] = 0.5 / rate_scale if rate_scale > 0.0 else LONGEST_STEP
     return 0
@@ -218,7 +217,7 @@ def _advance(z: Buffer, h: float) -> int:
     keep(z)
     body, loads = body_of(z), load_polynomial_of(z)
     n = max(ROTATION, part_to_integrate(z, body, loads))
-    status = _follow(z, n, h, body, loads) if z[_TOLERANCE] > 0.0 else _march(z, n, h, body, loads)
+    status = _follow(z, n, h, body, loads) if z[_AT.tolerance] > 0.0 else _march(z, n, h, body, loads)
     return finish(z, n, h, status, body, loads)
 
 
@@ -240,15 +239,15 @@ class Dop853Plan(Plan):
         return LOADED_DOP853
 
 
-def _steps(start: State, h: float, n: int, body: Body, loads: Loads) -> State:
+def _steps(start: motion.State, h: float, n: int, body: Body, loads: Loads) -> motion.State:
     """Return the state of a body after n steps without error control, its quaternion not normalised."""
     z = np.zeros(LOADED_DOP853.SIZE)
-    state.put_attitude(z, STATE_START, start.q_ab)
-    state.put_omega(z, STATE_START, start.omega_b)
+    put_quaternion_at(z, STATE_START, start.q_ab)
+    put_vec3_at(z, STATE_START + OMEGA, start.omega_b)
     for _ in range(n):
         dop853_step(z, ROTATION, 0.0, h, body, motion.constant_loads(loads))
         copy_numbers(z, _WORK, STATE_START, ROTATION)
-    return State(start.r_c, start.v_c, state.attitude(z, STATE_START), state.omega(z, STATE_START))
+    return motion.State(start.r_c, start.v_c, quaternion_at(z, STATE_START), vec3_at(z, STATE_START + OMEGA))
 
 
 DOP853 = OneStepMethod("DOP853", _steps, 8, float(STAGES))

@@ -58,7 +58,7 @@ FAULTS = {
         "growth = 6.0 if error < 2.6e-7 else 0.9 / math.sqrt(math.sqrt(error))",
     ),
     "normalisation 1e-5 too long": Fault(
-        "integrators/rigid_body_state", "s = 1.0 / math.sqrt(q[0] * q[0]", "s = 1.00001 / math.sqrt(q[0] * q[0]"
+        "mechanics/equations_of_motion", "s = 1.0 / math.sqrt(q[0] * q[0]", "s = 1.00001 / math.sqrt(q[0] * q[0]"
     ),
     "sign in the composition of quaternions": Fault(
         "rotations/quaternion", "a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1", "a0 * b2 + a1 * b3 + a2 * b0 - a3 * b1"
@@ -80,9 +80,9 @@ FAULTS = {
     "Strang's first kick whole": Fault(
         "integrators/splitting", "loads, (0.5, 0.5), (1.0,))", "loads, (1.0, 0.5), (1.0,))"
     ),
-    "damping": Fault("mechanics/newton_euler", "-damping_b[2] * omega_b[2])", "-damping_b[2] * omega_b[2] * 1.00001)"),
+    "damping": Fault("mechanics/rigid_body", "-damping_b[2] * omega_b[2])", "-damping_b[2] * omega_b[2] * 1.00001)"),
     "gyroscopic torque": Fault(
-        "mechanics/newton_euler",
+        "mechanics/rigid_body",
         "return cross(omega, transform(rest, omega))",
         "return cross(omega, transform(rest, (omega[0], omega[1] * 1.00001, omega[2])))",
     ),

@@ -7,9 +7,8 @@ step the input keeps its last value, and its rates are 0 until they are set agai
 from ..buffer import OK, STEP_REJECTED, places
 from ..buffer_access import copy_numbers
 from ..compile.decorator import kernel
-from ..integrators.rigid_body_state import RATE_ONLY, ROTATION, STATE_SIZE, WHOLE_STATE
 from ..mechanics import equations_of_motion as motion
-from ..mechanics.equations_of_motion import Body, LoadPolynomial, Loads
+from ..mechanics.equations_of_motion import RATE_ONLY, ROTATION, STATE_SIZE, WHOLE_STATE, Body, LoadPolynomial, Loads
 from ..rotations.vec3 import add_scaled, is_nonzero
 from ..types import Buffer
 from . import memory
@@ -19,16 +18,12 @@ RATES = {f"{name}_rate": size for name, size in memory.INPUTS.items()}
 RATES_2 = {f"{name}_rate_2": size for name, size in memory.INPUTS.items()}
 DRIVEN = memory.COMMON | RATES | RATES_2 | {"before": STATE_SIZE, "step_size": 1, "substeps": 1, "step_size_before": 1}
 """The buffer of such a model begins with these blocks."""
-BLOCKS, _ = places(DRIVEN)
-
-STEP_SIZE = BLOCKS["step_size"].start
+_LAYOUT = places(DRIVEN)
+_AT = _LAYOUT.at
+STEP_SIZE = _AT.step_size
 """The place of the step size; the count of substeps stands next to it."""
-_BEFORE, _SIZE_BEFORE = BLOCKS["before"].start, BLOCKS["step_size_before"].start
-INPUTS_START, RATES_START, RATES_2_START = (
-    BLOCKS[next(iter(names))].start for names in (memory.INPUTS, RATES, RATES_2)
-)
+RATES_START, RATES_2_START = (_LAYOUT.blocks[next(iter(names))].start for names in (RATES, RATES_2))
 NUMBER_OF_INPUTS = sum(memory.INPUTS.values())
-_PORT_FORCE_A, _PORT_TORQUE_A = memory.PORTS["force_a"], memory.PORTS["torque_a"]
 
 
 @kernel
@@ -42,12 +37,12 @@ def load_polynomial_of(z: Buffer) -> LoadPolynomial:
 
 @kernel
 def part_to_integrate(z: Buffer, body: Body, loads: LoadPolynomial) -> int:
-    """Return how many numbers of the state need integration: see `rigid_body_state`."""
+    """Return how many numbers of the state need integration: see `equations_of_motion`."""
     acting = motion.acting_loads(loads)
     if acting.force_b and memory.needs_translation(z) and not memory.has_pivot(z):
         return WHOLE_STATE
-    levered = (acting.force_a or memory.is_set(z, _PORT_FORCE_A)) and is_nonzero(body.arm_b)
-    turned = acting.torque_a or memory.is_set(z, _PORT_TORQUE_A) or levered
+    levered = (acting.force_a or memory.is_set(z, memory.PORTS.force_a)) and is_nonzero(body.arm_b)
+    turned = acting.torque_a or memory.is_set(z, memory.PORTS.torque_a) or levered
     return ROTATION if turned or memory.needs_attitude(z) else RATE_ONLY
 
 
@@ -56,7 +51,7 @@ def holds_inputs(z: Buffer, held: int) -> bool:
     """Return whether the inputs are those that were kept from z[held] on, and do not change within the step."""
     same = True
     for i in range(NUMBER_OF_INPUTS):
-        same &= bool(z[INPUTS_START + i] == z[held + i])
+        same &= bool(z[memory.INPUTS_START + i] == z[held + i])
         same &= bool(z[RATES_START + i] == 0.0) & bool(z[RATES_2_START + i] == 0.0)
     return same
 
@@ -64,14 +59,14 @@ def holds_inputs(z: Buffer, held: int) -> bool:
 @kernel
 def keep_inputs(z: Buffer, held: int) -> None:
     """Copy the inputs to z[held:], for `holds_inputs`."""
-    copy_numbers(z, INPUTS_START, held, NUMBER_OF_INPUTS)
+    copy_numbers(z, memory.INPUTS_START, held, NUMBER_OF_INPUTS)
 
 
 @kernel
 def keep(z: Buffer) -> None:
     """Keep what `finish` restores where the step is rejected."""
-    copy_numbers(z, memory.STATE_START, _BEFORE, STATE_SIZE)
-    z[_SIZE_BEFORE] = z[STEP_SIZE]
+    copy_numbers(z, memory.STATE_START, _AT.before, STATE_SIZE)
+    z[_AT.step_size_before] = z[STEP_SIZE]
 
 
 @kernel
@@ -82,8 +77,8 @@ def finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPoly
     if changing:
         _translate_further(z, h, body, loads)
     if status != 0 or not memory.is_finite(z):
-        copy_numbers(z, _BEFORE, memory.STATE_START, STATE_SIZE)
-        z[STEP_SIZE] = z[_SIZE_BEFORE]
+        copy_numbers(z, _AT.before, memory.STATE_START, STATE_SIZE)
+        z[STEP_SIZE] = z[_AT.step_size_before]
         return STEP_REJECTED
     if changing:
         hold_last_inputs(z, h)
@@ -118,5 +113,5 @@ def _translate_further(z: Buffer, h: float, body: Body, loads: LoadPolynomial) -
 def hold_last_inputs(z: Buffer, h: float) -> None:
     """Set the inputs to what they have become a time h after the step's beginning; they change no more."""
     for i in range(NUMBER_OF_INPUTS):
-        z[INPUTS_START + i] += h * z[RATES_START + i] + 0.5 * h * h * z[RATES_2_START + i]
+        z[memory.INPUTS_START + i] += h * z[RATES_START + i] + 0.5 * h * h * z[RATES_2_START + i]
         z[RATES_START + i] = z[RATES_2_START + i] = 0.0

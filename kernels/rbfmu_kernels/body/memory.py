@@ -1,7 +1,7 @@
 """What the models of a body have in common: the layout of their buffers, their start, their state and their loads.
 
 A model's buffer begins with these blocks; what its method needs besides follows. For the state see
-`rigid_body_state`.
+`equations_of_motion`.
 """
 
 import math
@@ -10,8 +10,7 @@ from .. import quantities
 from ..buffer import BEAM_TURNS, NEGATIVE, NO_ATTITUDE, NO_MASS, NOT_FINITE, TWO_ZERO_MOMENTS, places
 from ..buffer_access import are_finite, matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..integrators.rigid_body_state import STATE_BLOCKS, STATE_SIZE, Centre, Rotation
-from ..mechanics.equations_of_motion import Body, Loads, State
+from ..mechanics.equations_of_motion import STATE_BLOCKS, STATE_SIZE, Body, Centre, Loads, Rotation, State
 from ..mechanics.inertia import INERTIA_TOLERANCE, check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
 from ..rotations.quaternion import normalize, rotate
 from ..rotations.vec3 import add, cross, dot, is_nonzero, scale
@@ -35,21 +34,15 @@ MEMORY = STATE_BLOCKS | {"inverse_mass": 1, "M": 9, "M_inverse": 9, "arm": 3}
 COMMON = INPUTS | PARAMETERS | SETTINGS | OUTPUTS | OUTPUT_RATES | MEMORY
 LAYOUT = places(COMMON)
 BLOCKS = LAYOUT.blocks
+AT = LAYOUT.at
 
-_AT = {name: block.start for name, block in BLOCKS.items()}
-_INPUTS = _AT[next(iter(INPUTS))]
-_FORCE_A, _FORCE_B, _TORQUE_A, _TORQUE_B = places(INPUTS).starts("force_a", "force_b", "torque_a", "torque_b")
-_MASS, _INERTIA, _R_OC, _GRAVITY, _DAMPING = LAYOUT.starts("mass", "inertia", "r_oc_b", "gravity_a", "damping_b")
-_CONSTANTS, _CONSTANT_FORCE_B = _AT[f"constant_{next(iter(INPUTS))}"], _AT["constant_force_b"]
+_INPUT = places(INPUTS).at
+INPUTS_START, _CONSTANTS = (BLOCKS[f"{known}{next(iter(INPUTS))}"].start for known in ("", "constant_"))
 """Known loads stand in the order of the inputs, which may supply more of each."""
 _END = BLOCKS[next(reversed(PARAMETERS))].stop
 _NOT_NEGATIVE = tuple((BLOCKS[load.block].start, BLOCKS[load.block].stop) for load in quantities.BOUNDED)
-_POSITION_0, _VELOCITY_0, _Q_0, _OMEGA_0 = LAYOUT.starts("position_0", "velocity_0", "quaternion_0", "omega_b_0")
-_PIVOT, _SUBSTEP = LAYOUT.starts("pivot", "substep")
-STATE_START = _AT["q"]
-"""Where the state begins: see `rigid_body_state`."""
-_OMEGA, _R_C, _V_C = _AT["omega"], _AT["r_c"], _AT["v_c"]
-_INVERSE_MASS, _M, _M_INVERSE, _ARM = LAYOUT.starts("inverse_mass", "M", "M_inverse", "arm")
+STATE_START = AT.q
+"""Where the state begins: see `equations_of_motion`."""
 
 
 @kernel(inline=False)
@@ -58,26 +51,26 @@ def initialize_body(z: Buffer) -> int:
     fault = _fault_of_parameters(z)
     if fault != 0:
         return fault
-    mass, r_oc, pivot = z[_MASS], vec3_at(z, _R_OC), z[_PIVOT] != 0.0
+    mass, r_oc, pivot = z[AT.mass], vec3_at(z, AT.r_oc_b), z[AT.pivot] != 0.0
     M_c = inertia_of(z)
     M = parallel_axis(M_c, mass, r_oc) if pivot else M_c
-    q = normalize(quaternion_at(z, _Q_0))
-    omega = vec3_at(z, _OMEGA_0)
+    q = normalize(quaternion_at(z, AT.quaternion_0))
+    omega = vec3_at(z, AT.omega_b_0)
     (low, middle, _), axes = principal_axes(M)
     if middle <= INERTIA_TOLERANCE * trace(M):
         return TWO_ZERO_MOMENTS
     beam_rate = axes[0][0] * omega[0] + axes[1][0] * omega[1] + axes[2][0] * omega[2]
     if low <= INERTIA_TOLERANCE * trace(M) and abs(beam_rate) > INERTIA_TOLERANCE * math.sqrt(dot(omega, omega)):
         return BEAM_TURNS
-    put_matrix_at(z, _M, M)
-    put_matrix_at(z, _M_INVERSE, inverse_inertia(M))
-    z[_INVERSE_MASS] = 0.0 if pivot else 1.0 / mass
-    put_vec3_at(z, _ARM, r_oc if pivot else scale(-1.0, r_oc))
-    position, velocity = vec3_at(z, _POSITION_0), vec3_at(z, _VELOCITY_0)
+    put_matrix_at(z, AT.M, M)
+    put_matrix_at(z, AT.M_inverse, inverse_inertia(M))
+    z[AT.inverse_mass] = 0.0 if pivot else 1.0 / mass
+    put_vec3_at(z, AT.arm, r_oc if pivot else scale(-1.0, r_oc))
+    position, velocity = vec3_at(z, AT.position_0), vec3_at(z, AT.velocity_0)
     v_c = add(velocity, rotate(q, cross(omega, r_oc)))
     put_rotation(z, q, omega)
-    put_vec3_at(z, _R_C, add(position, rotate(q, r_oc)))
-    put_vec3_at(z, _V_C, (0.0, 0.0, 0.0) if pivot else v_c)
+    put_vec3_at(z, AT.r_c, add(position, rotate(q, r_oc)))
+    put_vec3_at(z, AT.v_c, (0.0, 0.0, 0.0) if pivot else v_c)
     return 0
 
 
@@ -85,14 +78,14 @@ def initialize_body(z: Buffer) -> int:
 def _fault_of_parameters(z: Buffer) -> int:
     if not are_finite(z, 0, _END):
         return NOT_FINITE
-    if not z[_MASS] > 0.0:
+    if not z[AT.mass] > 0.0:
         return NO_MASS
     for k in range(len(_NOT_NEGATIVE)):
         first, end = _NOT_NEGATIVE[k]
         for i in range(first, end):
             if z[i] < 0.0:
                 return NEGATIVE + k
-    q = quaternion_at(z, _Q_0)
+    q = quaternion_at(z, AT.quaternion_0)
     if not (q[0] != 0.0 or q[1] != 0.0 or q[2] != 0.0 or q[3] != 0.0):
         return NO_ATTITUDE
     fault = check_inertia(inertia_of(z))
@@ -102,41 +95,41 @@ def _fault_of_parameters(z: Buffer) -> int:
 @kernel
 def inertia_of(z: Buffer) -> Matrix:
     """Return the inertia as a symmetric matrix of the block's (11, 22, 33, 12, 13, 23), kg m^2."""
-    xx, yy, zz = vec3_at(z, _INERTIA)
-    xy, xz, yz = vec3_at(z, _INERTIA + 3)
+    xx, yy, zz = vec3_at(z, AT.inertia)
+    xy, xz, yz = vec3_at(z, AT.inertia + 3)
     return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
 
 
 @kernel
 def rotation_of(z: Buffer) -> Rotation:
     """Return the state's attitude and rate."""
-    return Rotation(quaternion_at(z, STATE_START), vec3_at(z, _OMEGA))
+    return Rotation(quaternion_at(z, STATE_START), vec3_at(z, AT.omega))
 
 
 @kernel
 def put_rotation(z: Buffer, q: Quaternion, omega: Vec3) -> None:
     """Set attitude and body rate of the state."""
     put_quaternion_at(z, STATE_START, q)
-    put_vec3_at(z, _OMEGA, omega)
+    put_vec3_at(z, AT.omega, omega)
 
 
 @kernel
 def centre_of(z: Buffer) -> Centre:
     """Return the state's centre of mass."""
-    return Centre(vec3_at(z, _R_C), vec3_at(z, _V_C))
+    return Centre(vec3_at(z, AT.r_c), vec3_at(z, AT.v_c))
 
 
 @kernel
 def put_centre(z: Buffer, r_c: Vec3, v_c: Vec3) -> None:
     """Set position and velocity of the centre of mass."""
-    put_vec3_at(z, _R_C, r_c)
-    put_vec3_at(z, _V_C, v_c)
+    put_vec3_at(z, AT.r_c, r_c)
+    put_vec3_at(z, AT.v_c, v_c)
 
 
 @kernel
 def motion_of(z: Buffer) -> State:
     """Return the state as `equations_of_motion.State`."""
-    return State(vec3_at(z, _R_C), vec3_at(z, _V_C), quaternion_at(z, STATE_START), vec3_at(z, _OMEGA))
+    return State(vec3_at(z, AT.r_c), vec3_at(z, AT.v_c), quaternion_at(z, STATE_START), vec3_at(z, AT.omega))
 
 
 @kernel
@@ -144,12 +137,6 @@ def put_motion(z: Buffer, motion: State) -> None:
     """Set the state from `equations_of_motion.State`."""
     put_centre(z, motion.r_c, motion.v_c)
     put_rotation(z, motion.q_ab, motion.omega_b)
-
-
-@kernel
-def substep_of(z: Buffer) -> float:
-    """Return the largest substep of a method of fixed steps, s."""
-    return z[_SUBSTEP]
 
 
 @kernel
@@ -161,7 +148,7 @@ def is_finite(z: Buffer) -> bool:
 @kernel
 def has_pivot(z: Buffer) -> bool:
     """Return whether o is fixed in space."""
-    return bool(z[_PIVOT] != 0.0)
+    return bool(z[AT.pivot] != 0.0)
 
 
 @kernel(inline=False)
@@ -175,42 +162,40 @@ def principal_frame(M: Matrix) -> tuple[Vec3, Matrix]:
 @kernel
 def body_of(z: Buffer) -> Body:
     """Return the constants of the equations of motion; see `equations_of_motion.Body`."""
-    free = 1.0 if z[_PIVOT] == 0.0 else 0.0
-    M, M_inverse = matrix_at(z, _M), matrix_at(z, _M_INVERSE)
+    free = 1.0 if z[AT.pivot] == 0.0 else 0.0
+    M, M_inverse = matrix_at(z, AT.M), matrix_at(z, AT.M_inverse)
     return Body(
-        inverse_mass=z[_INVERSE_MASS], inertia=M, inertia_inverse=M_inverse, arm_b=vec3_at(z, _ARM),
-        damping_b=vec3_at(z, _DAMPING), is_free=free,
+        inverse_mass=z[AT.inverse_mass], inertia=M, inertia_inverse=M_inverse, arm_b=vec3_at(z, AT.arm),
+        damping_b=vec3_at(z, AT.damping_b), is_free=free,
     )  # fmt: skip
 
 
 @kernel
 def loads_at(numbers: Buffer, i: int, pivot: bool) -> Loads:
     """Return what stands at numbers[i] and after it, as a buffer's inputs stand, as loads; no forces with a pivot."""
-    force_a, force_b = vec3_at(numbers, i + _FORCE_A), vec3_at(numbers, i + _FORCE_B)
+    force_a, force_b = vec3_at(numbers, i + _INPUT.force_a), vec3_at(numbers, i + _INPUT.force_b)
     if pivot:
         force_a = force_b = (0.0, 0.0, 0.0)
-    return Loads((0.0, 0.0, 0.0), force_a, force_b, vec3_at(numbers, i + _TORQUE_A), vec3_at(numbers, i + _TORQUE_B))
+    torque_a, torque_b = vec3_at(numbers, i + _INPUT.torque_a), vec3_at(numbers, i + _INPUT.torque_b)
+    return Loads((0.0, 0.0, 0.0), force_a, force_b, torque_a, torque_b)
 
 
 @kernel
 def loads_of(z: Buffer) -> Loads:
     """Return the sum of known and supplied loads; see `equations_of_motion.Loads`."""
-    pivot = has_pivot(z)
-    gravity_a, known, supplied = vec3_at(z, _GRAVITY), loads_at(z, _CONSTANTS, pivot), loads_at(z, _INPUTS, pivot)
-    force_a = scale(z[_MASS], gravity_a) if pivot else add(known.force_a, supplied.force_a)
+    pivot, gravity_a = has_pivot(z), vec3_at(z, AT.gravity_a)
+    known, supplied = loads_at(z, _CONSTANTS, pivot), loads_at(z, INPUTS_START, pivot)
+    force_a = scale(z[AT.mass], gravity_a) if pivot else add(known.force_a, supplied.force_a)
     force_b, torque_a = add(known.force_b, supplied.force_b), add(known.torque_a, supplied.torque_a)
     return Loads(gravity_a, force_a, force_b, torque_a, add(known.torque_b, supplied.torque_b))
 
 
-_INPUT_FORCE_B = _AT["force_b"]
-_SKIP_MODEL_CHECKS = _AT["skip_model_checks"]
-PORTS = {name: _AT["ports"] + i for i, name in enumerate(INPUTS)}
+PORTS = places(dict.fromkeys(INPUTS, 1), AT.ports).at
 """The place of each port's flag in the buffer."""
-_PORT_FORCE_B = PORTS["force_b"]
-ACTIVE = {name: _AT["active"] + i for i, name in enumerate(OUTPUTS)}
+SHOWN = places(dict.fromkeys(OUTPUTS, 1), AT.active).at
 """The place of each output's flag in the buffer."""
 _TRANSLATION, _PATH, _ATTITUDE, _RATE, _LEVER_RATE, _LOADS_NOW, _BODY_AXES, _SPHERE_RATE = (
-    _AT["active"] + len(OUTPUTS) + i for i in range(len(quantities.NEEDS))
+    AT.active + len(OUTPUTS) + i for i in range(len(quantities.NEEDS))
 )
 _UNKNOWN = tuple(
     (BLOCKS[name].start, BLOCKS[name].stop)
@@ -223,7 +208,7 @@ _UNKNOWN = tuple(
 
 @kernel
 def is_set(z: Buffer, flag: int) -> bool:
-    """Return whether an input may come to act, or an output is computed; flag: one of PORTS or of ACTIVE."""
+    """Return whether an input may come to act, or an output is computed; flag: one of PORTS or of SHOWN."""
     return bool(z[flag] != 0.0)
 
 
@@ -241,7 +226,7 @@ def has_unknown_load(z: Buffer) -> bool:
 @kernel
 def skips_model_checks(z: Buffer) -> bool:
     """Return whether a plan answers for the model; see `SETTINGS`."""
-    return bool(z[_SKIP_MODEL_CHECKS] != 0.0)
+    return bool(z[AT.skip_model_checks] != 0.0)
 
 
 @kernel
@@ -271,9 +256,9 @@ def needs_attitude(z: Buffer) -> bool:
 @kernel
 def _shows_turning_path(z: Buffer) -> bool:
     body_force = (
-        is_nonzero(vec3_at(z, _CONSTANT_FORCE_B)) or is_nonzero(vec3_at(z, _INPUT_FORCE_B)) or is_set(z, _PORT_FORCE_B)
+        is_nonzero(vec3_at(z, AT.constant_force_b)) or is_nonzero(vec3_at(z, AT.force_b)) or is_set(z, PORTS.force_b)
     )
-    beside = body_force or is_nonzero(vec3_at(z, _R_OC))
+    beside = body_force or is_nonzero(vec3_at(z, AT.r_oc_b))
     return bool(beside and not has_pivot(z) and z[_PATH] != 0.0)
 
 

@@ -13,14 +13,13 @@ from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import invert_matrix
 from ..rotations.vec3 import add_scaled, scale
 from ..types import Buffer, Matrix, Vec3
-from .memory import LAYOUT, has_pivot, inertia_of, principal_frame
+from .memory import AT, has_pivot, inertia_of, principal_frame
 
 Axes = tuple[Vector, Vector, Vector]
 """The three principal axes, each in b."""
 Inertia = tuple[DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble, DoubleDouble]
 """The elements 11, 22, 33, 12, 13, 23."""
 
-_MASS, _R_OC = LAYOUT.starts("mass", "r_oc_b")
 _ZERO: DoubleDouble = (0.0, 0.0)
 _ONE: DoubleDouble = (1.0, 0.0)
 _NEGLIGIBLE = 2.0**-106
@@ -83,7 +82,7 @@ def _about_reference(z: Buffer) -> Inertia:
     M: Inertia = ((a, 0.0), (b, 0.0), (c, 0.0), (d, 0.0), (e, 0.0), (f, 0.0))
     if not has_pivot(z):
         return M
-    m, (x, y, w) = z[_MASS], vec3_at(z, _R_OC)
+    m, (x, y, w) = z[AT.mass], vec3_at(z, AT.r_oc_b)
     xx, yy, ww = two_product(x, x), two_product(y, y), two_product(w, w)
     return (
         _plus(M[0], m, dd.add(yy, ww)), _plus(M[1], m, dd.add(ww, xx)), _plus(M[2], m, dd.add(xx, yy)),

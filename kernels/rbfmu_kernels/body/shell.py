@@ -55,14 +55,10 @@ class Model:
     lanes: Callable[[], Lanes] | None = None
 
 
-def set_up(z: Buffer) -> int:
-    """Stand for a model's own function in the template `initialize`."""
-    raise NotImplementedError
-
-
-def advance(z: Buffer, h: float) -> int:
-    """Stand for a model's own function in the template `step`."""
-    raise NotImplementedError
+# What templates are bound to, see `bind`: a model's own functions.
+_missing: Any = None
+set_up: Entry = _missing
+advance: Step = _missing
 
 
 def initialize(z: Buffer) -> int:
@@ -75,13 +71,7 @@ def step(z: Buffer, h: float) -> int:
     return advance(z, h) if h > 0.0 else STEP_REJECTED
 
 
-def make_model(
-    constant: str,
-    layout: Layout,
-    own_set_up: Entry,
-    own_advance: Step,
-    **fields: Any,
-) -> Model:
+def make_model(constant: str, layout: Layout, own_set_up: Entry, own_advance: Step, **fields: Any) -> Model:
     """Return a model of a body.
 
     constant: its name in the module that has it and its functions. own_set_up: sets the model's own blocks, once the

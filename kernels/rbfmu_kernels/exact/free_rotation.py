@@ -27,13 +27,9 @@ from ..numerics.elementary import power_of_two_for, sincos_half_turns
 from ..numerics.elliptic import NEAREST_KC, jacobi_low_parts
 from ..rotations.quaternion import compose_quaternions, square_of
 from ..types import Array, Buffer, Quaternion, Vec3
-from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, jacobi_of, place_of, read_steady, turn_of
-from .free_rotation_series import Place as Place
-from .free_rotation_setup import FREE_ROTATION_SIZE as FREE_ROTATION_SIZE
-from .free_rotation_setup import FreeRotation as FreeRotation
-from .free_rotation_setup import FreeRotationNumbers, flatten_free_rotation, in_body_axes, steady_setup, tumbling_setup
-from .free_rotation_setup import put_free_rotation as put_free_rotation
-from .free_rotation_setup import read_free_rotation as read_free_rotation
+from . import free_rotation_setup as constants
+from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, Place, jacobi_of, place_of, read_steady, turn_of
+from .free_rotation_setup import FreeRotation, FreeRotationNumbers, in_body_axes, read_free_rotation
 from .uniform_rotation import power_for, without_turns
 
 __all__ = ["free_rotation", "free_rotation_at", "free_rotation_setup"]
@@ -51,7 +47,7 @@ def free_rotation_setup(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3) -> Free
     NaN where there is no motion: a negative moment, a zero moment beside unequal ones, a non-finite argument.
     """
     motion = free_rotation_of(dd.vector(moments), q_0, dd.vector(omega_b_0))
-    numbers: FreeRotationNumbers = flatten_free_rotation(motion)
+    numbers: FreeRotationNumbers = constants.flatten_free_rotation(motion)
     return numbers
 
 
@@ -69,8 +65,8 @@ def free_rotation_of(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> Fre
     steady_2 = j_3 == j_1 or w_3 == 0.0 or w_1 == 0.0
     steady_3 = j_1 == j_2 or w_1 == 0.0 or w_2 == 0.0
     if steady_1 and steady_2 and steady_3:
-        return steady_setup(q, omega, unit)
-    return tumbling_setup((j_1, j_2, j_3), q, omega, unit)
+        return constants.steady_setup(q, omega, unit)
+    return constants.tumbling_setup((j_1, j_2, j_3), q, omega, unit)
 
 
 @kernel
@@ -333,7 +329,7 @@ def _together(c: Buffer, count: int, bodies: Bodies, found: Motions) -> None:
     attitude: Quaternion = quaternion_at(c, _Q)
     start, rates = dd.vector(vec3_at(c, _MOMENTS)), dd.vector(vec3_at(c, _OMEGA))
     scaled, attitude, rates, unit = scaled_for_setup(start, attitude, rates)
-    motion = tumbling_setup(scaled, attitude, rates, unit)
+    motion = constants.tumbling_setup(scaled, attitude, rates, unit)
     for k in range(found.t.shape[1]):
         for lane in range(width_of(c)):
             put_lane_at(c, _TIME, lane, found.t[int(lane_at(c, _BODY, lane)) % len(found.t), k])

@@ -5,24 +5,22 @@ body rate's series is that of `taylor_coefficients`. The attitude's begins at q_
 is linear, and goes on until its terms are small. Both are evaluated up to their reach.
 
 Works in a piece of a model's buffer, see `taylor_coefficients`; what is kept: `SERIES_BLOCKS`; states: see
-`rigid_body_state`.
+`equations_of_motion`.
 """
 
 import math
 
 from ..buffer import MAX_SUBSTEPS, places
-from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_vec3_at, quaternion_at, vec3_at
+from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import Lanes, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
-from ..mechanics.equations_of_motion import Body, LoadPolynomial
+from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, ROTATION, V_C, WHOLE_STATE, Body, LoadPolynomial
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble
 from ..rotations.vec3 import add, add_scaled, largest_component, norm, scale, subtract
 from ..types import Buffer, Quaternion, Vec3
-from . import rigid_body_state as state
 from . import substeps
 from . import taylor_coefficients as series
-from .rigid_body_state import RATE_ONLY, ROTATION, WHOLE_STATE
 from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE_RATE, PER, RATE, ROW, ROWS, TURN, WORK, term
 
@@ -172,7 +170,8 @@ order of the attitude; steps until a series is tried again; attitude and rate wh
 force which turns with the body has added since then."""
 _LAYOUT = places(SERIES_BLOCKS)
 SERIES_SIZE = _LAYOUT.size
-_VALIDITY, _REACH, SINCE, _EXTENT, _TURN_ORDER, COOL_DOWN, _START, _PATH = _LAYOUT.starts(*SERIES_BLOCKS)
+KEPT = _LAYOUT.at
+"""Where each of these stands in what is kept."""
 NONE, VALID, STALE = 0.0, 1.0, 2.0
 """A stale series has its work space overwritten, and is made again before it goes on."""
 LEAST_REACH = 1.5
@@ -203,39 +202,27 @@ _CLOCK = 1.0 + 1e-9
 @kernel
 def reaches_over(z: Buffer, i: int, h: float) -> bool:
     """Return whether the series that is kept from z[i] on stands ready for a step h."""
-    return bool(z[i] == VALID and z[i + SINCE] + h <= _CLOCK * z[i + _REACH])
-
-
-@kernel
-def turn_order_of(z: Buffer, i: int) -> int:
-    """Return the order of the attitude."""
-    return int(z[i + _TURN_ORDER])
-
-
-@kernel
-def extent_of(z: Buffer, i: int) -> int:
-    """Return how much of a state the series serves."""
-    return int(z[i + _EXTENT])
+    return bool(z[i] == VALID and z[i + KEPT.since] + h <= _CLOCK * z[i + KEPT.reach])
 
 
 @kernel
 def clock_after(z: Buffer, i: int, h: float) -> DoubleDouble:
     """Return how far the series has served after a step h, s."""
-    return dd.add_float(pair_at(z, i + SINCE), h)
+    return dd.add_float(pair_at(z, i + KEPT.since), h)
 
 
 @kernel
 def begin_clock(z: Buffer, i: int, n: int, m: int, reach: float) -> None:
     """Let a series begin now; n: how much of a state it serves, m: the order of the attitude."""
-    z[i], z[i + _REACH], z[i + _EXTENT], z[i + _TURN_ORDER] = VALID, reach, float(n), float(m)
-    put_pair_at(z, i + SINCE, (0.0, 0.0))
+    z[i], z[i + KEPT.reach], z[i + KEPT.extent], z[i + KEPT.turn_order] = VALID, reach, float(n), float(m)
+    put_pair_at(z, i + KEPT.since, (0.0, 0.0))
 
 
 @kernel
 def pass_time(z: Buffer, i: int, h: float) -> float:
     """Count a step h along the series; return how far it has served then."""
     since = clock_after(z, i, h)
-    put_pair_at(z, i + SINCE, since)
+    put_pair_at(z, i + KEPT.since, since)
     return since[0]
 
 
@@ -248,10 +235,10 @@ def follow(z: Buffer, room: Room, i: int, order: int, h: float) -> None:
 @kernel
 def _put_motion(z: Buffer, room: Room, i: int, order: int, h: float, t: float) -> None:
     """Set the state to that at t of the series, h after the one before."""
-    n, (y, w, _) = extent_of(z, i), room
-    state.put_omega(z, y, rate_at(z, w, order, t))
+    n, (y, w, _) = int(z[i + KEPT.extent]), room
+    put_vec3_at(z, y + OMEGA, rate_at(z, w, order, t))
     if n != RATE_ONLY:
-        state.put_attitude(z, y, attitude_at(z, w, turn_order_of(z, i), t))
+        put_quaternion_at(z, y, attitude_at(z, w, int(z[i + KEPT.turn_order]), t))
     if n == WHOLE_STATE:
         _put_path(z, y, w, i, h, t)
 
@@ -260,17 +247,17 @@ def _put_motion(z: Buffer, room: Room, i: int, order: int, h: float, t: float) -
 def _put_path(z: Buffer, y: int, w: int, i: int, h: float, t: float) -> None:
     """Add to velocity and position what the turning force has added to them since the last step, and h times v."""
     speed, path = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    for k in range(turn_order_of(z, i) - 1, -1, -1):
+    for k in range(int(z[i + KEPT.turn_order]) - 1, -1, -1):
         gain = scale(PER[k], vec3_at(z, w + term(ACCELERATION, k)))
         speed = add_scaled(gain, t, speed)
         path = add_scaled(scale(PER[k + 1], gain), t, path)
     speed, path = scale(t, speed), scale(t * t, path)
-    speed_0, path_0, v = vec3_at(z, i + _PATH), vec3_at(z, i + _PATH + 3), state.velocity(z, y)
-    put_vec3_at(z, i + _PATH, speed)
-    put_vec3_at(z, i + _PATH + 3, path)
+    speed_0, path_0, v = vec3_at(z, i + KEPT.path), vec3_at(z, i + KEPT.path + 3), vec3_at(z, y + V_C)
+    put_vec3_at(z, i + KEPT.path, speed)
+    put_vec3_at(z, i + KEPT.path + 3, path)
     way = subtract(subtract(path, path_0), scale(h, speed_0))
-    state.put_position(z, y, add(state.position(z, y), add_scaled(way, h, v)))
-    state.put_velocity(z, y, add(v, subtract(speed, speed_0)))
+    put_vec3_at(z, y + R_C, add(vec3_at(z, y + R_C), add_scaled(way, h, v)))
+    put_vec3_at(z, y + V_C, add(v, subtract(speed, speed_0)))
 
 
 @kernel
@@ -286,21 +273,21 @@ def follow_series(z: Buffer, room: Room, i: int, method: Method, h: float, body:
     again, stands = bool(z[i] == STALE), bool(z[i] == VALID)
     for _ in range(int(MAX_SUBSTEPS)):
         if not stands:
-            _make(z, room, i + _START if again else y, i, method, body, loads, again)
+            _make(z, room, i + KEPT.start if again else y, i, method, body, loads, again)
             if not again:
-                if not z[i + _REACH] >= LEAST_REACH * h:
+                if not z[i + KEPT.reach] >= LEAST_REACH * h:
                     break
                 longest = z[size]
                 substeps.count_substep(z, size)
         if reaches_over(z, i, rest):
             follow(z, room, i, method.order, rest)
             return 0.0
-        (high, low), reach = pair_at(z, i + SINCE), z[i + _REACH]
+        (high, low), reach = pair_at(z, i + KEPT.since), z[i + KEPT.reach]
         part = (reach - high) - low
         _put_motion(z, room, i, method.order, part, reach)
         rest -= part
         again = stands = False
-    z[i], z[i + COOL_DOWN], z[size] = NONE, COOL_DOWN_STEPS, longest
+    z[i], z[i + KEPT.cool_down], z[size] = NONE, COOL_DOWN_STEPS, longest
     return rest
 
 
@@ -310,15 +297,15 @@ def _make(
 ) -> None:
     """Make the series of the motion from the state z[y:] on; again: to the order and reach that are kept."""
     (n, order, tolerance, span), (_, w, size) = method, room
-    s, q, m = z[w : w + WORK], state.attitude(z, y), turn_order_of(z, i) if again else order
+    s, q, m = z[w : w + WORK], quaternion_at(z, y), int(z[i + KEPT.turn_order]) if again else order
     fixed = series.space_fixed_loads(body, loads)
-    series.put_factors(s, RATE, state.omega(z, y))
+    series.put_factors(s, RATE, vec3_at(z, y + OMEGA))
     if fixed.lever_force or fixed.torque:
         series.turned_loads(s, q, loads, fixed)
     series.motion_series(s, 0, order, 0, body, series.known_torques(loads, body), fixed)
     end_series(s, RATE, order)
     least = 0.0 if fixed.lever_force or fixed.torque else 1.0
-    reach, speed, exact = z[i + _REACH], 1.0, again or n == WHOLE_STATE
+    reach, speed, exact = z[i + KEPT.reach], 1.0, again or n == WHOLE_STATE
     if not again:
         reach = z[size] if n == RATE_ONLY else likely_reach(s, order, z[size])
         reach, _ = reach_within(s, method, 0, speed, reach, least)
@@ -329,15 +316,15 @@ def _make(
         m = attitude_series(s, FORCE_RATE, q, m, reach, bound)
     if n == WHOLE_STATE:
         series.acceleration_series(s, m, body.inverse_mass, loads)
-        speed = max(largest_component(state.velocity(z, y)), 1.0)
+        speed = max(largest_component(vec3_at(z, y + V_C)), 1.0)
     if again:
         z[i] = VALID
         return
-    copy_numbers(z, y, i + _START, ROTATION)
+    copy_numbers(z, y, i + KEPT.start, ROTATION)
     reach, z[size] = reach_within(s, method, m, speed, reach, least)
     begin_clock(z, i, n, m, reach)
     for k in range(6):
-        z[i + _PATH + k] = 0.0
+        z[i + KEPT.path + k] = 0.0
 
 
 @kernel

@@ -7,9 +7,9 @@ from ..buffer import MAX_SUBSTEPS
 from ..buffer_access import pair_at, put_pair_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.wide import any_of, choose
+from ..mechanics.equations_of_motion import RATE_ONLY
 from ..rotations.vec3 import add, dot, largest_component, scale
 from ..types import Buffer, Vec3
-from .rigid_body_state import RATE_ONLY
 from .taylor_coefficients import FORCE, RATE, TORQUE, term
 
 ROUND_OFF = 2.0**-52
@@ -18,7 +18,7 @@ LONGEST_STEP = 1e30
 
 
 class Method(NamedTuple):
-    """What is integrated, and how well: n, how much of a state (`rigid_body_state`); order, of the series.
+    """What is integrated, and how well: n, how much of a state (`equations_of_motion`); order, of the series.
 
     tolerance: the largest estimated error of a substep; or, where span is not 0, of all substeps of a run of `span` s
     together, as an error of the rate counts as what it turns the body by in that time; see `body.memory.SETTINGS`.

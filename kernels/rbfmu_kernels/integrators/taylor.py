@@ -7,7 +7,7 @@ explicit. Where a force turns with the body, velocity and position follow in the
 Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993, I.8 (series) and II.13 (Obreshkov's
 methods); the step is chosen by the last two terms: A. Jorba & M. Zou, Experimental Mathematics 14 (2005).
 
-Works in a piece of a model's buffer, see `taylor_coefficients`; states: see `rigid_body_state`.
+Works in a piece of a model's buffer, see `taylor_coefficients`; states: see `equations_of_motion`.
 """
 
 import math
@@ -15,18 +15,17 @@ import math
 import numpy as np
 
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
-from ..buffer_access import quaternion_at, vec3_at
+from ..buffer_access import put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
-from ..mechanics.equations_of_motion import Body, LoadPolynomial, polynomial_after
+from ..mechanics import equations_of_motion as motion
+from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, V_C, WHOLE_STATE, Body, LoadPolynomial
 from ..mechanics.inertia import trace
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import add, add_scaled, dot, largest_component, scale
 from ..types import Buffer, Quaternion, Vec3
-from . import rigid_body_state as state
 from . import substeps
 from . import taylor_coefficients as series
-from .rigid_body_state import RATE_ONLY, WHOLE_STATE
 from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE, PER, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 
@@ -107,13 +106,13 @@ def _half_path(s: Buffer, m: int, h: float) -> tuple[Vec3, Vec3]:
 @kernel
 def _move_centre(z: Buffer, y: int, s: Buffer, m: int, h: float) -> None:
     """Add half of the two-point formula to velocity and position of the state z[y:], h < 0 at a step's end."""
-    (speed, path), q = _half_path(s, m, h), state.attitude(z, y)
+    (speed, path), q = _half_path(s, m, h), quaternion_at(z, y)
     sign = math.copysign(1.0, h)
     gain, path = scale(sign, rotate(q, speed)), scale(sign, rotate(q, path))
     none = (0.0, 0.0, 0.0)
-    v_c = add(state.velocity(z, y), gain if h < 0.0 else none)
-    state.put_position(z, y, add(state.position(z, y), add(scale(0.5 * abs(h), v_c), path)))
-    state.put_velocity(z, y, add(v_c, gain if h > 0.0 else none))
+    v_c = add(vec3_at(z, y + V_C), gain if h < 0.0 else none)
+    put_vec3_at(z, y + R_C, add(vec3_at(z, y + R_C), add(scale(0.5 * abs(h), v_c), path)))
+    put_vec3_at(z, y + V_C, add(v_c, gain if h > 0.0 else none))
 
 
 @kernel
@@ -167,15 +166,15 @@ def turn(
 
     Row 0 to m of the series are those at the step's end then, by which the two-point formula knows the attitude there.
     """
-    q, half, m = state.attitude(z, y), (1.0, 0.0, 0.0, 0.0), derivatives_of_attitude(method.order)
+    q, half, m = quaternion_at(z, y), (1.0, 0.0, 0.0, 0.0), derivatives_of_attitude(method.order)
     if method.n != RATE_ONLY:
         half = _half_turn(s, m, h)
     _put_sums(s, method.order, h, fixed)
-    state.put_omega(z, y, vec3_at(s, RATE))
+    put_vec3_at(z, y + OMEGA, vec3_at(s, RATE))
     if method.n != RATE_ONLY:
         series.motion_series(s, 0, m, m, body, torques, fixed)
         q = compose_quaternions(compose_quaternions(q, half), invert_quaternion(_half_turn(s, m, -h)))
-        state.put_unit_attitude(z, y, q)
+        motion.put_unit_attitude(z, y, q)
 
 
 @kernel(inline=False)
@@ -192,9 +191,9 @@ def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, 
     s, m, now = z[w : w + WORK], derivatives_of_attitude(order), loads
     fixed, torques = series.space_fixed_loads(body, loads), series.known_torques(loads, body)
     turned = fixed.lever_force or fixed.torque
-    series.put_factors(s, RATE, state.omega(z, y))
+    series.put_factors(s, RATE, vec3_at(z, y + OMEGA))
     if turned:
-        series.turned_loads(s, state.attitude(z, y), now, fixed)
+        series.turned_loads(s, quaternion_at(z, y), now, fixed)
     series.motion_series(s, 0, order, m, body, torques, fixed)
     if n == WHOLE_STATE:
         series.acceleration_series(s, m, body.inverse_mass, now)
@@ -218,7 +217,7 @@ def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, 
         if n == WHOLE_STATE:
             _move_centre(z, y, s, m, part)
         if fixed.changing:
-            now = polynomial_after(loads, h - rest)
+            now = motion.polynomial_after(loads, h - rest)
             torques = series.known_torques(now, body)
         turn(z, y, s, method, part, body, torques, fixed)
         if n == WHOLE_STATE:
@@ -227,7 +226,7 @@ def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, 
         if rest > 0.0:
             anew = turned and (fixed.changing or tried % STEPS_OF_LOADS == 0)
             if anew:
-                series.turned_loads(s, state.attitude(z, y), now, fixed)
+                series.turned_loads(s, quaternion_at(z, y), now, fixed)
             series.motion_series(s, 0 if n == RATE_ONLY or anew else m, order, 0, body, torques, fixed)
     return OK
 
@@ -239,7 +238,7 @@ def _excess(
     """Return the estimated error of the first of `count` equal steps over that which is allowed."""
     acceleration = 0.0
     if method.n == WHOLE_STATE:
-        speed = max(largest_component(state.velocity(z, y)), 1.0)
+        speed = max(largest_component(vec3_at(z, y + V_C)), 1.0)
         acceleration = largest_component(vec3_at(s, ACCELERATION)) / speed
     turned = fixed.lever_force or fixed.torque
     alpha_fixed = space_fixed_acceleration(s, body, fixed) if turned and count > 1 else 0.0

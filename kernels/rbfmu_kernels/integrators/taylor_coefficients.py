@@ -35,7 +35,7 @@ _, WORK = _LAYOUT = places(dict.fromkeys(_NAMES, _SERIES))
 """The series, and the size of the work space that holds them: the body rate; D, the attitude relative to that at the
 series' beginning; force_a and torque_a as b sees them, and their derivatives; D F_b D* / mass, the acceleration by a
 force that turns with the body."""
-RATE, TURN, FORCE, TORQUE, FORCE_RATE, TORQUE_RATE, FORCE_RATE_2, TORQUE_RATE_2, ACCELERATION = _LAYOUT.starts(*_NAMES)
+RATE, TURN, FORCE, TORQUE, FORCE_RATE, TORQUE_RATE, FORCE_RATE_2, TORQUE_RATE_2, ACCELERATION = _LAYOUT.at
 TO_DERIVATIVE = FORCE_RATE - FORCE
 """From a load's series to that of its derivative."""
 ROWS = 31

@@ -1,15 +1,30 @@
-"""Equations of motion of one body, free or turning about a pivot, under known and supplied loads."""
+"""Equations of motion of one body, free or turning about a pivot, under known and supplied loads; its state.
 
+In a flat buffer integrators hold a state as `STATE_BLOCKS`: q_ab, omega_b, r_c, v_c, in sizes that vectorise. No load
+depends on the position, so it is integrated only where a force turns with the body (`WHOLE_STATE`); else the first half
+suffices (`ROTATION`) and the position has a closed form.
+"""
+
+import math
 from typing import NamedTuple
 
+from ..buffer import places
+from ..buffer_access import put_quaternion_at
 from ..compile.decorator import kernel
 from ..rotations.matrix import transform
 from ..rotations.quaternion import invert_quaternion, quaternion_rate_b, rotate
 from ..rotations.vec3 import add, add_scaled, cross, is_nonzero, scale, subtract
-from ..types import Matrix, Quaternion, Vec3
-from .newton_euler import damping_torque, gyroscopic_torque
+from ..types import Buffer, Matrix, Quaternion, Vec3
+from .rigid_body import damping_torque, gyroscopic_torque
 
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
+STATE_BLOCKS = {"q": 4, "omega": 3, "pad": 1, "r_c": 3, "v_c": 3, "pad_2": 2}
+_PLACES = places(STATE_BLOCKS)
+STATE_SIZE = _PLACES.size
+_, OMEGA, _, R_C, V_C, _ = _PLACES.at
+"""Where in a state its vectors begin; the attitude stands first."""
+RATE_ONLY, ROTATION, WHOLE_STATE = 3, R_C, STATE_SIZE
+"""How much of a state is integrated: the rate alone (by DOP853 with the attitude), rotation, all."""
 
 
 class State(NamedTuple):
@@ -19,6 +34,27 @@ class State(NamedTuple):
     v_c: Vec3
     q_ab: Quaternion
     omega_b: Vec3
+
+
+class Rotation(NamedTuple):
+    """Attitude and body rate omega_ab_b."""
+
+    q_ab: Quaternion
+    omega_b: Vec3
+
+
+class Centre(NamedTuple):
+    """Position and velocity of the centre of mass, in a."""
+
+    r_c: Vec3
+    v_c: Vec3
+
+
+@kernel
+def put_unit_attitude(z: Buffer, i: int, q: Quaternion) -> None:
+    """Set the quaternion of the state that begins at z[i], scaled to length 1."""
+    s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    put_quaternion_at(z, i, (s * q[0], s * q[1], s * q[2], s * q[3]))
 
 
 Rates = State

@@ -1,18 +1,160 @@
-"""Models of one scene's formulas: templates of `formulas` bound to generated kernels and to places of a buffer."""
+"""Models of one scene's formulas: templates bound to generated kernels and to places of a buffer, one body or several.
+
+`run_in_lanes` and what it calls are templates too, of members of an ensemble side by side in lanes. Making series takes
+most of the time, and is the same work for all bodies: it is done for numbers of several at once. All else, a step's
+size, corners, events, and what serves communication points, each has in a buffer of its own, by the code of single
+runs. A lane goes on with its body's run, whatever the others' time, until that needs the next series.
+"""
 
 from collections.abc import Callable, Mapping
 from types import FunctionType
 from typing import Any
 
-from ..body.shell import Lanes, Model, bind, initialize, step
-from ..compile.simd import eight_wide, four_wide
-from . import formula_events, formula_lanes, formula_variations, formulas
+from ..body import members as one
+from ..body import shell
+from ..body.members import Control, Driving, Members, Room, Run
+from ..body.shell import Lanes, Model, bind
+from ..buffer import OK, STEP_REJECTED, Layout
+from ..compile.simd import eight_wide, four_wide, lane_at, put_lane_at, width_of
+from ..types import Array, Buffer
+from . import formula_events, formula_variations, formulas
+from .formulas import PENDING, begin_step, evaluate_at_end, go_on_by_series, prepare_series, reaches_over, settle_sides
 
-Layout = tuple[dict[str, slice], int]
+MARKS = 8
+MEMBER, POINT, PIECE, SETTLED = range(4)
+"""What is known of a lane: its member, or -1; the communication point and the piece where that is; whether the last
+series was settled."""
+
+# What templates are bound to, see `formulas`; wide: `four_wide` or `eight_wide`.
+_missing: Any = None
+initialize = wide_constants = wide_first = wide_further = wide = _missing
+_places: tuple[int, ...] = ()
+INPUTS = RATES = RATES_2 = STATES = _places
+NUMBER_OF_INPUTS = NUMBER_OF_SIDES = NUMBER_TOUCHING = SIDES = ORDER = WORK = ROWS = ROW = 0
+WIDE_ROW = 0
+
+
+def put_head_in_lane(z: Buffer, c: Buffer, lane: int) -> None:
+    """Give a lane all numbers of a body but its work space."""
+    for i in range(WORK):
+        put_lane_at(c, i, lane, z[i])
+
+
+def put_starts_in_lane(z: Buffer, c: Buffer, lane: int) -> None:
+    """Give a lane what changes from series to series: states, inputs, sides."""
+    for i in range(len(STATES)):
+        put_lane_at(c, ROWS + i, lane, z[ROWS + i])
+    for i in range(NUMBER_OF_INPUTS):
+        put_lane_at(c, INPUTS[i], lane, z[INPUTS[i]])
+        put_lane_at(c, RATES[i], lane, z[RATES[i]])
+        put_lane_at(c, RATES_2[i], lane, z[RATES_2[i]])
+    for i in range(NUMBER_OF_SIDES):
+        put_lane_at(c, SIDES + i, lane, z[SIDES + i])
+
+
+def take_series_of_lane(z: Buffer, c: Buffer, lane: int) -> None:
+    """Take a body's series, of its states and of what ends them, out of a lane."""
+    for k in range(int(z[ORDER]) + 1):
+        for i in range(len(STATES) + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING):
+            z[ROWS + k * ROW + i] = lane_at(c, ROWS + k * WIDE_ROW + i, lane)
+
+
+def make_series_of_lanes(c: Buffer, buffers: Array, marks: Array) -> None:
+    """Make the series of all lanes, again where sides change: those of the others come to the same bits."""
+    n = 0
+    for lane in range(width_of(c)):
+        z = buffers[lane]
+        marks[lane, SETTLED] = 1.0
+        if marks[lane, MEMBER] >= 0.0:
+            n = int(z[ORDER])
+            prepare_series(z)
+            marks[lane, SETTLED] = 0.0
+    for _ in range(3 * NUMBER_OF_SIDES + 1):
+        for lane in range(width_of(c)):
+            if marks[lane, SETTLED] == 0.0:
+                put_starts_in_lane(buffers[lane], c, lane)
+        wide_constants(c, WORK)
+        wide_first(c, WORK)
+        for k in range(1, n):
+            wide_further(c, WORK, k)
+        all_settled = True
+        for lane in range(width_of(c)):
+            if marks[lane, SETTLED] == 0.0:
+                take_series_of_lane(buffers[lane], c, lane)
+                marks[lane, SETTLED] = 1.0 if settle_sides(buffers[lane]) else 0.0
+                all_settled = all_settled and marks[lane, SETTLED] != 0.0
+        if all_settled:
+            break
+
+
+def run_on_with_member(z: Buffer, state: Array, mark: Array, status: int, run: Run) -> bool:
+    """Go on with a run, whose step now has this status, until one is pending; return whether one is."""
+    i, k, piece = int(mark[MEMBER]), int(mark[POINT]), int(mark[PIECE])
+    driving = run.driving
+    while status == OK:
+        piece += 1
+        if piece == one.pieces_before(driving, i, k + 1):
+            k += 1
+            one.record(z, i, k, run)
+        if k == len(driving.time) - 1 or not one.drive(z, state, i, k, piece, run):
+            break
+        h, status = driving.lengths[piece], STEP_REJECTED
+        if h > 0.0:
+            status = evaluate_at_end(z, h) if reaches_over(z, h) else begin_step(z, h)
+    mark[POINT], mark[PIECE] = k, piece
+    if status != PENDING:
+        one.note(z, i, run)
+    return status == PENDING
+
+
+def begin_next_member(z: Buffer, state: Array, mark: Array, c: Buffer, lane: int, i: int, run: Run) -> int:
+    """Let a lane begin with the next member, from i on, that needs series; return the number of the one after it."""
+    members = run.members
+    while i < len(members.values):
+        one.begin(z, state, i, WORK, run)  # the work space is written before it is read
+        members.ends[i, 0] = initialize(z)
+        mark[MEMBER], mark[POINT], mark[PIECE], status = i, 0.0, one.pieces_before(run.driving, i, 0) - 1, STEP_REJECTED
+        if members.ends[i, 0] == 0:
+            one.record(z, i, 0, run)
+            status = OK
+        i += 1
+        if run_on_with_member(z, state, mark, status, run):
+            put_head_in_lane(z, c, lane)
+            return i
+    mark[MEMBER] = -1.0
+    return i
+
+
+def run_in_lanes(
+    control: Control, members: Members, driving: Driving, room: Room, buffers: Array, states: Array, marks: Array,
+    scratch: Array,
+) -> None:  # fmt: skip
+    """Run members of an ensemble side by side: see `body.members`.
+
+    buffers (b, SIZE), states (b, k), marks (b, MARKS): room for as many members; scratch: for all lanes.
+    """
+    run, c, i, busy = Run(control, members, driving, room), wide(scratch, 0), 0, 0
+    for lane in range(width_of(c)):
+        i = begin_next_member(buffers[lane], states[lane], marks[lane], c, lane, i, run)
+        busy += 1 if marks[lane, MEMBER] >= 0.0 else 0
+    while busy > 0:
+        make_series_of_lanes(c, buffers, marks)
+        for lane in range(width_of(c)):
+            z, state, mark = buffers[lane], states[lane], marks[lane]
+            if mark[MEMBER] < 0.0:
+                continue
+            status = go_on_by_series(z, driving.lengths[int(mark[PIECE])], mark[SETTLED] != 0.0)
+            if not run_on_with_member(z, state, mark, status, run):
+                i = begin_next_member(z, state, mark, c, lane, i, run)
+                busy -= 1 if mark[MEMBER] < 0.0 else 0
+
+
+# Binding
+
 Kernels = Mapping[str, Callable[..., Any]]
 _HOME = formulas.__name__
 """The module of all that is bound."""
-_TEMPLATES = {one.__name__ for one in (formula_events, formula_lanes, formula_variations, formulas)}
+_TEMPLATES = {__name__, *(module.__name__ for module in (formula_events, formula_variations, formulas))}
 """The modules whose functions are templates."""
 
 
@@ -41,8 +183,8 @@ def make_formulas(constant: str, layout: Layout, generated: Kernels, places: Map
     return Model(
         f"formulas.{constant}",
         *layout,
-        initialize=bind(initialize, _HOME, constant, set_up=set_up),
-        step=bind(step, _HOME, constant, advance=advance),
+        initialize=bind(shell.initialize, _HOME, constant, set_up=set_up),
+        step=bind(shell.step, _HOME, constant, advance=advance),
         outputs=_bound(formulas.outputs_now, constant, own),
         feedthrough=generated["feedthrough"],
         ORDERS=formulas.ORDERS,
@@ -73,7 +215,7 @@ def make_lanes(model: Model, own: Mapping[str, Any], constant: str, wide: Mappin
     _bound(formulas.advance_formulas, model.name.partition(".")[2], found)  # what steps call, which lanes call too
     found |= {**wide, "initialize": model.initialize}
     in_four, in_eight = (
-        _bound(formula_lanes.run_in_lanes, f"{constant}_{width}", found | {"wide": numbers})
+        _bound(run_in_lanes, f"{constant}_{width}", found | {"wide": numbers})
         for width, numbers in ((4, four_wide), (8, eight_wide))
     )
     scratch = own["ROWS"] + wide["WIDE_ROW"] * (max(formulas.ORDERS) + 1)

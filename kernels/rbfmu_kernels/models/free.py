@@ -2,7 +2,7 @@
 
 `constant_rate`: a sphere, or a spin about a principal axis. `free_symmetric`: two equal moments make two steady turns,
 of elementary functions only. `free_triaxial`: any body; while steps are short, a series about an exact state serves
-many of them, see `integrators.free_series`.
+many of them: no error adds up, and it reaches as far as its terms are below round-off.
 
 `free_body_force`: a force fixed in b moves the body along a path that is a quadrature of it. A step is cut into equal
 panels of at most `substep`, each with `order` points of Gauss's rule. What a panel of length s leaves out shrinks as
@@ -11,7 +11,6 @@ Source: Abramowitz and Stegun, 25.4.30.
 """
 
 from ..body import closed_form, memory
-from ..body.fixed_axis import turns_path
 from ..body.outputs import output_rates
 from ..body.principal import axes_as_floats, exact_frame, exact_symmetric_frame, keeps_its_rate, rates_along
 from ..body.shell import make_model
@@ -20,21 +19,30 @@ from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec
 from ..compile.decorator import kernel
 from ..exact import free_rotation as exact
 from ..exact import uniform_rotation as uniform
-from ..integrators import free_series
-from ..integrators.dense_output import NONE, pass_time, reaches_over
+from ..exact.free_rotation_series import Place
+from ..exact.free_rotation_setup import FREE_ROTATION_SIZE, FreeRotation, put_free_rotation, read_free_rotation
+from ..integrators import dense_output as dense
 from ..integrators.splitting import is_symmetric_top
-from ..integrators.substeps import substeps_in
-from ..mechanics.equations_of_motion import steady_acceleration, turning_acceleration
+from ..integrators.substeps import LONGEST_STEP, Method, substeps_in
+from ..integrators.taylor_coefficients import (
+    FORCE,
+    FORCE_RATE,
+    MAX_ORDER,
+    RATE,
+    SpaceFixedLoads,
+    motion_series,
+    put_factors,
+)
+from ..mechanics.equations_of_motion import ROTATION, Body, steady_acceleration, turning_acceleration
 from ..numerics import double_double as dd
 from ..numerics.double_double import two_sum
 from ..rotations.matrix import invert_matrix, quaternion_from_matrix, transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
-from ..rotations.vec3 import add_scaled
-from ..types import Buffer, Vec3
+from ..rotations.vec3 import add_scaled, norm
+from ..types import Buffer, Quaternion, Vec3
 
 _CONSTANT_RATE_LAYOUT = places(closed_form.CLOSED_FORM | {"turning": uniform.TURNING_SIZE})
-
-_TURNING = _CONSTANT_RATE_LAYOUT.blocks["turning"].start
+_TURNING = _CONSTANT_RATE_LAYOUT.at.turning
 
 
 @kernel
@@ -43,8 +51,7 @@ def _set_up_constant_rate(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and (not keeps_its_rate(z, omega) or _is_disturbed(z)):
         return UNSTEADY
     uniform.put_turning(z, _TURNING, uniform.turning_about(dd.vector(omega)))
-    closed_form.start_clocks(z)
-    return 0
+    return closed_form.start_clocks(z)
 
 
 @kernel
@@ -53,17 +60,14 @@ def _advance_constant_rate(z: Buffer, h: float) -> int:
     if not memory.skips_model_checks(z) and _is_disturbed(z):
         return STEP_REJECTED
     t = closed_form.time_after(z, h)
-    q = compose_quaternions(
-        closed_form.first_attitude(z),
-        uniform.rotation_after(uniform.turning_at(z, _TURNING), t),
-    )
+    q = compose_quaternions(closed_form.first_attitude(z), uniform.rotation_after(uniform.turning_at(z, _TURNING), t))
     return closed_form.finish_step(z, h, q, memory.rotation_of(z).omega_b)
 
 
 @kernel
 def _is_disturbed(z: Buffer) -> bool:
     """Return whether a torque acts, or a turning force bends the body's path; one along the rate does not turn."""
-    return closed_form.has_torque(z) or turns_path(z, memory.rotation_of(z).omega_b)
+    return closed_form.has_torque(z) or closed_form.turns_path(z, memory.rotation_of(z).omega_b)
 
 
 CONSTANT_RATE = make_model("CONSTANT_RATE", _CONSTANT_RATE_LAYOUT, _set_up_constant_rate, _advance_constant_rate)
@@ -72,8 +76,7 @@ CONSTANT_RATE = make_model("CONSTANT_RATE", _CONSTANT_RATE_LAYOUT, _set_up_const
 _FREE_SYMMETRIC_LAYOUT = places(
     closed_form.CLOSED_FORM | {"omega_0": 3, "about_momentum": uniform.TURNING_SIZE, "about_axis": uniform.TURNING_SIZE}
 )
-
-_OMEGA_0, _ABOUT_MOMENTUM, _ABOUT_AXIS = _FREE_SYMMETRIC_LAYOUT.starts("omega_0", "about_momentum", "about_axis")
+_SYMMETRIC = _FREE_SYMMETRIC_LAYOUT.at
 
 
 @kernel
@@ -87,13 +90,12 @@ def _set_up_free_symmetric(z: Buffer) -> int:
     mean, moment, exact_axes = exact_symmetric_frame(z)
     momentum, own = uniform.symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
     axes = axes_as_floats(exact_axes)
-    put_vec3_at(z, _OMEGA_0, omega)
+    put_vec3_at(z, _SYMMETRIC.omega_0, omega)
     uniform.put_turning(
-        z, _ABOUT_MOMENTUM, uniform.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
+        z, _SYMMETRIC.about_momentum, uniform.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
     )
-    uniform.put_turning(z, _ABOUT_AXIS, uniform.Turning(axes[2], own.rate))
-    closed_form.start_clocks(z)
-    return 0
+    uniform.put_turning(z, _SYMMETRIC.about_axis, uniform.Turning(axes[2], own.rate))
+    return closed_form.start_clocks(z)
 
 
 @kernel
@@ -103,23 +105,34 @@ def _advance_free_symmetric(z: Buffer, h: float) -> int:
         return STEP_REJECTED
     t = closed_form.time_after(z, h)
     q = closed_form.first_attitude(z)
-    back = uniform.rotation_after(uniform.turning_at(z, _ABOUT_AXIS), t)
+    back = uniform.rotation_after(uniform.turning_at(z, _SYMMETRIC.about_axis), t)
     if memory.needs_attitude(z):
-        about = uniform.rotation_after(uniform.turning_at(z, _ABOUT_MOMENTUM), t)
+        about = uniform.rotation_after(uniform.turning_at(z, _SYMMETRIC.about_momentum), t)
         q = compose_quaternions(compose_quaternions(q, about), back)
-    return closed_form.finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _OMEGA_0)))
+    return closed_form.finish_step(z, h, q, rotate(invert_quaternion(back), vec3_at(z, _SYMMETRIC.omega_0)))
 
 
 FREE_SYMMETRIC = make_model("FREE_SYMMETRIC", _FREE_SYMMETRIC_LAYOUT, _set_up_free_symmetric, _advance_free_symmetric)
 
 
-FREE = closed_form.CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": exact.FREE_ROTATION_SIZE}
+FREE = closed_form.CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": FREE_ROTATION_SIZE}
 """After CLOSED_FORM: principal axes, place on the polhode, 1 where the last step set it, constants of the motion."""
-_, _BEFORE = places(FREE | free_series.FREE_SERIES)
-_FREE_TRIAXIAL_LAYOUT = places(FREE | free_series.FREE_SERIES | {"pad_3": -_BEFORE % 8, "work": free_series.FREE_WORK})
+_FREE_SERIES = FREE | dense.SERIES_BLOCKS | {"next_reach": 1}
+_, _BEFORE = places(_FREE_SERIES)
+_FREE_WORK = FORCE_RATE
+"""The size of the work space: series of rate and attitude, and the latter's products where loads would stand."""
+_FREE_TRIAXIAL_LAYOUT = places(_FREE_SERIES | {"pad_3": -_BEFORE % 8, "work": _FREE_WORK})
+_LEAST_REACH = 16.0
+"""Communication steps that a series has to reach over at least: below, the closed form costs less."""
+_ROUND_OFF = 2.0**-50
+"""The size of the last two terms: those that are left out are some 2^-54."""
+_FARTHEST = 8.0
+"""A turn, rad, over which no series reaches: its order's last term, (turn / 2)^24 / 24!, is then 4e-10."""
+_NONE = (0.0, 0.0, 0.0)
 
-_M, _AXES, _PLACE, _MOVED, _CONSTANTS = _FREE_TRIAXIAL_LAYOUT.starts("M", "axes", "place", "moved", "constants")
-_SERIES, _WORK = _FREE_TRIAXIAL_LAYOUT.starts(next(iter(free_series.FREE_SERIES)), "work")
+_TRIAXIAL = _FREE_TRIAXIAL_LAYOUT.at
+_SERIES = _TRIAXIAL.validity
+"""Where what is kept of a series begins."""
 
 
 @kernel
@@ -127,9 +140,9 @@ def _set_up_free_triaxial(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and closed_form.is_driven(z):
         return TORQUE_ACTS
     set_up_rotation(z)
-    free_series.start_without_series(
-        z, _SERIES, memory.needs_attitude(z) and _has_exact_moments(z), memory.rotation_of(z).omega_b
-    )
+    serves, omega = memory.needs_attitude(z) and _has_exact_moments(z), memory.rotation_of(z).omega_b
+    longest = min(LONGEST_STEP, _FARTHEST / max(norm(omega), 1e-300)) if serves else 0.0
+    z[_SERIES], z[_TRIAXIAL.next_reach] = dense.NONE, longest
     return 0
 
 
@@ -145,14 +158,14 @@ def set_up_rotation(z: Buffer) -> None:
     """Set the exact motion's constants and the clocks."""
     moments, axes = exact_frame(z)
     R_bp = invert_matrix(axes_as_floats(axes))
-    put_matrix_at(z, _AXES, R_bp)
+    put_matrix_at(z, _TRIAXIAL.axes, R_bp)
     q_ab, omega_b = memory.rotation_of(z)
     q_bp = quaternion_from_matrix(R_bp)
     q_ap = compose_quaternions(q_ab, q_bp)
     motion = exact.free_rotation_of(moments, q_ap, rates_along(axes, omega_b))
-    exact.put_free_rotation(z, _CONSTANTS, exact.with_axes_turned(motion, invert_quaternion(q_bp)))
+    put_free_rotation(z, _TRIAXIAL.constants, exact.with_axes_turned(motion, invert_quaternion(q_bp)))
     closed_form.start_clocks(z)
-    z[_MOVED] = 0.0
+    z[_TRIAXIAL.moved] = 0.0
 
 
 @kernel
@@ -160,13 +173,14 @@ def _advance_free_triaxial(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
     if not memory.skips_model_checks(z) and closed_form.is_driven(z):
         return STEP_REJECTED
-    if not reaches_over(z, _SERIES, h):
+    if not dense.reaches_over(z, _SERIES, h):
         return _advance_exactly(z, h)
-    q, omega = free_series.motion_after(z, _WORK, _SERIES, h)
-    status = closed_form.finish_step(z, h, q, omega)
+    t, _ = dense.clock_after(z, _SERIES, h)
+    q = dense.attitude_at(z, _TRIAXIAL.work, int(z[_TRIAXIAL.turn_order]), t)
+    status = closed_form.finish_step(z, h, q, dense.rate_at(z, _TRIAXIAL.work, MAX_ORDER, t))
     if status == OK:
-        pass_time(z, _SERIES, h)
-        z[_MOVED] = 0.0
+        dense.pass_time(z, _SERIES, h)
+        z[_TRIAXIAL.moved] = 0.0
     return status
 
 
@@ -180,52 +194,76 @@ def _advance_exactly(z: Buffer, h: float) -> int:
     status = closed_form.finish_step(z, h, q, shown_rates(z, place))
     if status == OK:
         keep_place(z, place)
-        if free_series.series_pays(z, _SERIES, h):
-            free_series.begin_free_series(z, _WORK, _SERIES, h, q, _rates(z, place), memory.body_of(z))
+        if _LEAST_REACH * h <= z[_TRIAXIAL.next_reach]:
+            _begin_series(z, h, q, _rates(z, place), memory.body_of(z))
         else:
-            z[_SERIES] = NONE
+            z[_SERIES] = dense.NONE
     return status
 
 
+@kernel(inline=False)
+def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -> None:
+    """Make a series from attitude and rate on, and keep it if it reaches over many steps of h."""
+    s, method = z[_TRIAXIAL.work : _TRIAXIAL.work + _FREE_WORK], Method(ROTATION, MAX_ORDER, _ROUND_OFF, 0.0)
+    put_factors(s, RATE, omega)
+    motion_series(s, 0, MAX_ORDER, 0, _undamped(body), (_NONE, _NONE, _NONE), SpaceFixedLoads(False, False, False))
+    dense.end_series(s, RATE, MAX_ORDER)
+    reach = dense.likely_reach(s, MAX_ORDER, z[_TRIAXIAL.next_reach])
+    reach, _ = dense.reach_within(s, method, 0, 1.0, reach, 1.0)
+    m = dense.attitude_series(s, FORCE, q, MAX_ORDER, reach, 0.5 * _ROUND_OFF)
+    reach, z[_TRIAXIAL.next_reach] = dense.reach_within(s, method, m, 1.0, reach, 1.0)
+    dense.begin_clock(z, _SERIES, ROTATION, m, reach)
+    if not _LEAST_REACH * h <= reach:
+        z[_SERIES] = dense.NONE
+
+
 @kernel
-def shown_rates(z: Buffer, place: exact.Place) -> Vec3:
+def _undamped(body: Body) -> Body:
+    """Return the body as the closed form has it, which a plan may have taken although a little damping acts.
+
+    With the damping the rate would drift over each series and jump back at its end.
+    """
+    return Body(
+        inverse_mass=body.inverse_mass, inertia=body.inertia, inertia_inverse=body.inertia_inverse, arm_b=body.arm_b,
+        damping_b=_NONE, is_free=body.is_free,
+    )  # fmt: skip
+
+
+@kernel
+def shown_rates(z: Buffer, place: Place) -> Vec3:
     """Return omega_ab_b at a place on the polhode where an output needs it."""
     return _rates(z, place) if memory.shows_rates(z) else memory.rotation_of(z).omega_b
 
 
 @kernel
-def keep_place(z: Buffer, place: exact.Place) -> None:
+def keep_place(z: Buffer, place: Place) -> None:
     """Keep where on the polhode the body is after a step."""
-    put_quaternion_at(z, _PLACE, place)
-    z[_MOVED] = 1.0
+    put_quaternion_at(z, _TRIAXIAL.place, place)
+    z[_TRIAXIAL.moved] = 1.0
 
 
 @kernel(inline=False)
-def free_output_rates(z: Buffer) -> int:
+def rates_of_outputs(z: Buffer) -> int:
     """Set the outputs' time derivatives at constant inputs, and first the rate, which may be an earlier step's."""
-    if z[_MOVED] != 0.0:
-        memory.put_rotation(z, memory.rotation_of(z).q_ab, _rates(z, quaternion_at(z, _PLACE)))
+    if z[_TRIAXIAL.moved] != 0.0:
+        memory.put_rotation(z, memory.rotation_of(z).q_ab, _rates(z, quaternion_at(z, _TRIAXIAL.place)))
     return output_rates(z)
 
 
 @kernel(inline=False)
-def _rates(z: Buffer, place: exact.Place) -> Vec3:
+def _rates(z: Buffer, place: Place) -> Vec3:
     """Return omega_ab_b at a place on the polhode."""
-    return transform(matrix_at(z, _AXES), exact.free_rate_at(free_motion_of(z), place))
+    return transform(matrix_at(z, _TRIAXIAL.axes), exact.free_rate_at(free_motion_of(z), place))
 
 
 @kernel
-def free_motion_of(z: Buffer) -> exact.FreeRotation:
+def free_motion_of(z: Buffer) -> FreeRotation:
     """Return what `set_up_rotation` has set up."""
-    return exact.read_free_rotation(z[_CONSTANTS : _CONSTANTS + exact.FREE_ROTATION_SIZE])
+    return read_free_rotation(z[_TRIAXIAL.constants : _TRIAXIAL.constants + FREE_ROTATION_SIZE])
 
 
 FREE_TRIAXIAL = make_model(
-    "FREE_TRIAXIAL",
-    _FREE_TRIAXIAL_LAYOUT,
-    _set_up_free_triaxial,
-    _advance_free_triaxial,
-    output_rates=free_output_rates,
+    "FREE_TRIAXIAL", _FREE_TRIAXIAL_LAYOUT, _set_up_free_triaxial, _advance_free_triaxial, output_rates=rates_of_outputs
 )
 
 
@@ -263,9 +301,7 @@ _WEIGHTS = (
 
 _FREE_BODY_FORCE_LAYOUT = places(FREE | {"order": 1, "low_r": 3, "low_v": 3})
 """After FREE: order, and the low parts of position and velocity of the centre of mass."""
-
-_ORDER, _LOW_R, _LOW_V = _FREE_BODY_FORCE_LAYOUT.starts("order", "low_r", "low_v")
-_NONE = (0.0, 0.0, 0.0)
+_FORCED = _FREE_BODY_FORCE_LAYOUT.at
 
 
 @kernel
@@ -273,15 +309,15 @@ def _set_up_free_body_force(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and closed_form.has_torque(z):
         return TORQUE_ACTS
     set_up_rotation(z)
-    put_vec3_at(z, _LOW_R, _NONE)
-    put_vec3_at(z, _LOW_V, _NONE)
+    put_vec3_at(z, _FORCED.low_r, _NONE)
+    put_vec3_at(z, _FORCED.low_v, _NONE)
     return 0
 
 
 @kernel
 def _advance_free_body_force(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite or an input makes a torque."""
-    count = substeps_in(h, memory.substep_of(z))
+    count = substeps_in(h, z[_FORCED.substep])
     if count == 0 or (not memory.skips_model_checks(z) and closed_form.has_torque(z)):
         return STEP_REJECTED
     motion = free_motion_of(z)
@@ -292,8 +328,8 @@ def _advance_free_body_force(z: Buffer, h: float) -> int:
     if not closed_form.is_finite_rotation(q, omega) or not closed_form.is_finite_path(r, v):
         return STEP_REJECTED
     memory.put_centre(z, r, v)
-    put_vec3_at(z, _LOW_R, low_r)
-    put_vec3_at(z, _LOW_V, low_v)
+    put_vec3_at(z, _FORCED.low_r, low_r)
+    put_vec3_at(z, _FORCED.low_v, low_v)
     keep_place(z, place)
     return closed_form.commit_step(z, h, q, omega)
 
@@ -305,14 +341,14 @@ def _moved(z: Buffer, h: float, count: int) -> tuple[tuple[Vec3, Vec3], tuple[Ve
     (r, v), a = memory.centre_of(z), steady_acceleration(body, loads)
     gained_r, gained_v = _gained(z, h, count)
     way = add_scaled(add_scaled(gained_r, 0.5 * h * h, a), h, v)
-    return _sum(r, vec3_at(z, _LOW_R), way), _sum(v, vec3_at(z, _LOW_V), add_scaled(gained_v, h, a))
+    return _sum(r, vec3_at(z, _FORCED.low_r), way), _sum(v, vec3_at(z, _FORCED.low_v), add_scaled(gained_v, h, a))
 
 
 @kernel
 def _gained(z: Buffer, h: float, count: int) -> tuple[Vec3, Vec3]:
     """Return what the turning force adds to position and velocity in h."""
     body, loads, motion = memory.body_of(z), memory.loads_of(z), free_motion_of(z)
-    order, part = int(z[_ORDER]), h / count
+    order, part = int(z[_FORCED.order]), h / count
     first, r, v = order * (order - 1) // 2, _NONE, _NONE
     for i in range(count):
         r = add_scaled(r, part, v)
@@ -340,5 +376,5 @@ FREE_BODY_FORCE = make_model(
     _set_up_free_body_force,
     _advance_free_body_force,
     ORDERS=ORDERS,
-    output_rates=free_output_rates,
+    output_rates=rates_of_outputs,
 )

@@ -30,36 +30,33 @@ _, _BEFORE = places(driven.DRIVEN | {"order": 1} | _DENSE)
 _LOADED_TAYLOR_LAYOUT = places(driven.DRIVEN | {"order": 1} | _DENSE | {"pad_3": -_BEFORE % 8, "work": WORK})
 """The work space begins at a cache line if the buffer does."""
 
-_TOLERANCE, _SPAN, _SUBSTEP, _ORDER, _WORK = _LOADED_TAYLOR_LAYOUT.starts(
-    "tolerance", "span", "substep", "order", "work"
-)
-_SERIES, _SERIES_BEFORE, _HELD = _LOADED_TAYLOR_LAYOUT.starts(
-    next(iter(dense.SERIES_BLOCKS)), "kept_before", "held_inputs"
-)
-_ROOM = Room(state=memory.STATE_START, work=_WORK, size=driven.STEP_SIZE)
+_AT = _LOADED_TAYLOR_LAYOUT.at
+_SERIES = _AT.validity
+"""Where what is kept of a series begins."""
+_ROOM = Room(state=_AT.q, work=_AT.work, size=driven.STEP_SIZE)
 
 
 @kernel
 def _set_up_loaded_taylor(z: Buffer) -> int:
     z[driven.STEP_SIZE] = LONGEST_STEP  # the series themselves say at once how much is too long
-    if z[_SUBSTEP] > 0.0:  # none that serves many steps is tried where it is the whole step
-        z[driven.STEP_SIZE] = z[_SUBSTEP]
-    z[_SERIES], z[_SERIES + dense.COOL_DOWN] = dense.NONE, 0.0
-    driven.keep_inputs(z, _HELD)
+    if z[_AT.substep] > 0.0:  # none that serves many steps is tried where it is the whole step
+        z[driven.STEP_SIZE] = z[_AT.substep]
+    z[_SERIES], z[_AT.cool_down] = dense.NONE, 0.0
+    driven.keep_inputs(z, _AT.held_inputs)
     return 0
 
 
 @kernel
 def _advance_loaded_taylor(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion cannot be followed."""
-    if not (dense.reaches_over(z, _SERIES, h) and driven.holds_inputs(z, _HELD)):
+    if not (dense.reaches_over(z, _SERIES, h) and driven.holds_inputs(z, _AT.held_inputs)):
         return _advance_by_new_series(z, h)
     driven.keep(z)
-    since = pair_at(z, _SERIES + dense.SINCE)
-    dense.follow(z, _ROOM, _SERIES, int(z[_ORDER]), h)
-    status = driven.finish_steadily(z, dense.extent_of(z, _SERIES), h)
+    since = pair_at(z, _AT.since)
+    dense.follow(z, _ROOM, _SERIES, int(z[_AT.order]), h)
+    status = driven.finish_steadily(z, int(z[_AT.extent]), h)
     if status != OK:
-        put_pair_at(z, _SERIES + dense.SINCE, since)
+        put_pair_at(z, _AT.since, since)
     return status
 
 
@@ -67,21 +64,21 @@ def _advance_loaded_taylor(z: Buffer, h: float) -> int:
 def _advance_by_new_series(z: Buffer, h: float) -> int:
     """Advance by h where a new series has to be made."""
     driven.keep(z)
-    copy_numbers(z, _SERIES, _SERIES_BEFORE, dense.SERIES_SIZE)
+    copy_numbers(z, _SERIES, _AT.kept_before, dense.SERIES_SIZE)
     body, loads = memory.body_of(z), driven.load_polynomial_of(z)
-    method, rest = Method(driven.part_to_integrate(z, body, loads), int(z[_ORDER]), z[_TOLERANCE], z[_SPAN]), h
+    method, rest = Method(driven.part_to_integrate(z, body, loads), int(z[_AT.order]), z[_AT.tolerance], z[_AT.span]), h
     if is_series_tried(z, h):
         rest = dense.follow_series(z, _ROOM, _SERIES, method, h, body, loads)
     status = OK
     if rest > 0.0:
         z[_SERIES] = dense.NONE
-        z[_SERIES + dense.COOL_DOWN] -= 1.0
+        z[_AT.cool_down] -= 1.0
         status = taylor_advance(z, _ROOM, method, rest, body, loads)
     status = driven.finish(z, method.n, h, status, body, loads)
     if status == OK:
-        driven.keep_inputs(z, _HELD)
+        driven.keep_inputs(z, _AT.held_inputs)
         return OK
-    copy_numbers(z, _SERIES_BEFORE, _SERIES, dense.SERIES_SIZE)
+    copy_numbers(z, _AT.kept_before, _SERIES, dense.SERIES_SIZE)
     if z[_SERIES] == dense.VALID:
         z[_SERIES] = dense.STALE
     return status
@@ -90,8 +87,8 @@ def _advance_by_new_series(z: Buffer, h: float) -> int:
 @kernel
 def is_series_tried(z: Buffer, h: float) -> bool:
     """Return whether a series that serves further steps like this one is likely enough for one to be made."""
-    steady = driven.holds_inputs(z, _HELD) and z[_TOLERANCE] < math.inf
-    return bool(steady and z[_SERIES + dense.COOL_DOWN] <= 0.0 and h * dense.LEAST_REACH <= z[driven.STEP_SIZE])
+    steady = driven.holds_inputs(z, _AT.held_inputs) and z[_AT.tolerance] < math.inf
+    return bool(steady and z[_AT.cool_down] <= 0.0 and h * dense.LEAST_REACH <= z[driven.STEP_SIZE])
 
 
 def _lanes() -> Lanes:
@@ -101,19 +98,13 @@ def _lanes() -> Lanes:
 
 
 LOADED_TAYLOR = make_model(
-    "LOADED_TAYLOR",
-    _LOADED_TAYLOR_LAYOUT,
-    _set_up_loaded_taylor,
-    _advance_loaded_taylor,
-    ORDERS=ORDERS,
-    lanes=_lanes,
+    "LOADED_TAYLOR", _LOADED_TAYLOR_LAYOUT, _set_up_loaded_taylor, _advance_loaded_taylor, ORDERS=ORDERS, lanes=_lanes
 )
 
 
 SPLITTING_ORDERS = (2, 4, 6)
 _LOADED_SPLITTING_LAYOUT = places(memory.COMMON | {"order": 1})
-
-_SPLITTING_ORDER = _LOADED_SPLITTING_LAYOUT.blocks["order"].start
+_SPLITTING = _LOADED_SPLITTING_LAYOUT.at
 
 
 @kernel
@@ -121,7 +112,7 @@ def _set_up_loaded_splitting(z: Buffer) -> int:
     body = memory.body_of(z)
     if not is_symmetric_top(body.inertia) or is_nonzero(body.damping_b) or memory.has_unknown_load(z):
         return NO_TOP
-    if memory.substep_of(z) > 0.5 * resonant_step(body.inertia, memory.motion_of(z).omega_b):
+    if z[_SPLITTING.substep] > 0.5 * resonant_step(body.inertia, memory.motion_of(z).omega_b):
         return RESONANT
     return 0
 
@@ -129,11 +120,11 @@ def _set_up_loaded_splitting(z: Buffer) -> int:
 @kernel
 def _advance_loaded_splitting(z: Buffer, h: float) -> int:
     """Advance by h at constant inputs; reject the step and change nothing where the result is not finite."""
-    n = substeps_in(h, memory.substep_of(z))
+    n = substeps_in(h, z[_SPLITTING.substep])
     if n == 0:
         return STEP_REJECTED
     part = h / n
-    body, loads, motion, order = memory.body_of(z), memory.loads_of(z), memory.motion_of(z), z[_SPLITTING_ORDER]
+    body, loads, motion, order = memory.body_of(z), memory.loads_of(z), memory.motion_of(z), z[_SPLITTING.order]
     if order == 2.0:
         motion = strang_steps(motion, part, n, body, loads)
     elif order == 4.0:

@@ -13,41 +13,35 @@ from ..body.members import Control, Driving, Members, Room, Run, begin, drive, n
 from ..body.memory import MEMORY, STATE_START, body_of
 from ..body.shell import Lanes, bind
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout, places
-from ..buffer_access import matrix_at, vec3_at
+from ..buffer_access import matrix_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import eight_wide, four_wide, lane_at, put_lane_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
-from ..integrators import rigid_body_state as state
 from ..integrators import taylor
 from ..integrators import taylor_coefficients as series
-from ..integrators.dense_output import COOL_DOWN, COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
-from ..integrators.rigid_body_state import RATE_ONLY, ROTATION, WHOLE_STATE
+from ..integrators.dense_output import COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
 from ..integrators.substeps import Method, nearer_size, parts_in
 from ..integrators.taylor_coefficients import FORCE, RATE, TORQUE, WORK, SpaceFixedLoads, Torques
-from ..mechanics.equations_of_motion import Body, angular_acceleration
+from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_STATE, Body, angular_acceleration
 from ..rotations.quaternion import invert_quaternion, rotate
 from ..rotations.vec3 import is_nonzero
 from ..types import Array, Buffer, Vec3
 from .loaded import LOADED_TAYLOR, is_series_tried
 
-_LAYOUT = Layout(LOADED_TAYLOR.BLOCKS, LOADED_TAYLOR.SIZE)
-_TOLERANCE, _SPAN, _ORDER, _WORK = _LAYOUT.starts("tolerance", "span", "order", "work")
-_SERIES, _HELD = _LAYOUT.starts("validity", "held_inputs")
+_AT = Layout(LOADED_TAYLOR.BLOCKS, LOADED_TAYLOR.SIZE).at
+_SERIES = _AT.validity
 initialize, step = LOADED_TAYLOR.initialize, LOADED_TAYLOR.step
 WIDEST = 8
-_OWN = {
+COLUMNS = MEMORY | {
     "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3, "count": 1, "low": 1, "tried": 1, "has_failed": 1,
     "size": 1, "rest": 1, "is_new": 1, "member": 1,
 }  # fmt: skip
-"""Damping and loads of a lane's body, force_a 0 where it has no arm; the substeps taken; the low part of what is left
-of the communication step, and the tries in it; whether the body cannot go on; the step size; what is left of the step;
-whether it has just begun; the body's number, -1 for none."""
-COLUMNS = MEMORY | _OWN
-"""State and constants of a lane's body, as a buffer has them, and these."""
+"""State and constants of a lane's body, as a buffer has them; damping and loads, force_a 0 where it has no arm; the
+substeps taken; the low part of what is left of the communication step, and the tries in it; whether the body cannot go
+on; the step size; what is left of the step; whether it has just begun; the body's number, -1 for none."""
 _, COLUMNS_SIZE = _COLUMNS = places(COLUMNS)
+LANE = _COLUMNS.at
 STATE = 0
-INERTIA, INVERSE, ARM = _COLUMNS.starts("M", "M_inverse", "arm")
-DAMPING, FORCE_A, TORQUE_A, TORQUE_B, COUNT, LOW, TRIED, HAS_FAILED, SIZE, REST, IS_NEW, MEMBER = _COLUMNS.starts(*_OWN)
 _TRIES = 64
 """Shorter and shorter steps that are tried at once."""
 SCRATCH = WIDEST * (COLUMNS_SIZE + WORK)
@@ -83,7 +77,7 @@ def _run(
     for first in range(0, len(members.values), len(buffers)):
         count = min(len(buffers), len(members.values) - first)
         for i in range(count):
-            begin(buffers[i], states[i], first + i, _WORK, run)
+            begin(buffers[i], states[i], first + i, _AT.work, run)
             statuses[i] = members.ends[first + i, 0] = initialize(buffers[i])  # the work space is written first
             if statuses[i] == OK:
                 record(buffers[i], first + i, 0, run)
@@ -128,17 +122,17 @@ def advance(buffers: Array, h: float, c: Buffer, s: Buffer, statuses: Array) -> 
 @kernel(inline=False)
 def _kind(z: Buffer, h: float) -> Kind:
     body, loads = body_of(z), load_polynomial_of(z)
-    n, order, fixed = part_to_integrate(z, body, loads), int(z[_ORDER]), series.space_fixed_loads(body, loads)
+    n, order, fixed = part_to_integrate(z, body, loads), int(z[_AT.order]), series.space_fixed_loads(body, loads)
     served = z[_SERIES] != NONE or is_series_tried(z, h)
     if served and z[_SERIES] == NONE:
-        q, omega = state.attitude(z, STATE_START), state.omega(z, STATE_START)
+        q, omega = quaternion_at(z, STATE_START), vec3_at(z, STATE_START + OMEGA)
         alpha = angular_acceleration(q, omega, body, loads.value)
         served = n != ROTATION or not order < _SURELY * LEAST_REACH * h * turning_of(omega, alpha)
-    if served or fixed.changing or n == WHOLE_STATE or not (h > 0.0 and z[_TOLERANCE] < math.inf):
+    if served or fixed.changing or n == WHOLE_STATE or not (h > 0.0 and z[_AT.tolerance] < math.inf):
         n = 0
     M = body.inertia
     diagonal = not is_nonzero((M[0][1], M[0][2], M[1][2]))
-    return n, order, z[_TOLERANCE], z[_SPAN], fixed.lever_force, fixed.torque, diagonal
+    return n, order, z[_AT.tolerance], z[_AT.span], fixed.lever_force, fixed.torque, diagonal
 
 
 @kernel(inline=False)
@@ -161,9 +155,9 @@ def _advance_kind(buffers: Array, first: int, h: float, c: Buffer, s: Buffer, st
         begin_substeps(c, s, method, fixed)
         take_substeps(c, s, method, fixed)
         for lane in range(width_of(c)):
-            member = int(lane_at(c, MEMBER, lane))
-            failed = lane_at(c, HAS_FAILED, lane) != 0.0
-            if member < 0 or (lane_at(c, REST, lane) > 0.0 and not failed):
+            member = int(lane_at(c, LANE.member, lane))
+            failed = lane_at(c, LANE.has_failed, lane) != 0.0
+            if member < 0 or (lane_at(c, LANE.rest, lane) > 0.0 and not failed):
                 continue
             z = buffers[member]
             statuses[member] = step(z, h) if failed else _unload(z, c, lane, n, h)
@@ -171,8 +165,8 @@ def _advance_kind(buffers: Array, first: int, h: float, c: Buffer, s: Buffer, st
             if found >= 0:
                 _load(buffers[found], c, lane, h, found)
             else:
-                put_lane_at(c, MEMBER, lane, -1.0)
-                put_lane_at(c, REST, lane, 0.0)
+                put_lane_at(c, LANE.member, lane, -1.0)
+                put_lane_at(c, LANE.rest, lane, 0.0)
                 busy -= 1
 
 
@@ -198,19 +192,19 @@ def _load(z: Buffer, c: Buffer, lane: int, h: float, member: int) -> None:
     body, loads = body_of(z), load_polynomial_of(z)
     for k in range(ROTATION):
         put_lane_at(c, STATE + k, lane, z[STATE_START + k])
-    for k in range(INERTIA, DAMPING):
+    for k in range(LANE.M, LANE.damping):
         put_lane_at(c, k, lane, z[STATE_START + k])
-    _put(c, DAMPING, lane, body.damping_b)
+    _put(c, LANE.damping, lane, body.damping_b)
     lever_force = series.space_fixed_loads(body, loads).lever_force
-    _put(c, FORCE_A, lane, loads.value.force_a if lever_force else (0.0, 0.0, 0.0))
-    _put(c, TORQUE_A, lane, loads.value.torque_a)
-    _put(c, TORQUE_B, lane, series.known_torques(loads, body)[0])
-    for k in range(COUNT, SIZE):
+    _put(c, LANE.force_a, lane, loads.value.force_a if lever_force else (0.0, 0.0, 0.0))
+    _put(c, LANE.torque_a, lane, loads.value.torque_a)
+    _put(c, LANE.torque_b, lane, series.known_torques(loads, body)[0])
+    for k in range(LANE.count, LANE.size):
         put_lane_at(c, k, lane, 0.0)
-    put_lane_at(c, SIZE, lane, z[STEP_SIZE])
-    put_lane_at(c, REST, lane, h)
-    put_lane_at(c, IS_NEW, lane, 1.0)
-    put_lane_at(c, MEMBER, lane, float(member))
+    put_lane_at(c, LANE.size, lane, z[STEP_SIZE])
+    put_lane_at(c, LANE.rest, lane, h)
+    put_lane_at(c, LANE.is_new, lane, 1.0)
+    put_lane_at(c, LANE.member, lane, float(member))
 
 
 @kernel(inline=False)
@@ -222,12 +216,12 @@ def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
     if finish_steadily(z, n, h) != OK:
         return step(z, h)
     if is_series_tried(z, h):
-        z[_SERIES + COOL_DOWN] = COOL_DOWN_STEPS
+        z[_AT.cool_down] = COOL_DOWN_STEPS
     z[_SERIES] = NONE
-    z[_SERIES + COOL_DOWN] -= 1.0
-    z[STEP_SIZE] = lane_at(c, SIZE, lane)
-    z[STEP_SIZE + 1] += lane_at(c, COUNT, lane)
-    keep_inputs(z, _HELD)
+    z[_AT.cool_down] -= 1.0
+    z[STEP_SIZE] = lane_at(c, LANE.size, lane)
+    z[STEP_SIZE + 1] += lane_at(c, LANE.count, lane)
+    keep_inputs(z, _AT.held_inputs)
     return OK
 
 
@@ -237,16 +231,16 @@ def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
 @kernel
 def _bodies(c: Buffer) -> Body:
     return Body(
-        inverse_mass=0.0, inertia=matrix_at(c, INERTIA), inertia_inverse=matrix_at(c, INVERSE), arm_b=vec3_at(c, ARM),
-        damping_b=vec3_at(c, DAMPING), is_free=0.0,
+        inverse_mass=0.0, inertia=matrix_at(c, LANE.M), inertia_inverse=matrix_at(c, LANE.M_inverse),
+        arm_b=vec3_at(c, LANE.arm), damping_b=vec3_at(c, LANE.damping), is_free=0.0,
     )  # fmt: skip
 
 
 @kernel
 def _torques(c: Buffer) -> Torques:
     """Return coefficients of the torque that is known in b, of which only the first is not zero."""
-    zero = alike(c[REST], 0.0)
-    return vec3_at(c, TORQUE_B), (zero, zero, zero), (zero, zero, zero)
+    zero = alike(c[LANE.rest], 0.0)
+    return vec3_at(c, LANE.torque_b), (zero, zero, zero), (zero, zero, zero)
 
 
 @kernel
@@ -257,9 +251,9 @@ def _choose_vector(condition: bool, a: Vec3, b: Vec3) -> Vec3:
 @kernel
 def _turn_loads_anew(c: Buffer, s: Buffer, anew: bool) -> None:
     """Set row 0 of the loads that are fixed in a, as b sees them, in the lanes that begin anew."""
-    q_ba = invert_quaternion(state.attitude(c, STATE))
-    series.put_factors(s, FORCE, _choose_vector(anew, rotate(q_ba, vec3_at(c, FORCE_A)), vec3_at(s, FORCE)))
-    series.put_factors(s, TORQUE, _choose_vector(anew, rotate(q_ba, vec3_at(c, TORQUE_A)), vec3_at(s, TORQUE)))
+    q_ba = invert_quaternion(quaternion_at(c, STATE))
+    series.put_factors(s, FORCE, _choose_vector(anew, rotate(q_ba, vec3_at(c, LANE.force_a)), vec3_at(s, FORCE)))
+    series.put_factors(s, TORQUE, _choose_vector(anew, rotate(q_ba, vec3_at(c, LANE.torque_a)), vec3_at(s, TORQUE)))
 
 
 @kernel(inline=False)
@@ -271,14 +265,14 @@ def begin_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads)
     (n, order, _, _), body, torques = method, _bodies(c), _torques(c)
     m = taylor.derivatives_of_attitude(order)
     turned = fixed.lever_force or fixed.torque
-    is_new, eighth = c[IS_NEW] > 0.0, c[TRIED] / taylor.STEPS_OF_LOADS
+    is_new, eighth = c[LANE.is_new] > 0.0, c[LANE.tried] / taylor.STEPS_OF_LOADS
     first = 0 if n == RATE_ONLY else m
     if any_of(is_new):
-        series.put_factors(s, RATE, state.omega(c, STATE))
+        series.put_factors(s, RATE, vec3_at(c, STATE + OMEGA))
         if turned:
             _turn_loads_anew(c, s, is_new)
         series.motion_series(s, 0, first, m, body, torques, fixed)
-        c[IS_NEW] = 0.0
+        c[LANE.is_new] = 0.0
     anew = eighth == math.ceil(eighth)
     if turned and any_of(anew):
         _turn_loads_anew(c, s, anew)
@@ -289,7 +283,7 @@ def begin_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads)
 @kernel(inline=False)
 def take_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads) -> None:
     """Take a substep in each lane, whose size meets the tolerance there."""
-    body, rest, low, order = _bodies(c), c[REST], c[LOW], method.order
+    body, rest, low, order = _bodies(c), c[LANE.rest], c[LANE.low], method.order
     acceleration = alike(rest, 0.0)
     if fixed.lever_force or fixed.torque:
         acceleration = taylor.space_fixed_acceleration(s, body, fixed)
@@ -298,24 +292,24 @@ def take_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads) 
         fits = excess <= 1.0
         if all_of(fits):
             break
-        c[SIZE] = choose(fits, c[SIZE], nearer_size(part, order, 2.0 * excess))
-        c[TRIED] = choose(fits, c[TRIED], c[TRIED] + 1.0)
+        c[LANE.size] = choose(fits, c[LANE.size], nearer_size(part, order, 2.0 * excess))
+        c[LANE.tried] = choose(fits, c[LANE.tried], c[LANE.tried] + 1.0)
         part, count, excess = _try_substeps(c, s, method, acceleration)
-    c[TRIED], c[COUNT] = c[TRIED] + 1.0, c[COUNT] + 1.0
-    goes_on = (excess <= 1.0) & (rest < MAX_SUBSTEPS * c[SIZE]) & (c[TRIED] < MAX_SUBSTEPS)
-    c[HAS_FAILED] = choose(goes_on, 0.0, 1.0)
+    c[LANE.tried], c[LANE.count] = c[LANE.tried] + 1.0, c[LANE.count] + 1.0
+    goes_on = (excess <= 1.0) & (rest < MAX_SUBSTEPS * c[LANE.size]) & (c[LANE.tried] < MAX_SUBSTEPS)
+    c[LANE.has_failed] = choose(goes_on, 0.0, 1.0)
     nearer, is_last = nearer_size(part, order, 1.4 * excess), count == 1.0
-    c[SIZE] = choose(is_last, max(c[SIZE], nearer), nearer)
+    c[LANE.size] = choose(is_last, max(c[LANE.size], nearer), nearer)
     left = choose(is_last, 0.0, rest - part)
-    c[LOW], c[REST] = low + ((rest - left) - part), left
+    c[LANE.low], c[LANE.rest] = low + ((rest - left) - part), left
     taylor.turn(c, STATE, s, method, part, body, _torques(c), fixed)
 
 
 @kernel
 def _try_substeps(c: Buffer, s: Buffer, method: Method, acceleration: float) -> tuple[float, float, float]:
     """Return the substeps to be taken, how many are left, and the estimated errors over those which are allowed."""
-    count: float = parts_in(c[REST], c[SIZE])
-    part = (c[REST] + c[LOW]) / count
+    count: float = parts_in(c[LANE.rest], c[LANE.size])
+    part = (c[LANE.rest] + c[LANE.low]) / count
     alpha_fixed = choose(count > 1.0, acceleration, 0.0)
     steps = choose(count < taylor.STEPS_OF_LOADS, count, float(taylor.STEPS_OF_LOADS))
     return part, count, taylor.estimated_excess(s, method, part, 0.0, alpha_fixed, steps)

@@ -6,9 +6,7 @@
 
 import math
 
-from ..body import memory
-from ..body.closed_form import CLOSED_FORM, finish_step, first_attitude, start_clocks, time_after
-from ..body.fixed_axis import drive_and_damping_rate, leaves_axis, main_axis, swing
+from ..body import closed_form, memory
 from ..body.shell import make_model
 from ..buffer import MAX_SUBSTEPS, MORE_AXES, NO_PENDULUM, OK, STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
@@ -22,72 +20,69 @@ from ..rotations.rotation_vector import quaternion_about
 from ..rotations.vec3 import dot, scale
 from ..types import Buffer
 
-_ONE_AXIS_LAYOUT = places(CLOSED_FORM | {"axis": 3, "rate": 1, "drive": 1, "damping_rate": 1})
-
-_AXIS, _RATE, _DRIVE, _DAMPING_RATE = _ONE_AXIS_LAYOUT.starts("axis", "rate", "drive", "damping_rate")
+_ONE_AXIS_LAYOUT = places(closed_form.CLOSED_FORM | {"axis": 3, "rate": 1, "drive": 1, "damping_rate": 1})
+_STEADY = _ONE_AXIS_LAYOUT.at
 
 
 @kernel
 def _set_up_one_axis(z: Buffer) -> int:
-    axis = main_axis(z)
-    cosine, sine = swing(z, axis)
-    if not memory.skips_model_checks(z) and (cosine[0] != 0.0 or sine[0] != 0.0 or leaves_axis(z, axis)):
+    axis = closed_form.main_axis(z)
+    cosine, sine = closed_form.swing(z, axis)
+    if not memory.skips_model_checks(z) and (cosine[0] != 0.0 or sine[0] != 0.0 or closed_form.leaves_axis(z, axis)):
         return MORE_AXES
-    put_vec3_at(z, _AXIS, axis)
-    z[_RATE] = dot(axis, memory.rotation_of(z).omega_b)
-    drive, z[_DAMPING_RATE] = drive_and_damping_rate(z, axis)
-    z[_DRIVE] = drive + cosine[0]
-    start_clocks(z)
-    return 0
+    put_vec3_at(z, _STEADY.axis, axis)
+    z[_STEADY.rate] = dot(axis, memory.rotation_of(z).omega_b)
+    drive, z[_STEADY.damping_rate] = closed_form.drive_and_damping_rate(z, axis)
+    z[_STEADY.drive] = drive + cosine[0]
+    return closed_form.start_clocks(z)
 
 
 @kernel
 def _advance_one_axis(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite."""
-    high, low = time_after(z, h)
+    high, low = closed_form.time_after(z, h)
     t = high + low
-    axis, q = vec3_at(z, _AXIS), first_attitude(z)
-    angle, rate = relaxed(z[_RATE], z[_DRIVE], z[_DAMPING_RATE], t)
+    axis, q = vec3_at(z, _STEADY.axis), closed_form.first_attitude(z)
+    angle, rate = relaxed(z[_STEADY.rate], z[_STEADY.drive], z[_STEADY.damping_rate], t)
     if memory.needs_attitude(z):
         q = compose_quaternions(q, quaternion_about(axis, angle))
-    return finish_step(z, h, q, scale(rate, axis))
+    return closed_form.finish_step(z, h, q, scale(rate, axis))
 
 
 ONE_AXIS = make_model("ONE_AXIS", _ONE_AXIS_LAYOUT, _set_up_one_axis, _advance_one_axis)
 
 
-_PENDULUM_LAYOUT = places(CLOSED_FORM | {"q_hanging": 4, "axis": 3, "pendulum": exact.PENDULUM_SIZE})
+_PENDULUM_LAYOUT = places(closed_form.CLOSED_FORM | {"q_hanging": 4, "axis": 3, "pendulum": exact.PENDULUM_SIZE})
 """q_hanging: the attitude in stable equilibrium."""
-
-_Q_HANGING, _PENDULUM_AXIS, _PENDULUM = _PENDULUM_LAYOUT.starts("q_hanging", "axis", "pendulum")
+_HANGING = _PENDULUM_LAYOUT.at
 
 
 @kernel
 def _set_up_pendulum(z: Buffer) -> int:
-    (q, omega), axis = memory.rotation_of(z), main_axis(z)
+    (q, omega), axis = memory.rotation_of(z), closed_form.main_axis(z)
     if not memory.skips_model_checks(z):
-        if leaves_axis(z, axis):
+        if closed_form.leaves_axis(z, axis):
             return MORE_AXES
-        drive, damping_rate = drive_and_damping_rate(z, axis)
+        drive, damping_rate = closed_form.drive_and_damping_rate(z, axis)
         if drive != 0.0 or damping_rate != 0.0:
             return NO_PENDULUM
-    sine, cosine = exact.half_angle_rates(*swing(z, axis))
+    sine, cosine = exact.half_angle_rates(*closed_form.swing(z, axis))
     s, c = exact.sincos_of_half_angle(sine, cosine)
-    put_quaternion_at(z, _Q_HANGING, compose_quaternions(q, (c, -s * axis[0], -s * axis[1], -s * axis[2])))
-    put_vec3_at(z, _PENDULUM_AXIS, axis)
-    exact.put_pendulum(z, _PENDULUM, exact.pendulum_setup(sine, (0.5 * dot(axis, omega), 0.0), cosine))
-    start_clocks(z)
-    return 0
+    put_quaternion_at(z, _HANGING.q_hanging, compose_quaternions(q, (c, -s * axis[0], -s * axis[1], -s * axis[2])))
+    put_vec3_at(z, _HANGING.axis, axis)
+    exact.put_pendulum(z, _HANGING.pendulum, exact.pendulum_setup(sine, (0.5 * dot(axis, omega), 0.0), cosine))
+    return closed_form.start_clocks(z)
 
 
 @kernel
 def _advance_pendulum(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite."""
-    axis = vec3_at(z, _PENDULUM_AXIS)
-    motion = exact.read_pendulum(z[_PENDULUM : _PENDULUM + exact.PENDULUM_SIZE])
-    s, c, rate = exact.pendulum_at(motion, time_after(z, h))
+    axis = vec3_at(z, _HANGING.axis)
+    motion = exact.read_pendulum(z[_HANGING.pendulum : _HANGING.pendulum + exact.PENDULUM_SIZE])
+    s, c, rate = exact.pendulum_at(motion, closed_form.time_after(z, h))
     turn = (c, s * axis[0], s * axis[1], s * axis[2])
-    return finish_step(z, h, compose_quaternions(quaternion_at(z, _Q_HANGING), turn), scale(rate, axis))
+    q = compose_quaternions(quaternion_at(z, _HANGING.q_hanging), turn)
+    return closed_form.finish_step(z, h, q, scale(rate, axis))
 
 
 PENDULUM = make_model("PENDULUM", _PENDULUM_LAYOUT, _set_up_pendulum, _advance_pendulum)
@@ -97,40 +92,33 @@ ORDERS = (4, 8, 16)
 """The orders of the series: powers of two, as their roots are repeated square roots."""
 _TERMS = ORDERS[-1] + 1
 _ONE_AXIS_TAYLOR_LAYOUT = places(
-    CLOSED_FORM
+    closed_form.CLOSED_FORM
     | {"order": 1, "substeps": 1, "axis": 3, "angle": 1, "drive": 1, "damping_rate": 1, "swing": 2}
     | {"rate_series": _TERMS, "sine_series": _TERMS, "cosine_series": _TERMS}
 )
-
-_SERIES_AXIS, _ANGLE, _SERIES_DRIVE, _SERIES_DAMPING_RATE, _SWING = _ONE_AXIS_TAYLOR_LAYOUT.starts(
-    "axis", "angle", "drive", "damping_rate", "swing"
-)
-_TOLERANCE, _ORDER, _SUBSTEPS = _ONE_AXIS_TAYLOR_LAYOUT.starts("tolerance", "order", "substeps")
-_RATE_SERIES, _SINE_SERIES, _COSINE_SERIES = _ONE_AXIS_TAYLOR_LAYOUT.starts(
-    "rate_series", "sine_series", "cosine_series"
-)
+_AT = _ONE_AXIS_TAYLOR_LAYOUT.at
+_RATE_SERIES, _SINE_SERIES, _COSINE_SERIES = _AT.rate_series, _AT.sine_series, _AT.cosine_series
 
 
 @kernel
 def _set_up_one_axis_taylor(z: Buffer) -> int:
-    axis = main_axis(z)
-    if not memory.skips_model_checks(z) and leaves_axis(z, axis):
+    axis = closed_form.main_axis(z)
+    if not memory.skips_model_checks(z) and closed_form.leaves_axis(z, axis):
         return MORE_AXES
-    cosine, sine = swing(z, axis)
-    put_vec3_at(z, _SERIES_AXIS, axis)
-    z[_ANGLE] = z[_SUBSTEPS] = 0.0
-    put_pair_at(z, _SWING, (cosine[0], sine[0]))
-    z[_SERIES_DRIVE], z[_SERIES_DAMPING_RATE] = drive_and_damping_rate(z, axis)
-    start_clocks(z)
-    return 0
+    cosine, sine = closed_form.swing(z, axis)
+    put_vec3_at(z, _AT.axis, axis)
+    z[_AT.angle] = z[_AT.substeps] = 0.0
+    put_pair_at(z, _AT.swing, (cosine[0], sine[0]))
+    z[_AT.drive], z[_AT.damping_rate] = closed_form.drive_and_damping_rate(z, axis)
+    return closed_form.start_clocks(z)
 
 
 @kernel
 def _advance_one_axis_taylor(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite or needs too many substeps."""
-    axis, angle = vec3_at(z, _SERIES_AXIS), z[_ANGLE]
+    axis, angle = vec3_at(z, _AT.axis), z[_AT.angle]
     rate = dot(axis, memory.rotation_of(z).omega_b)
-    rest, steps, order = h, 0, int(z[_ORDER])
+    rest, steps, order = h, 0, int(z[_AT.order])
     while rest > 0.0:
         steps += 1
         if order == 4:
@@ -145,11 +133,11 @@ def _advance_one_axis_taylor(z: Buffer, h: float) -> int:
         part = rest / count
         angle, rate = _angle_after(z, angle, part, order), polynomial(z, _RATE_SERIES, 1, order, part)
         rest = 0.0 if count == 1 else rest - part
-    q = compose_quaternions(first_attitude(z), quaternion_about(axis, angle))
-    status = finish_step(z, h, q, scale(rate, axis))
+    q = compose_quaternions(closed_form.first_attitude(z), quaternion_about(axis, angle))
+    status = closed_form.finish_step(z, h, q, scale(rate, axis))
     if status == OK:
-        z[_ANGLE] = angle
-        z[_SUBSTEPS] += steps
+        z[_AT.angle] = angle
+        z[_AT.substeps] += steps
     return status
 
 
@@ -159,7 +147,7 @@ def _expand(z: Buffer, angle: float, rate: float, order: int) -> float:
 
     They follow from sin' = rate cos and cos' = -rate sin. order: a literal, so that the loops unroll.
     """
-    drive, damping_rate, (cosine, sine) = z[_SERIES_DRIVE], z[_SERIES_DAMPING_RATE], pair_at(z, _SWING)
+    drive, damping_rate, (cosine, sine) = z[_AT.drive], z[_AT.damping_rate], pair_at(z, _AT.swing)
     s, c = sincos(angle)
     z[_RATE_SERIES], z[_SINE_SERIES], z[_COSINE_SERIES] = rate, s, c
     for k in range(order):
@@ -182,7 +170,7 @@ def _longest_step(z: Buffer, rate: float, order: int) -> float:
     last = max(abs(z[_RATE_SERIES + order]) / scale_of_rate, abs(z[_RATE_SERIES + order - 1]) / order)
     if last == 0.0:
         return LONGEST_STEP
-    root = math.sqrt(math.sqrt(z[_TOLERANCE] / last))
+    root = math.sqrt(math.sqrt(z[_AT.tolerance] / last))
     root = math.sqrt(root) if order > 4 else root
     return math.sqrt(root) if order > 8 else root
 

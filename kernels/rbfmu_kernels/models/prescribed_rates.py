@@ -32,9 +32,7 @@ _LAYOUT = places(INPUTS | PARAMETERS | OUTPUTS | OUTPUT_RATES | RATES | MEMORY) 
 LARGEST_TURN = 1e15
 """The angle, rad, from which on a double says nothing about the attitude."""
 
-_OMEGA, _Q_0, _Q, _RPY, _OMEGA_A = _LAYOUT.starts("omega_b", "quaternion_0", "quaternion", "rpy", "omega_a")
-_D_Q, _D_RPY, _D_OMEGA_A = _LAYOUT.starts("d_quaternion", "d_rpy", "d_omega_a")
-_RATES, _RATES_2, _ANCHOR, _OMEGA_ANCHOR, _ELAPSED, _TURNING = _LAYOUT.starts(*RATES, *MEMORY)
+_AT = _LAYOUT.at
 _AT_REST = (0.0, 0.0, 0.0)
 _ORDER = 16
 """The order of the series, for turns of at most a radian: the remainder is 2^-17 / 17! = 2e-20."""
@@ -43,12 +41,12 @@ _ORDER = 16
 @kernel(inline=False)
 def initialize(z: Buffer) -> int:
     """Check the parameters, and set state and outputs; return 0 or a key of `buffer.FAULTS`."""
-    q = quaternion_at(z, _Q_0)
+    q = quaternion_at(z, _AT.quaternion_0)
     total = abs(q[0]) + abs(q[1]) + abs(q[2]) + abs(q[3])
     if not (total > 0.0 and math.isfinite(total)):
         return NO_ATTITUDE
-    put_quaternion_at(z, _Q, normalize(q))
-    _put_anchor(z, quaternion_at(z, _Q), _AT_REST, (0.0, 0.0), turning_about(dd.vector(_AT_REST)))
+    put_quaternion_at(z, _AT.quaternion, normalize(q))
+    _put_anchor(z, quaternion_at(z, _AT.quaternion), _AT_REST, (0.0, 0.0), turning_about(dd.vector(_AT_REST)))
     return outputs(z)
 
 
@@ -59,32 +57,32 @@ def _advance(z: Buffer, h: float) -> int:
     While the rates stay as they are, the attitude follows from the time since they changed: no error adds up, and none
     grows with the angle. Each change of the rates leaves up to 3 eps.
     """
-    omega = vec3_at(z, _OMEGA)
-    slope, bend = vec3_at(z, _RATES), vec3_at(z, _RATES_2)
+    omega = vec3_at(z, _AT.omega_b)
+    slope, bend = vec3_at(z, _AT.omega_b_rate), vec3_at(z, _AT.omega_b_rate_2)
     if is_nonzero(slope) or is_nonzero(bend):
         return _changing_step(z, h, omega, slope, bend)
-    steady = omega == vec3_at(z, _OMEGA_ANCHOR)
-    high, rest = pair_at(z, _ELAPSED) if steady else (0.0, 0.0)
+    steady = omega == vec3_at(z, _AT.omega_anchor)
+    high, rest = pair_at(z, _AT.elapsed) if steady else (0.0, 0.0)
     t, low = two_sum(high, h)
     low += rest
-    anchor = quaternion_at(z, _ANCHOR if steady else _Q)
-    kept = turning_at(z, _TURNING)
+    anchor = quaternion_at(z, _AT.anchor if steady else _AT.quaternion)
+    kept = turning_at(z, _AT.turning)
     turning = kept if steady else turning_about(dd.vector(omega))
     q = normalize(compose_quaternions(anchor, rotation_after(turning, (t, low))))
     if not (norm(scale(t, omega)) < LARGEST_TURN and math.isfinite(q[0] + q[1] + q[2] + q[3])):
         return STEP_REJECTED
     _put_anchor(z, anchor, omega, (t, low), turning)
-    put_quaternion_at(z, _Q, q)
+    put_quaternion_at(z, _AT.quaternion, q)
     return outputs(z)
 
 
 @kernel
 def _put_anchor(z: Buffer, anchor: Quaternion, omega: Vec3, elapsed: DoubleDouble, turning: Turning) -> None:
     """Keep the attitude when the rates changed, those rates, the time since then, and their turning."""
-    put_quaternion_at(z, _ANCHOR, anchor)
-    put_vec3_at(z, _OMEGA_ANCHOR, omega)
-    put_pair_at(z, _ELAPSED, elapsed)
-    put_turning(z, _TURNING, turning)
+    put_quaternion_at(z, _AT.anchor, anchor)
+    put_vec3_at(z, _AT.omega_anchor, omega)
+    put_pair_at(z, _AT.elapsed, elapsed)
+    put_turning(z, _AT.turning, turning)
 
 
 @kernel(inline=False)
@@ -94,7 +92,7 @@ def _changing_step(z: Buffer, h: float, omega: Vec3, slope: Vec3, bend: Vec3) ->
     if not turn < MAX_SUBSTEPS:
         return STEP_REJECTED
     n = max(math.ceil(turn), 1)
-    part, q = h / n, quaternion_at(z, _Q)
+    part, q = h / n, quaternion_at(z, _AT.quaternion)
     for i in range(n):
         t = i * part
         q = normalize(
@@ -103,10 +101,10 @@ def _changing_step(z: Buffer, h: float, omega: Vec3, slope: Vec3, bend: Vec3) ->
     omega = _after(omega, slope, bend, h)
     if not math.isfinite(q[0] + q[1] + q[2] + q[3] + omega[0] + omega[1] + omega[2]):
         return STEP_REJECTED
-    put_vec3_at(z, _RATES, _AT_REST)
-    put_vec3_at(z, _RATES_2, _AT_REST)
-    put_vec3_at(z, _OMEGA, omega)
-    put_quaternion_at(z, _Q, q)
+    put_vec3_at(z, _AT.omega_b_rate, _AT_REST)
+    put_vec3_at(z, _AT.omega_b_rate_2, _AT_REST)
+    put_vec3_at(z, _AT.omega_b, omega)
+    put_quaternion_at(z, _AT.quaternion, q)
     _put_anchor(z, q, omega, (0.0, 0.0), turning_about(dd.vector(omega)))
     return outputs(z)
 
@@ -135,29 +133,29 @@ def _turn(h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> Quaternion:
 @kernel(inline=False)
 def outputs(z: Buffer) -> int:
     """Refresh the outputs from the state and the inputs now set."""
-    q = quaternion_at(z, _Q)
+    q = quaternion_at(z, _AT.quaternion)
     yaw, pitch, roll = euler_from_quaternion(ZYX, q)
-    put_vec3_at(z, _RPY, (roll, pitch, yaw))
-    put_vec3_at(z, _OMEGA_A, rotate(q, vec3_at(z, _OMEGA)))
+    put_vec3_at(z, _AT.rpy, (roll, pitch, yaw))
+    put_vec3_at(z, _AT.omega_a, rotate(q, vec3_at(z, _AT.omega_b)))
     return OK
 
 
 @kernel(inline=False)
 def output_rates(z: Buffer) -> int:
     """Set the outputs' time derivatives, blocks `d_<output>`, by the inputs now set; not finite at the pole of rpy."""
-    q, omega = quaternion_at(z, _Q), vec3_at(z, _OMEGA)
+    q, omega = quaternion_at(z, _AT.quaternion), vec3_at(z, _AT.omega_b)
     d_yaw, d_pitch, d_roll = euler_rate_b(ZYX, euler_from_quaternion(ZYX, q), omega)
-    slope = vec3_at(z, _RATES)
-    put_quaternion_at(z, _D_Q, quaternion_rate_b(q, omega))
-    put_vec3_at(z, _D_RPY, (d_roll, d_pitch, d_yaw))
-    put_vec3_at(z, _D_OMEGA_A, rotate(q, slope))
+    slope = vec3_at(z, _AT.omega_b_rate)
+    put_quaternion_at(z, _AT.d_quaternion, quaternion_rate_b(q, omega))
+    put_vec3_at(z, _AT.d_rpy, (d_roll, d_pitch, d_yaw))
+    put_vec3_at(z, _AT.d_omega_a, rotate(q, slope))
     return OK
 
 
 @kernel(inline=False)
 def feedthrough(z: Buffer, change: Buffer) -> int:
     """Set how much omega_a changes at once when the rates do; see `body.outputs.feedthrough`."""
-    put_vec3_at(change, _OMEGA_A, rotate(quaternion_at(z, _Q), vec3_at(change, _OMEGA)))
+    put_vec3_at(change, _AT.omega_a, rotate(quaternion_at(z, _AT.quaternion), vec3_at(change, _AT.omega_b)))
     return OK
 
 

@@ -9,7 +9,6 @@ Source: Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).
 """
 
 from ..body import closed_form, memory
-from ..body.fixed_axis import drive_and_damping_rate
 from ..body.outputs import outputs
 from ..body.principal import is_sphere, symmetric_frame
 from ..body.shell import make_model
@@ -18,7 +17,7 @@ from ..buffer_access import matrix_at, put_matrix_at, put_pair_at, put_vec3_at, 
 from ..compile.decorator import kernel
 from ..integrators.splitting import is_symmetric_top
 from ..mechanics.equations_of_motion import angular_acceleration
-from ..mechanics.newton_euler import damping_torque
+from ..mechanics.rigid_body import damping_torque
 from ..numerics.elementary import relaxed, sincos
 from ..rotations.matrix import invert_matrix, transform
 from ..rotations.vec3 import add_scaled, cross, dot, is_nonzero
@@ -31,8 +30,7 @@ _NO_ROTATION_LAYOUT = places(closed_form.CLOSED_FORM)
 def _set_up_no_rotation(z: Buffer) -> int:
     if memory.needs_rate(z) and not memory.skips_model_checks(z) and begins_to_turn(z):
         return TURNS
-    closed_form.start_clocks(z)
-    return 0
+    return closed_form.start_clocks(z)
 
 
 @kernel
@@ -57,8 +55,7 @@ NO_ROTATION = make_model("NO_ROTATION", _NO_ROTATION_LAYOUT, _set_up_no_rotation
 
 _ANGULAR_MOMENTUM_LAYOUT = places(closed_form.CLOSED_FORM | {"omega_0": 3, "alpha": 3, "since_alpha": 2})
 """After CLOSED_FORM: the rate when the torque last changed, what the torque adds to it in 1 s, and the time since."""
-
-_OMEGA_0, _ALPHA, _SINCE_ALPHA = _ANGULAR_MOMENTUM_LAYOUT.starts("omega_0", "alpha", "since_alpha")
+_MOMENTUM = _ANGULAR_MOMENTUM_LAYOUT.at
 _AT_REST = (0.0, 0.0, 0.0)
 
 
@@ -67,11 +64,10 @@ def _set_up_angular_momentum(z: Buffer) -> int:
     more = closed_form.has_turning_torque(z) or memory.shows_more_than_momentum(z, is_sphere(memory.body_of(z).inertia))
     if more and not memory.skips_model_checks(z):
         return MORE_THAN_MOMENTUM
-    put_pair_at(z, _SINCE_ALPHA, (0.0, 0.0))
-    put_vec3_at(z, _OMEGA_0, memory.rotation_of(z).omega_b)
-    put_vec3_at(z, _ALPHA, _AT_REST)
-    closed_form.start_clocks(z)
-    return 0
+    put_pair_at(z, _MOMENTUM.since_alpha, (0.0, 0.0))
+    put_vec3_at(z, _MOMENTUM.omega_0, memory.rotation_of(z).omega_b)
+    put_vec3_at(z, _MOMENTUM.alpha, _AT_REST)
+    return closed_form.start_clocks(z)
 
 
 @kernel
@@ -79,17 +75,17 @@ def _advance_angular_momentum(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite or an input turns in a."""
     if not memory.skips_model_checks(z) and closed_form.has_turning_torque(z):
         return STEP_REJECTED
-    since, low, omega, q = 0.0, 0.0, vec3_at(z, _OMEGA_0), closed_form.first_attitude(z)
+    since, low, omega, q = 0.0, 0.0, vec3_at(z, _MOMENTUM.omega_0), closed_form.first_attitude(z)
     alpha = angular_acceleration(q, _AT_REST, memory.body_of(z), memory.loads_of(z))
-    if alpha == vec3_at(z, _ALPHA):
-        since, low = closed_form.later(z, _SINCE_ALPHA, h)
+    if alpha == vec3_at(z, _MOMENTUM.alpha):
+        since, low = closed_form.later(z, _MOMENTUM.since_alpha, h)
     else:
         since, omega = h, memory.rotation_of(z).omega_b
     status = closed_form.finish_step(z, h, q, add_scaled(omega, since + low, alpha))
     if status == OK:
-        put_pair_at(z, _SINCE_ALPHA, (since, low))
-        put_vec3_at(z, _OMEGA_0, omega)
-        put_vec3_at(z, _ALPHA, alpha)
+        put_pair_at(z, _MOMENTUM.since_alpha, (since, low))
+        put_vec3_at(z, _MOMENTUM.omega_0, omega)
+        put_vec3_at(z, _MOMENTUM.alpha, alpha)
     return status
 
 
@@ -102,10 +98,7 @@ _SPIN_UP_LAYOUT = places(
     closed_form.CLOSED_FORM
     | {"axes": 9, "rates": 3, "drive": 1, "damping_rate": 1, "damping_rate_across": 1, "ratio": 1}
 )
-
-_AXES, _RATES, _DRIVE, _DAMPING_RATE, _DAMPING_RATE_ACROSS, _RATIO = _SPIN_UP_LAYOUT.starts(
-    "axes", "rates", "drive", "damping_rate", "damping_rate_across", "ratio"
-)
+_AT = _SPIN_UP_LAYOUT.at
 
 
 @kernel
@@ -114,13 +107,12 @@ def _set_up_spin_up(z: Buffer) -> int:
     astray = memory.needs_attitude(z) or memory.has_unknown_load(z) or leads_astray(z, axes)
     if astray and not memory.skips_model_checks(z):
         return NO_SPIN_UP
-    put_matrix_at(z, _AXES, axes)
-    put_vec3_at(z, _RATES, transform(axes, memory.rotation_of(z).omega_b))
-    z[_DRIVE], z[_DAMPING_RATE] = drive_and_damping_rate(z, axes[2])
-    _, z[_DAMPING_RATE_ACROSS] = drive_and_damping_rate(z, axes[0])
-    z[_RATIO] = (own - across) / across
-    closed_form.start_clocks(z)
-    return 0
+    put_matrix_at(z, _AT.axes, axes)
+    put_vec3_at(z, _AT.rates, transform(axes, memory.rotation_of(z).omega_b))
+    z[_AT.drive], z[_AT.damping_rate] = closed_form.drive_and_damping_rate(z, axes[2])
+    _, z[_AT.damping_rate_across] = closed_form.drive_and_damping_rate(z, axes[0])
+    z[_AT.ratio] = (own - across) / across
+    return closed_form.start_clocks(z)
 
 
 @kernel
@@ -128,13 +120,13 @@ def _advance_spin_up(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion is not finite."""
     high, low = closed_form.time_after(z, h)
     t = high + low
-    w_t, w_u, w_s = vec3_at(z, _RATES)
-    angle, rate = relaxed(w_s, z[_DRIVE], z[_DAMPING_RATE], t)
-    _, left = relaxed(1.0, 0.0, z[_DAMPING_RATE_ACROSS], t)
-    s, c = sincos(z[_RATIO] * angle)
+    w_t, w_u, w_s = vec3_at(z, _AT.rates)
+    angle, rate = relaxed(w_s, z[_AT.drive], z[_AT.damping_rate], t)
+    _, left = relaxed(1.0, 0.0, z[_AT.damping_rate_across], t)
+    s, c = sincos(z[_AT.ratio] * angle)
     rates = (left * (c * w_t - s * w_u), left * (s * w_t + c * w_u), rate)
     return closed_form.finish_step(
-        z, h, memory.rotation_of(z).q_ab, transform(invert_matrix(matrix_at(z, _AXES)), rates)
+        z, h, memory.rotation_of(z).q_ab, transform(invert_matrix(matrix_at(z, _AT.axes)), rates)
     )
 
 

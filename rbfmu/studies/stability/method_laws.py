@@ -16,7 +16,7 @@ from rbfmu.studies.stability import motions
 from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Columns, Finding, Study, exponent
 from rbfmu.studies.stability.motions import SPHERE, TUMBLING, UPRIGHT, ZERO, at, attitude_after, free_body, spin
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, angular_acceleration
-from rbfmu_kernels.mechanics.newton_euler import angular_momentum, kinetic_energy
+from rbfmu_kernels.mechanics.rigid_body import angular_momentum, kinetic_energy
 from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 from rbfmu_kernels.rotations.quaternion import angle_between

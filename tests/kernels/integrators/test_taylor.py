@@ -11,11 +11,10 @@ from rbfmu.scene.scene import Scene
 from rbfmu.studies.chart.cases import CASES
 from rbfmu.studies.chart.cases import reference as motion_of_case
 from rbfmu_kernels.buffer import OK
-from rbfmu_kernels.integrators.rigid_body_state import ROTATION, STATE_SIZE
 from rbfmu_kernels.integrators.substeps import Method, Room
 from rbfmu_kernels.integrators.taylor import derivatives_of_attitude, taylor_advance
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER, WORK
-from rbfmu_kernels.mechanics.equations_of_motion import constant_loads
+from rbfmu_kernels.mechanics.equations_of_motion import ROTATION, STATE_SIZE, constant_loads
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from tests.support.references import reference_mp as reference
 from tests.support.scenes.model_cases import ALL_LOADS

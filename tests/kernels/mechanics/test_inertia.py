@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu_kernels.mechanics import inertia, shape_inertia
+from rbfmu_kernels.mechanics import inertia
 from tests.support.references.hard_inertia import HARD_MOMENTS, SCALES, hard_matrices, random_rotation
 from tests.support.references.rational_matrices import (
     diagonal,
@@ -156,7 +156,7 @@ def test_inverse_inertia_of_a_turned_beam_is_its_pseudo_inverse():
     worst = 0.0
     for _ in range(100):
         R = np.array(random_rotation(rng))
-        M = inertia.rotate_inertia(tuples(R), shape_inertia.beam_inertia(2.0, 3.0))
+        M = inertia.rotate_inertia(tuples(R), inertia.beam_inertia(2.0, 3.0))
         truth = R @ np.diag([0, 1 / 1.5, 1 / 1.5]) @ R.T
         worst = max(worst, 1.5 * np.max(np.abs(np.array(inertia.inverse_inertia(M)) - truth)))
     assert worst <= 9 * EPS
@@ -182,7 +182,7 @@ def test_check_inertia_allows_round_off_and_no_more(excess, reason, scale):
 def test_check_inertia_allows_a_beam_and_a_particle_in_any_axes():
     rng = np.random.default_rng(11)
     for scale in SCALES:
-        M = inertia.rotate_inertia(random_rotation(rng), shape_inertia.beam_inertia(scale, 3.0))
+        M = inertia.rotate_inertia(random_rotation(rng), inertia.beam_inertia(scale, 3.0))
         assert inertia.check_inertia(M) == 0.0
     assert inertia.check_inertia(inertia.diagonal((0.0, 0.0, 0.0))) == 0.0
     assert inertia.check_inertia(inertia.point_inertia(2.0, (1.0, 2.0, 3.0))) == 0.0
