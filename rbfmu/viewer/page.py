@@ -16,7 +16,7 @@ import viser
 
 from rbfmu.arrays import rotate
 from rbfmu.types import Array
-from rbfmu.viewer.motion import Shown
+from rbfmu.viewer import Motion
 
 # Where things are drawn: in lengths of which 1 is half the body's size as drawn
 
@@ -36,7 +36,7 @@ STROBE = 1.0
 class Geometry:
     """A motion as it is drawn."""
 
-    def __init__(self, motion: Shown) -> None:
+    def __init__(self, motion: Motion) -> None:
         self.motion, shape = motion, motion.shape
         self.paths = np.vstack([motion.position, *(ghost.position for ghost in motion.ghosts)])
         """Where o comes to (n, 3), m, also those of the ghosts."""
@@ -142,7 +142,7 @@ SEEN = {"h": "#dca640", "ω": "#15a092", "trace": "#c95fa6"}
 """What colours look like in the drawing's light."""
 
 
-def motion_page(motion: Shown) -> str:
+def motion_page(motion: Motion) -> str:
     """Return the page that plays a motion."""
     geometry = Geometry(motion)
     panel = files("rbfmu.viewer").joinpath("panel.html").read_text(encoding="utf-8")
