@@ -19,7 +19,7 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.motion import Steps, record
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError
-from rbfmu.studies.chart.cases import FLOOR, RATES, ROTATION, Case, FormulaCase, few_and_many
+from rbfmu.studies.chart.cases import FLOOR, Case, few_and_many
 from rbfmu.studies.chart.methods import MOST_RADIANS, Method, NotFeasibleError, Run, fixed_steps, own_methods, planned
 from rbfmu.studies.chart.result import STOPPED, TAKES_NO, YOURS, End, Measured, Progress, Row, TooSmall, kind_of
 from rbfmu.studies.chart.simulators import BASILISK, DRAKE, MUJOCO
@@ -94,7 +94,7 @@ def why_not(method: Method, case: Case) -> str:
     """Return why a method is not tried on a case, else nothing."""
     if method.only and case.key not in method.only:
         return "set up for the motions of `rbfmu chart` alone"
-    if isinstance(case, FormulaCase) and not method.takes_formulas:
+    if case.scene.has_formulas and not method.takes_formulas:
         return "takes no formulas"
     if reason := method.why_not(case):
         return reason
@@ -107,8 +107,7 @@ def why_not(method: Method, case: Case) -> str:
 
 def _takes_no_step(case: Case) -> str:
     """Say why a case needs more than a step of attitude and rates, if it does."""
-    takes = case.scene.body is not None and case.numbers in (RATES, ROTATION)
-    return "" if takes else _NOT_OWN
+    return "" if case.scene.body is not None and case.only_turns else _NOT_OWN
 
 
 @dataclass(frozen=True)
@@ -275,7 +274,7 @@ def _program(method: str) -> str:
 
 def too_small(case: Case, chosen: Plan) -> list[TooSmall]:
     """Return the models that stand before the plan's and miss the accuracy, from the smallest."""
-    if case.scene.body is None or isinstance(case, FormulaCase):
+    if case.scene.body is None or case.scene.has_formulas:
         return []
     before = takewhile(lambda spec: spec.key != chosen.model, MODELS.values())
     smaller = [spec for spec in before if spec.closed_form or spec is ONE_AXIS_TAYLOR]
