@@ -19,9 +19,10 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.motion import Steps, record
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError
+from rbfmu.studies import Progress
 from rbfmu.studies.chart.cases import FLOOR, Case, few_and_many
 from rbfmu.studies.chart.methods import MOST_RADIANS, Method, NotFeasibleError, Run, fixed_steps, own_methods, planned
-from rbfmu.studies.chart.result import STOPPED, TAKES_NO, YOURS, End, Measured, Progress, Row, TooSmall, kind_of
+from rbfmu.studies.chart.result import STOPPED, TAKES_NO, YOURS, Chart, End, Row, TooSmall, kind_of
 from rbfmu.studies.chart.simulators import BASILISK, DRAKE, MUJOCO
 from rbfmu.studies.chart.solvers import HEYOKA, NUMBALSODA, SCIPY
 from rbfmu.studies.one_step import OneStepMethod, method_of_file
@@ -136,7 +137,7 @@ def extent(quick: bool, method: str | Path | None) -> Extent:
     return replace(QUICK if quick else Extent(), own=own)
 
 
-def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Measured:
+def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Chart:
     """Return the chart of a case; first_calls: what is known of the time that methods take to compile, s."""
     name, chosen = case.scene.name, plan(case.asked)
     methods = [m for m in contestants(case) if not what.only or m.name in what.only]
@@ -158,7 +159,7 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
         for one in again:
             one.time(what.shortest)
     progress(total, total, "")
-    return Measured(
+    return Chart(
         name, chosen.model, case.scene.run.accuracy, case.span, case.outputs, tuple(case.scene.inputs.ports),
         tuple(one.row for one in found), tuple(ends), tuple(too_small(case, chosen)),
         (*_not_charted(case, ends), *(f"{m.name}: {_NOT_OWN}" for m in own if m not in methods)),
@@ -167,7 +168,7 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
     )  # fmt: skip
 
 
-def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Measured]:
+def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Chart]:
     """Return a chart of each of the eight motions named, with few and with many outputs."""
     cases, first_calls = few_and_many(keys), dict[str, float]()
     share = 1000

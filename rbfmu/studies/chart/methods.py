@@ -21,8 +21,8 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.studies import short
 from rbfmu.studies.chart.cases import Case, Found
-from rbfmu.studies.chart.tables import short
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.one_step import Form, OneStepMethod, Steps, compiled
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint

@@ -14,7 +14,7 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 
 from rbfmu.exceptions import SceneWarning
-from rbfmu.studies.chart.result import write_rows
+from rbfmu.studies import write_rows
 from rbfmu.studies.one_step import OneStepMethod, method_of_file
 from rbfmu.studies.stability import method_laws as laws
 from rbfmu.studies.stability import motion_laws

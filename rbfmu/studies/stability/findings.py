@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
 
-from rbfmu.studies.chart.result import write_rows
+from rbfmu.studies import write_rows
 from rbfmu.studies.one_step import OneStepMethod
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.studies import WIDTH
 from rbfmu.studies.chart import Chart, cases, measure, methods, solvers
 from rbfmu.studies.chart.cases import WHOLE, state_of
 from rbfmu.studies.chart.methods import NotFeasibleError
 from rbfmu.studies.chart.simulators import MUJOCO
-from rbfmu.studies.chart.tables import WIDTH
 from rbfmu_kernels.mechanics.equations_of_motion import State
 from tests.support.command_line import call
 from tests.support.paths import ROOT
