@@ -21,7 +21,7 @@ from rbfmu.studies.stability import motion_laws
 from rbfmu.studies.stability.findings import CURVE, OWN, Finding, Study, exponent, failures, read_findings
 from rbfmu.studies.stability.findings import write_columns as write_columns
 from rbfmu.studies.stability.findings import write_findings as write_findings
-from rbfmu.studies.stability.maps import METHODS, QUICK_METHODS, Row, findings_of_maps, verdict_of_steps, verdicts
+from rbfmu.studies.stability.motions import METHODS, QUICK_METHODS, Row, findings_of_maps, verdict_of_steps, verdicts
 
 __all__ = ["STUDIES", "Finding", "Study", "failures", "read_findings", "run_stability", "write_findings"]
 
