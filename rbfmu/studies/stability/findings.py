@@ -26,8 +26,10 @@ class Law(NamedTuple):
 
 
 _TABLES = tomllib.loads(Path(__file__).with_name("laws.toml").read_text(encoding="utf-8"))
-LAWS = {int(number): Law(**row) for number, row in _TABLES.items()}
+LAWS = {int(number): Law(row["says"], row["source"]) for number, row in _TABLES.items()}
 """The laws by number."""
+_FINDINGS = {name: (law, row) for law in LAWS for name, row in _TABLES[str(law)]["findings"].items()}
+"""The law and the row of each finding, by its name."""
 
 
 EQUAL, AT_MOST, RECORDED, OWN = "equal", "at most", "recorded", "own"
@@ -60,6 +62,15 @@ class Finding:
         if self.kind == AT_MOST:
             return self.measured <= self.predicted
         return math.isclose(self.measured, self.predicted, rel_tol=self.tolerance, abs_tol=0.0)
+
+
+def finding(
+    name: str, measured: float, predicted: float = 0.0, /, near: float = 0.0, place: str = "", **words: object
+) -> Finding:
+    """Return a finding of `laws.toml`; predicted, near: where the table has no number; words: those in braces there."""
+    law, row = _FINDINGS[name]
+    predicted, near = row.get("predicted", predicted), row.get("near", near)
+    return Finding(law, row["what"].format(**words), predicted, measured, near, row.get("kind", EQUAL), place)
 
 
 def exponent(larger: float, smaller: float, ratio: float = 2.0) -> float:

@@ -17,7 +17,7 @@ from rbfmu.simulation import simulate
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.reference_methods import SPLITTINGS
 from rbfmu.studies.stability import motions
-from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Columns, Finding, Study, exponent
+from rbfmu.studies.stability.findings import Columns, Finding, Study, exponent, finding
 from rbfmu.studies.stability.method_laws import RK4, SEMI, crossing
 from rbfmu.studies.stability.motions import BRICK, FLIPPING, HEAVY_TOP, UPRIGHT, scene_of
 from rbfmu.types import Array, Motion
@@ -57,11 +57,11 @@ def _measured_time(time: Array, omega_2: Array) -> float:
 
 
 def _flips_about_a_pivot() -> tuple[float, float]:
-    """Return the predicted and measured time between flips of a weightless brick on a pivot 0.5 m from its centre."""
+    """Return the measured and predicted time between flips of a weightless brick on a pivot 0.5 m from its centre."""
     body = {"inertia": BRICK, "r_oc_b": (0.0, 0.0, 0.5), "pivot": True}
     result = simulate(scene_of(body, FLIPPING.start, ["omega_b"], 40.0, 1e-3))
     predicted = time_between_flips((1.25, 2.25, 3.0), FLIPPING.start.omega_b)
-    return predicted, _measured_time(result.time, result.omega_b[:, 1])
+    return _measured_time(result.time, result.omega_b[:, 1]), predicted
 
 
 def intermediate_axis(quick: bool) -> Study:
@@ -75,13 +75,12 @@ def intermediate_axis(quick: bool) -> Study:
     fine = np.linspace(0.0, 32.0, 32_001)
     measured = _measured_time(fine, _free_rates(start.omega_b, fine)[:, 1])
     findings = [
-        Finding(10, "growth of a disturbance of the middle axis, 1/s", flip_rate(BRICK, 2.0),
-                exponent(tiny[1], tiny[0], math.e) / 3.0, 2e-5),
-        Finding(10, "time between flips, s", time_between_flips(BRICK, start.omega_b), measured, 1e-8),
-        Finding(10, "that time for (1, 2, 3), (1e-4, 2, 1e-4), s", 18.954193, measured, 3e-8),
-    ]  # fmt: skip
+        finding("growth of a disturbance", exponent(tiny[1], tiny[0], math.e) / 3.0, flip_rate(BRICK, 2.0)),
+        finding("time between flips", measured, time_between_flips(BRICK, start.omega_b)),
+        finding("that time", measured),
+    ]
     if not quick:
-        findings.append(Finding(10, "time between flips about a pivot, s", *_flips_about_a_pivot(), 1e-6))
+        findings.append(finding("flips about a pivot", *_flips_about_a_pivot()))
     return Study("intermediate_axis", findings, columns)
 
 
@@ -129,18 +128,10 @@ def sleeping_top(quick: bool) -> Study:
     growths = {ratio: _measured_growth(ratio) for ratio in (0.2, 0.5, 0.8)}
     slope, offset = np.polyfit([r * r for r in growths], [g * g for g in growths.values()], 1)
     findings = [
-        Finding(11, f"growth of the tilt at {r:g} of the critical spin, 1/s", tilt_growth(r), g, 2e-4)
-        for r, g in growths.items()
+        *(finding("growth of the tilt", g, tilt_growth(r), r=r) for r, g in growths.items()),
+        finding("end of the growth", math.sqrt(-float(offset) / float(slope))),
+        *(finding("largest tilt", largest_tilt(r) / 1e-3, 1.0 / math.sqrt(1.0 - r**-2), r=r) for r in (1.1, 1.5)),
     ]
-    findings += [
-        Finding(11, "spin at which the growth ends, over 2 sqrt(I1 m g l) / I3", 1.0,
-                math.sqrt(-float(offset) / float(slope)), 2e-4),
-        *(
-            Finding(11, f"largest tilt over the first one at {r:g} of the critical spin", 1.0 / math.sqrt(1.0 - r**-2),
-                    largest_tilt(r) / 1e-3, 1e-5)
-            for r in (1.1, 1.5)
-        ),
-    ]  # fmt: skip
     return Study("sleeping_top", findings, columns)
 
 
@@ -181,23 +172,18 @@ def splitting_resonance(quick: bool) -> Study:
     resonance = resonant_step(HEAVY_TOP.body.inertia, HEAVY_TOP.start.omega_b)
     steps = np.geomspace(0.03, 0.6, 13 if quick else 121).tolist()
     columns = {"h": steps} | {name: [_energy_error(name, h) for h in steps] for name in SPLITTINGS}
+    below = (("Strang", 2.0, 0.05), ("RKN4", 4.0, 0.03), ("RKN6", 6.0, 0.1))
+    recorded = (("Strang", 0.4189, 10.7), ("Strang", 0.1, 4.5e-4), ("RKN6", 0.1047, 3.54e-10))
     findings = [
-        Finding(12, "resonant step 2 pi I1 / (I3 w3), s", 2.0 * math.pi / (0.3 * 50.0), resonance, 1e-15),
-        Finding(12, "Strang, step of the largest energy error over the resonant one", 1.0,
-                _peak(partial(_energy_error, "Strang"), 0.40, 0.44) / resonance, 2e-2),
-        Finding(12, "largest substep that the model takes, over the resonant one", 0.5,
-                _largest_substep() / resonance, 1e-6),
+        finding("resonant step", resonance, 2.0 * math.pi / (0.3 * 50.0)),
+        finding("peak", _peak(partial(_energy_error, "Strang"), 0.40, 0.44) / resonance),
+        finding("largest substep", _largest_substep() / resonance),
         *(
-            Finding(12, f"{name}, power of h in the energy error below the resonance", order,
-                    exponent(_energy_error(name, h), _energy_error(name, 0.5 * h)), 0.03)
-            for name, order, h in (("Strang", 2.0, 0.05), ("RKN4", 4.0, 0.03), ("RKN6", 6.0, 0.1))
+            finding("order below", exponent(_energy_error(name, h), _energy_error(name, 0.5 * h)), order, name=name)
+            for name, order, h in below
         ),
-        *(
-            Finding(12, f"{name}, energy error in m g l at h = {h:.4g}", recorded, _energy_error(name, h), 1e-2,
-                    RECORDED)
-            for name, h, recorded in (("Strang", 0.4189, 10.7), ("Strang", 0.1, 4.5e-4), ("RKN6", 0.1047, 3.54e-10))
-        ),
-    ]  # fmt: skip
+        *(finding("energy error", _energy_error(name, h), error, name=name, h=h) for name, h, error in recorded),
+    ]
     return Study("splitting_resonance", findings, columns)
 
 
@@ -238,8 +224,8 @@ def product_models(quick: bool) -> Study:
     """Measure law 13: the error of each model stays within its bound; `quick` changes nothing here."""
     rows = [(case.name, case.motion, case.bound, motions.error_of_model(case.motion, case.planned)) for case in CASES]
     rows.append(("prescribed rates", "held, then changing", 1e-14, motions.prescribed_error()))
-    findings = [Finding(13, f"{name}: largest error", most, error, 0.0, AT_MOST, at) for name, at, most, error in rows]
-    findings.append(Finding(13, "series and DOP853 apart, loads that change", 1e-11, _apart(), 0.0, AT_MOST))
+    findings = [finding("error of a model", error, most, place=at, name=name) for name, at, most, error in rows]
+    findings.append(finding("apart", _apart()))
     columns = dict(zip(("model", "motion", "bound", "error"), map(list, zip(*rows, strict=True)), strict=True))
     return Study("product_models", findings, columns)
 
@@ -298,12 +284,10 @@ def orders_and_error_control(quick: bool) -> Study:
     columns: Columns = {"halvings of the step": list(halvings)}
     for power, h, case in _ORDERS:
         errors = columns[case.name] = [_error_at(case, h * 0.5**k) for k in halvings]
-        findings.append(Finding(14, f"{case.name}: order", power, exponent(errors[0], errors[1]), 0.02))
+        findings.append(finding("order", exponent(errors[0], errors[1]), power, name=case.name))
     for root, ratio, case in _CONTROLLED:
         few, many = (_substeps(case._replace(tolerance=t)) for t in (1e-10, 1e-14))
         error = motions.error_of_model(case.motion, case._replace(tolerance=1e-10).planned)
-        findings += [
-            Finding(14, f"{case.name}: power of 1 / tolerance in substeps", 1.0 / root, exponent(many, few, 1e4), 0.05),
-            Finding(14, f"{case.name}: error / tolerance", ratio, error / 1e-10, 0.02, RECORDED),
-        ]
+        findings.append(finding("substeps", exponent(many, few, 1e4), 1.0 / root, name=case.name))
+        findings.append(finding("error over tolerance", error / 1e-10, ratio, name=case.name))
     return Study("orders_and_error_control", findings, columns)

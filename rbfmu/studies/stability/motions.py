@@ -19,7 +19,7 @@ from rbfmu.studies.chart.cases import CASES
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.one_step import OneStepMethod
 from rbfmu.studies.reference_methods import ALL_INTEGRATORS
-from rbfmu.studies.stability.findings import AT_MOST, Finding
+from rbfmu.studies.stability.findings import Finding, finding
 from rbfmu.types import Array
 from rbfmu_kernels.mechanics.equations_of_motion import Body, State
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
@@ -253,6 +253,6 @@ def findings_of_maps(rows: Iterable[Row]) -> list[Finding]:
     """Return the findings: in each cell the product reaches the accuracy asked and refuses nothing."""
     where = "h omega {:.3g}, moments {:g}".format
     return [
-        Finding(15, f"{name}: attitude error, rad", ACCURACY, error, 0.0, AT_MOST, where(h, ratio))
+        finding("map", error, ACCURACY, place=where(h, ratio), name=name)
         for name, h, ratio, _, error in rows if name in OURS
     ]  # fmt: skip
