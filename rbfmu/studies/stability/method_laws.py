@@ -198,7 +198,7 @@ def decay_factor(method: OneStepMethod, x: float) -> float:
 
 def _decay_of_plan(planned: Plan, x: float) -> float:
     """Return the same of a model of the product, with one substep per step."""
-    scene = motions.scene_of({"inertia": SPHERE}, spin(1.0), ["omega_b"], 1.0, 1.0, **{"loads.damping_b": (x, x, x)})
+    scene = motions.scene_of(spin(1.0), ["omega_b"], 1.0, 1.0, {"body.inertia": SPHERE, "loads.damping_b": (x, x, x)})
     return float(simulate(scene, planned=planned).omega_b[1, 2])
 
 

@@ -58,8 +58,8 @@ def _measured_time(time: Array, omega_2: Array) -> float:
 
 def _flips_about_a_pivot() -> tuple[float, float]:
     """Return the measured and predicted time between flips of a weightless brick on a pivot 0.5 m from its centre."""
-    body = {"inertia": BRICK, "r_oc_b": (0.0, 0.0, 0.5), "pivot": True}
-    result = simulate(scene_of(body, FLIPPING.start, ["omega_b"], 40.0, 1e-3))
+    hung = {"body.r_oc_b": (0.0, 0.0, 0.5), "body.pivot": True}
+    result = simulate(scene_of(FLIPPING.start, ["omega_b"], 40.0, 1e-3, hung))
     predicted = time_between_flips((1.25, 2.25, 3.0), FLIPPING.start.omega_b)
     return _measured_time(result.time, result.omega_b[:, 1]), predicted
 

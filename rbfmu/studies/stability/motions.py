@@ -56,18 +56,11 @@ def attitude_after(state: State, t: float) -> Quaternion:
     return quaternion_from_rotvec(scale(t, state.omega_b))
 
 
-def scene_of(
-    body: Mapping[str, Any], start: State, asked: Sequence[str], stop: float, step: float, **more: Any
-) -> Scene:
-    """Return the scene of a body of 1 kg without weight; more: further keys, as `Scene.replace` takes them."""
-    tables = {
-        "body": {"mass": 1.0, **body},
-        "initial": {"attitude": {"quaternion": list(start.q_ab)}, "omega_b": list(start.omega_b)},
-        "loads": {"gravity_a": ZERO},
-        "outputs": {"quantities": list(asked)},
-        "run": {"stop": stop, "step": step},
-    }
-    return Scene.from_dict(tables).replace(more)
+def scene_of(start: State, asked: Sequence[str], stop: float, step: float, changes: Mapping[str, Any]) -> Scene:
+    """Return the scene of a brick of 1 kg without weight; changes: as `Scene.replace` takes them."""
+    initial = {"initial.attitude": {"quaternion": list(start.q_ab)}, "initial.omega_b": list(start.omega_b)}
+    shown = {"outputs.quantities": list(asked), "run.stop": stop, "run.step": step}
+    return TUMBLING.scene.replace({**initial, **shown, **changes})
 
 
 REFERENCES = Path(__file__).with_name("reference_motions.json")
@@ -201,8 +194,8 @@ def grid(quick: bool) -> tuple[list[float], list[float]]:
 
 def map_scene(ratio: float, turn: float = TURN, n: int = CHECKS, ports: tuple[str, ...] = ()) -> Scene:
     """Return the free body of a map; a port rules out the exact models."""
-    more = {"run.accuracy": ACCURACY, "inputs.ports": list(ports)}
-    return scene_of({"inertia": moments(ratio)}, _START, ["quaternion"], turn, turn / n, **more)
+    changes = {"body.inertia": moments(ratio), "run.accuracy": ACCURACY, "inputs.ports": list(ports)}
+    return scene_of(_START, ["quaternion"], turn, turn / n, changes)
 
 
 def _verdict(ratio: float, turn: float, attitudes: Array) -> Verdict:
