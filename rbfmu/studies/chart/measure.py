@@ -106,11 +106,6 @@ def why_not(method: Method, case: Case) -> str:
 # Measuring
 
 
-def _takes_no_step(case: Case) -> str:
-    """Say why a case needs more than a step of attitude and rates, if it does."""
-    return "" if case.scene.body is not None and case.only_turns else _NOT_OWN
-
-
 @dataclass(frozen=True)
 class Extent:
     """The limits of a measurement.
@@ -141,7 +136,8 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
     """Return the chart of a case; first_calls: what is known of the time that methods take to compile, s."""
     name, chosen = case.scene.name, plan(case.asked)
     methods = [m for m in contestants(case) if not what.only or m.name in what.only]
-    own = [] if what.own is None else [fixed_steps(what.own, YOURS, _takes_no_step)]
+    takes_step = "" if case.scene.body is not None and case.only_turns else _NOT_OWN
+    own = [] if what.own is None else [fixed_steps(what.own, YOURS, lambda case: takes_step)]
     methods += [method for method in own if not why_not(method, case)]
     first_calls, total = {} if first_calls is None else first_calls, len(methods) + what.repeats
     found: list[Tried] = []

@@ -107,7 +107,7 @@ def largest_stable(factor: Callable[[float], float]) -> float:
     last = 0.0
     for x in np.linspace(0.05, 20.0, 400).tolist():
         if not abs(factor(x)) - 1e-12 <= 1.0:
-            return laws.crossing(lambda x: abs(factor(x)) - 1e-12, last, x)
+            return laws.crossing(lambda x: abs(factor(x)) - 1e-12 <= 1.0, last, x)
         last = x
     return math.inf
 

@@ -50,17 +50,17 @@ def _polynomial_of_the_tableau(z: complex) -> complex:
     return stages[-1]
 
 
-def crossing(growth: Callable[[float], float], low: float, high: float) -> float:
-    """Return where the growth factor passes 1, from stable at `low` to unstable at `high`."""
+def crossing(holds: Callable[[float], bool], low: float, high: float) -> float:
+    """Return up to where something holds, which does at `low` and does not at `high`."""
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if growth(middle) <= 1.0 else (low, middle)
+        low, high = (middle, high) if holds(middle) else (low, middle)
     return low
 
 
 def limit_near(factor: Callable[[float], float], limit: float) -> float:
     """Return up to where a step's factor is at most 1 in size, near a limit that is expected."""
-    return crossing(lambda x: abs(factor(x)), 0.8 * limit, 1.2 * limit)
+    return crossing(lambda x: abs(factor(x)) <= 1.0, 0.8 * limit, 1.2 * limit)
 
 
 def growth(method: OneStepMethod, h_omega: float) -> float:
@@ -235,7 +235,7 @@ def _moser_veselov_error(method: OneStepMethod, x: float) -> float:
 
 def _last_use(method: OneStepMethod, error: float) -> float:
     """Return the h omega up to which a step has a solution with at most this error in rad."""
-    return crossing(lambda x: 0.0 if _moser_veselov_error(method, x) <= error else 2.0, 0.5, 3.0)
+    return crossing(lambda x: _moser_veselov_error(method, x) <= error, 0.5, 3.0)
 
 
 def moser_veselov_limits(quick: bool) -> Study:

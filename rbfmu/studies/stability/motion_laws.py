@@ -156,15 +156,15 @@ def _peak(function: Callable[[float], float], low: float, high: float) -> float:
 def _largest_substep() -> float:
     """Return the substep in s beyond which the product's model of a symmetric top refuses the fast top."""
 
-    def refused(h: float) -> float:
+    def is_taken(h: float) -> bool:
         scene = HEAVY_TOP.scene.replace({"run.stop": 0.1, "run.step": 0.1, "initial.attitude": {"quaternion": UPRIGHT}})
         try:
             simulate(scene, planned=Plan("symmetric top", "", 7, substep=h, order=2))
         except SceneError:
-            return 2.0
-        return 0.0
+            return False
+        return True
 
-    return crossing(refused, 0.1, 0.4)
+    return crossing(is_taken, 0.1, 0.4)
 
 
 def splitting_resonance(quick: bool) -> Study:
