@@ -12,8 +12,7 @@ from rbfmu.simulation import simulate
 from rbfmu.studies.dop853 import DOP853, STAGES, A, Dop853Plan
 from rbfmu.studies.one_step import OneStepMethod
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS
-from rbfmu.studies.stability import motions
-from rbfmu.studies.stability.findings import Columns, Finding, Study, exponent, finding
+from rbfmu.studies.stability import CURVE, OWN, Columns, Finding, Study, exponent, finding, motions
 from rbfmu.studies.stability.motions import SPHERE, TUMBLING, UPRIGHT, ZERO, at, attitude_after, free_body, spin
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, angular_acceleration
 from rbfmu_kernels.mechanics.newton_euler import angular_momentum, kinetic_energy
@@ -331,3 +330,50 @@ def small_angles(quick: bool) -> Study:
         finding("quaternion", max(map(way_there, thetas)), 2.0 * EPS),
     ]
     return Study("small_angles", findings, columns)
+
+
+# A method of the reader's own: no theory predicts what it does, an exact motion stands beside it
+
+
+ROUND_OFF, ROUGH, RATIO = 1e-11, 1e-3, 0.1
+
+
+def own_laws(method: OneStepMethod, studies: Sequence[Study]) -> Study:
+    """Return what is found of a method, and put its curves beside those of the studies that were measured."""
+    for study in studies:
+        if study.curve is not None:
+            study.columns[CURVE] = study.curve(method)
+    short, long = (abs(error) for error in energies(method, H, [1000, 10_000]))
+    measured = (
+        (1, "growth of |q| in a step less 1, h omega = 0.1", 0.0, growth(method, 0.1) - 1.0),
+        (2, "largest h omega up to which |q| does not grow", math.inf, largest_stable(partial(growth, method))),
+        (4, "error in rad at h omega / delta = 1", 0.0, passage_error(method, 1.0)),
+        (5, "thin rod, nutation over its start after 1 s", 1.0, rod_growth(method)[-1]),
+        (6, "largest h d / I", math.inf, largest_stable(partial(decay_factor, method))),
+        (8, "relative energy error after 1000 steps, h = 0.1", 0.0, short),
+        (8, "relative energy error after 10,000 steps", 0.0, long),
+        (14, "order: the power of h in the attitude's error", math.inf, order(method)),
+    )
+    findings = [Finding(law, f"{method.name}: {what}", exact, found, 0.0, OWN) for law, what, exact, found in measured]
+    return Study("your_method", findings)
+
+
+def largest_stable(factor: Callable[[float], float]) -> float:
+    """Return up to where a step's factor is at most 1 in size, but for round-off; infinite if no end is found."""
+    last = 0.0
+    for x in np.linspace(0.05, 20.0, 400).tolist():
+        if not abs(factor(x)) - 1e-12 <= 1.0:
+            return crossing(lambda x: abs(factor(x)) - 1e-12 <= 1.0, last, x)
+        last = x
+    return math.inf
+
+
+def order(method: OneStepMethod) -> float:
+    """Return the order between two steps where the error is small, yet more than round-off, else NaN."""
+    before = math.inf
+    for k in range(10):
+        error = motions.verdict_of_steps(method, 0.5 * 0.5**k, RATIO)[1]
+        if error < ROUGH and before < 64.0 * ROUGH:
+            return exponent(before, error) if error > ROUND_OFF else math.nan
+        before = error
+    return math.nan

@@ -16,8 +16,7 @@ from rbfmu.scene.scene import SceneError
 from rbfmu.simulation import simulate
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.reference_methods import SPLITTINGS
-from rbfmu.studies.stability import motions
-from rbfmu.studies.stability.findings import Columns, Finding, Study, exponent, finding
+from rbfmu.studies.stability import Columns, Finding, Study, exponent, finding, motions
 from rbfmu.studies.stability.method_laws import RK4, SEMI, crossing
 from rbfmu.studies.stability.motions import BRICK, FLIPPING, HEAVY_TOP, UPRIGHT, scene_of
 from rbfmu.types import Array, Motion

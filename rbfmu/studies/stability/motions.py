@@ -19,7 +19,7 @@ from rbfmu.studies.chart.cases import CASES
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.one_step import OneStepMethod
 from rbfmu.studies.reference_methods import ALL_INTEGRATORS
-from rbfmu.studies.stability.findings import Finding, finding
+from rbfmu.studies.stability import Finding, finding
 from rbfmu.types import Array
 from rbfmu_kernels.mechanics.equations_of_motion import Body, State
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia

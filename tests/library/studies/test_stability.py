@@ -13,8 +13,19 @@ import pytest
 from rbfmu.models.registry import MODELS
 from rbfmu.studies import dop853, stability
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS
-from rbfmu.studies.stability import Finding, Study, method_laws, motion_laws, motions, pictures
-from rbfmu.studies.stability.findings import AT_MOST, LAWS, RECORDED, exponent, print_laws
+from rbfmu.studies.stability import (
+    AT_MOST,
+    LAWS,
+    RECORDED,
+    Finding,
+    Study,
+    exponent,
+    method_laws,
+    motion_laws,
+    motions,
+    pictures,
+    print_laws,
+)
 from rbfmu.studies.stability.method_laws import crossing, growth, stability_polynomial
 from rbfmu.studies.stability.motion_laws import flip_rate, time_between_flips
 from rbfmu_kernels.models import free, one_axis
@@ -22,7 +33,7 @@ from tests.support.command_line import call
 from tests.support.covering import some_of
 from tests.support.references import stability_references
 
-STUDIES = {study.__name__: study for study in stability.STUDIES}
+STUDIES = {study.__name__: study for study in stability.all_studies()}
 _MEASURED: dict[str, Any] = {}
 
 
