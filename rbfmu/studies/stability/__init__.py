@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from warnings import catch_warnings, simplefilter
 
 from rich.console import Console
@@ -24,20 +24,10 @@ from rbfmu.exceptions import SceneWarning
 from rbfmu.studies import WIDTH, write_rows
 from rbfmu.studies.one_step import OneStepMethod, method_of_file
 
-
-class Law(NamedTuple):
-    """A law in words, and the source of the predicted numbers."""
-
-    says: str
-    source: str
-
-
 _TABLES = tomllib.loads(Path(__file__).with_name("laws.toml").read_text(encoding="utf-8"))
-LAWS = {int(number): Law(row["says"], row["source"]) for number, row in _TABLES.items()}
-"""The laws by number."""
-_FINDINGS = {name: (law, row) for law in LAWS for name, row in _TABLES[str(law)]["findings"].items()}
-"""The law and the row of each finding, by its name."""
-
+LAWS: dict[int, dict[str, Any]] = {int(number): law for number, law in _TABLES.items()}
+"""By number: what a law says, the source of the predicted numbers, and the rows of its findings, by their names."""
+_FINDINGS = {name: (number, row) for number, law in LAWS.items() for name, row in law["findings"].items()}
 
 EQUAL, AT_MOST, RECORDED, OWN = "equal", "at most", "recorded", "own"
 """The kinds of findings: the value equals a prediction, is at most a bound, or equals a value recorded earlier.
@@ -72,9 +62,12 @@ class Finding:
 
 
 def finding(
-    name: str, measured: float, predicted: float = 0.0, /, near: float = 0.0, place: str = "", **words: object
+    name: str, measured: float, predicted: float = math.nan, /, near: float = 0.0, place: str = "", **words: object
 ) -> Finding:
-    """Return a finding of `laws.toml`; predicted, near: where the table has no number; words: those in braces there."""
+    """Return a finding of `laws.toml`; words: those in braces there.
+
+    predicted, near: where the table has no number; without a prediction in either place it does not hold.
+    """
     law, row = _FINDINGS[name]
     predicted, near = row.get("predicted", predicted), row.get("near", near)
     return Finding(law, row["what"].format(**words), predicted, measured, near, row.get("kind", EQUAL), place)
@@ -148,8 +141,8 @@ def print_laws(findings: Sequence[Finding]) -> None:
     """Print law by law in at most 80 columns; findings that differ only by their place share a row."""
     console = Console(highlight=False, width=WIDTH)
     for law, members in groupby(sorted(findings, key=lambda f: f.law), key=lambda f: f.law):
-        console.print(f"\n[bold]Law {law}.[/bold] {LAWS[law].says}")
-        console.print(Padding(f"Predicted by: {LAWS[law].source}", _INDENT, expand=False))
+        console.print(f"\n[bold]Law {law}.[/bold] {LAWS[law]['says']}")
+        console.print(Padding(f"Predicted by: {LAWS[law]['source']}", _INDENT, expand=False))
         table = Table(box=None, padding=(0, 1), pad_edge=False)
         table.add_column("finding", ratio=1)
         for name in ("predicted", "measured"):
