@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from rbfmu.simulation import simulate as simulate
     from rbfmu.studies.chart import Chart as Chart
     from rbfmu.studies.chart import chart as chart
-    from rbfmu.viewer.view import view as view
+    from rbfmu.viewer import view as view
 
 __version__ = "0.2.0"
 
@@ -50,7 +50,7 @@ _MODULES = {
     "sensitivities": ("Sensitivity", "sensitivity"),
     "studies.chart": ("Chart", "chart"),
     "simulation": ("Simulator", "compiled_step", "plan", "simulate"),
-    "viewer.view": ("view",),
+    "viewer": ("view",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 

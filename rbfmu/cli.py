@@ -369,8 +369,7 @@ def chart(scene: Path | None, folder: Path, quick: bool, method: Path | None) ->
 @method_option
 def stability(folder: Path, quick: bool, method: Path | None) -> None:
     """Measure where methods fail, against the laws that predict it; draw it."""
-    from rbfmu.studies.stability import failures, read_findings, run_stability
-    from rbfmu.studies.stability.findings import OWN, print_laws
+    from rbfmu.studies.stability import OWN, failures, print_laws, read_findings, run_stability
 
     with usage_errors(), named(folder):
         paths = run_stability(folder, quick, progress_bar("stability"), method)

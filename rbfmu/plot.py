@@ -51,10 +51,7 @@ def plot_result(result: Rows, path: str | Path | None = None, title: str = "") -
 
 
 def plot_changes(
-    time: Array,
-    changes: Mapping[str, Mapping[str, Array]],
-    path: str | Path | None = None,
-    title: str = "",
+    time: Array, changes: Mapping[str, Mapping[str, Array]], path: str | Path | None = None, title: str = ""
 ) -> Figure:
     """Draw a panel for each output: how far it moves (times,) as each key's numbers change by 1 %, on a log scale."""
     figure, panels = _panels(len(changes), height=2.2)

@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from time import process_time
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -33,10 +32,9 @@ from rbfmu.planning.reference import reference_motion
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
-from rbfmu.studies.chart.cases import CASES, ROTATION, Case
+from rbfmu.studies.chart.cases import CASES, Case
 from rbfmu.studies.chart.solvers import equations
 from rbfmu_kernels.body.members import Members
-from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 
 Array = NDArray[np.float64]
@@ -151,7 +149,7 @@ def heyokas(batch: Batch, size: int) -> Iterator[Run]:
     start = np.array([(*s.initial.quaternion, *s.initial.omega_b) for s in scenes]).T
     bodies = [np.ascontiguousarray(numbers[:, k : k + size]) for k in range(0, len(scenes), size)]
     states = [np.ascontiguousarray(start[:, k : k + size]) for k in range(0, len(scenes), size)]
-    system = equations(_with_parameters(case, heyoka.par), ROTATION)
+    system = equations(case, _parameters(case, heyoka.par))
     for tolerance in TOLERANCES:
         series = heyoka.taylor_adaptive_batch(system, states[0], tol=tolerance, pars=bodies[0])
 
@@ -171,14 +169,14 @@ def _about_reference(scene: Scene) -> Array:
     return np.array(scene.body.M_o if scene.body.pivot else scene.body.M_c)
 
 
-def _with_parameters(case: Case, par: Any) -> Any:
-    """Return what `equations` asks of a case, whose moments and torque_b or weight are parameters."""
-    moments = tuple(tuple(par[i] if i == j else 0.0 for j in range(3)) for i in range(3))
-    inverse = tuple(tuple(1.0 / par[i] if i == j else 0.0 for j in range(3)) for i in range(3))
-    body = Body(0.0, moments, inverse, case.body.arm_b, case.body.damping_b, 0.0)
-    torque = (par[3], par[4], par[5]) if any(case.loads.torque_b) else (0.0, 0.0, 0.0)
-    force = (0.0, 0.0, par[3]) if any(case.loads.force_a) else (0.0, 0.0, 0.0)
-    return SimpleNamespace(body=body, loads=NO_LOADS._replace(torque_b=torque, force_a=force), start=case.start)
+def _parameters(case: Case, par: Any) -> dict[str, Any]:
+    """Return the parameters that stand for numbers of a scene in its equations: moments, and torque_b or weight."""
+    moments = {f"M[{1 + 4 * i}]": par[i] for i in range(3)} | {
+        f"M_inverse[{1 + 4 * i}]": 1.0 / par[i] for i in range(3)
+    }
+    if case.scene.body.pivot:
+        return moments | {"mass": 1.0, "gravity_a[3]": par[3]}
+    return moments | {f"constant_torque_b[{i + 1}]": par[3 + i] for i in range(3)}
 
 
 _MUJOCO = """<mujoco><option timestep="{step!r}" integrator="RK4" gravity="{gravity}"><flag contact="disable"

@@ -88,7 +88,7 @@ def _integrator(key: str, tolerance: float) -> Any:
     with needed_of("bench"):
         import heyoka
     case = CASES[key]
-    return heyoka.taylor_adaptive(equations(case, case.numbers), list(case.integrated), tol=tolerance)
+    return heyoka.taylor_adaptive(equations(case), list(case.integrated), tol=tolerance)
 
 
 def _peer(case: Case, tolerance: float) -> tuple[float, Callable[[], Any]]:

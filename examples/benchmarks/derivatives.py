@@ -16,7 +16,7 @@ import numpy as np
 import rbfmu
 from rbfmu.extras import needed
 from rbfmu.sensitivities import Varied
-from rbfmu.studies.chart.cases import kind_of_case
+from rbfmu.studies.chart.cases import Case
 from rbfmu.studies.chart.solvers import equations
 
 SCENES = ("tumbling_brick", "top_precessing", "formulas/gravity_gradient", "formulas/spring_pendulum")
@@ -34,8 +34,8 @@ def seconds(run: Callable[[], Any]) -> float:
 def of_heyoka(scene: rbfmu.Scene) -> Callable[[], Any]:
     """Return a run of the motion with its variational equations at heyoka's tolerance of the same size."""
     heyoka = needed("heyoka", "bench")
-    case = kind_of_case(scene)(scene)
-    system = equations(case, case.numbers)
+    case = Case(scene)
+    system = equations(case)
     series = heyoka.taylor_adaptive(
         heyoka.var_ode_sys(system, heyoka.var_args.vars, order=1), case.integrated, tol=ACCURACY, compact_mode=True
     )

@@ -29,10 +29,10 @@ from rbfmu.extras import needed_of
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.motion import attitude_error, relative_error
 from rbfmu.runs.plan import filled_buffer, initialize
+from rbfmu.studies import write_rows
 from rbfmu.studies.chart.cases import CHECKPOINTS, Case
 from rbfmu.studies.chart.measure import PEERS, machine
 from rbfmu.studies.chart.methods import Method, NotFeasibleError
-from rbfmu.studies.chart.result import write_rows
 from rbfmu.studies.chart.simulators import MUJOCO
 
 with needed_of("bench"):

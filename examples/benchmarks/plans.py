@@ -10,16 +10,15 @@ import math
 import sys
 from collections.abc import Sequence
 
+from rbfmu.studies.chart import Chart, Verdict, plans_text, verdicts
 from rbfmu.studies.chart.cases import CASES
 from rbfmu.studies.chart.measure import Extent, charts_of, machine
-from rbfmu.studies.chart.result import Measured, Verdict, verdicts
-from rbfmu.studies.chart.tables import plans_text
 
 FASTEST = ("rbfmu, as planned", "heyoka.py", "numbalsoda LSODA", "numbalsoda DOP853", "SciPy odeint")
 """The plan, and the peers that are the best somewhere in the whole chart."""
 
 
-def collected(keys: Sequence[str], methods: Sequence[str] = ()) -> list[Measured]:
+def collected(keys: Sequence[str], methods: Sequence[str] = ()) -> list[Chart]:
     """Return the charts of these methods (all: none named) on these cases."""
     return charts_of(
         keys,

@@ -28,7 +28,7 @@ PEERS_CASES = ("a", "c", "c'", "d", "f")
 def peers() -> Rows:
     """Return plans beside the best peers."""
     from examples.benchmarks import plans
-    from rbfmu.studies.chart.result import verdicts
+    from rbfmu.studies.chart import verdicts
 
     return plans.rows(verdicts(plans.collected(PEERS_CASES, plans.FASTEST)))
 

@@ -12,8 +12,8 @@ from typing import Any
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from rbfmu.studies import write_rows
 from rbfmu.studies.chart.measure import machine
-from rbfmu.studies.chart.result import write_rows
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(__file__).parent

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 import rbfmu
 from rbfmu.plot import COLORS, open_frame
+from rbfmu.studies import Progress, write_rows
 from rbfmu.studies.chart.measure import machine
-from rbfmu.studies.chart.result import Progress, write_rows
 from rbfmu.types import Array
 from rbfmu_fmu.builder import build_python_fmu
 from rbfmu_fmu.description import describe

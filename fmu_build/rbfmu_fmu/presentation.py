@@ -19,7 +19,7 @@ import numpy as np
 import rbfmu
 from rbfmu import Scene
 from rbfmu.types import Array
-from rbfmu.viewer.motion import Shape, shape_of
+from rbfmu.viewer import Shape, shape_of
 from rbfmu_fmu.description import Description, Variable, blocks, scalars
 from rbfmu_fmu.fmi_version import FmiVersion
 from rbfmu_fmu.model_description import STATUS_MEANING, osp_description, osp_place, terminals, unit_of, xml_bytes

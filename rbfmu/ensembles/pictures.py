@@ -1,21 +1,21 @@
 """The picture of an ensemble: bands over time, how runs end, and what drives it."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
-from numpy.typing import NDArray
 
 from rbfmu.ensembles.attitudes import ATTITUDE
 from rbfmu.ensembles.drivers import Drivers, differ
 from rbfmu.plot import COLORS, Picture, open_frame, quantity_label, with_file
-from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
-from rbfmu_kernels.quantities import Output, indices
+from rbfmu_kernels.quantities import indices
+
+if TYPE_CHECKING:
+    from rbfmu.ensembles.result import EnsembleResult
 
 BANDS = ((0.05, 0.95, 0.16), (0.25, 0.75, 0.3))
 """Between which parts of the runs a band lies, and how opaque it is."""
@@ -27,46 +27,7 @@ WORDS = (
 )
 
 
-class Runs(Protocol):
-    """What is drawn of an ensemble's result."""
-
-    scene: Scene
-    rows: dict[str, Output]
-    time: Array
-    probabilities: Array
-    failed: dict[int, str]
-
-    @property
-    def quantiles(self) -> Mapping[str, Array]:
-        """Return quantiles over time."""
-
-    @property
-    def counts(self) -> Mapping[str, Array]:
-        """Return how often events happened."""
-
-    @property
-    def runs(self) -> int:
-        """Return how many there are."""
-
-    @property
-    def good(self) -> NDArray[np.intp]:
-        """Return which did not fail."""
-
-    @property
-    def ended(self) -> tuple[str, ...]:
-        """Return the quantities whose ends are kept."""
-
-    def ends(self, name: str) -> Array:
-        """Return a quantity at the end."""
-
-    def first_of(self, name: str) -> Array:
-        """Return when an event happened first."""
-
-    def drivers(self) -> Drivers:
-        """Return what drives the ends."""
-
-
-def plot_ensemble(result: Runs, path: str | Path | None = None) -> Figure:
+def plot_ensemble(result: "EnsembleResult", path: str | Path | None = None) -> Figure:
     """Draw an ensemble, to a file too where a path is given; return the figure."""
     names, drivers = tuple(result.rows), result.drivers()
     events = tuple(result.counts)
@@ -89,7 +50,7 @@ def plot_ensemble(result: Runs, path: str | Path | None = None) -> Figure:
     return with_file(figure, path)
 
 
-def _bands(axes: Any, result: Runs, name: str, is_last: bool) -> None:
+def _bands(axes: Any, result: "EnsembleResult", name: str, is_last: bool) -> None:
     row = result.rows[name]
     if name in result.quantiles:
         quantiles = result.quantiles[name].reshape(len(result.probabilities), len(result.time), -1)
@@ -113,7 +74,7 @@ def _bands(axes: Any, result: Runs, name: str, is_last: bool) -> None:
         axes.set_xlabel("time (s)", fontsize=9)
 
 
-def _ends(axes: Any, result: Runs, name: str) -> None:
+def _ends(axes: Any, result: "EnsembleResult", name: str) -> None:
     """Draw the two components that spread most, or how often values of a single number occur."""
     ends = result.ends(name)[result.good].reshape(len(result.good), -1)
     apart = differ(ends)
@@ -142,7 +103,7 @@ def _ends(axes: Any, result: Runs, name: str) -> None:
     axes.set_ylabel(f"{name}{indices(result.rows[name])[k]}", fontsize=8)
 
 
-def _event(axes: Any, beside: Any, result: Runs, name: str) -> None:
+def _event(axes: Any, beside: Any, result: "EnsembleResult", name: str) -> None:
     """Draw in which share of the runs an event has happened by a time, and beside how often it happened in a run."""
     times, counts = np.sort(result.first_of(name)), result.counts[name][result.good]
     share = np.arange(len(times) + 1) / max(len(counts), 1)

@@ -391,4 +391,4 @@ def function_of(name: str, graph: Graph, ends: Sequence[Number], leaves: Mapping
     """
     lines, found = lines_of(graph, ends, leaves, VALUES)
     lines += [f"f[{i}] = {x}" for i, x in enumerate(found)]
-    return f"{_NEEDED}\n\ndef {name}(t, f, y, z):\n" + "".join(f"    {one}\n" for one in lines or ["pass"])
+    return f"{_NEEDED}\n\ndef {name}(t, f, y):\n" + "".join(f"    {one}\n" for one in lines or ["pass"])

@@ -1,1 +1,337 @@
-"""A motion to look at: one page of HTML that plays it in 3D, in any browser and without network."""
+"""A motion to look at: of a scene, which is simulated at the instants of its pictures, or of a result.
+
+What is shown: the body's shape, which is a scene's or the box with the same mass and inertia; its motion; and ghosts,
+which are members of a scene's ensemble, beside the scene's own motion. `page` draws it.
+"""
+
+import math
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rbfmu.arrays import angle_between, quaternion_from_euler, rotate
+from rbfmu.exceptions import SceneWarning, named
+from rbfmu.extras import needed
+from rbfmu.result import FORMATS, Result
+from rbfmu.scene.scene import QUANTITIES, Scene, faults_of, load_scene
+from rbfmu.scene.tables import default_quantities
+from rbfmu.scene.toml_file import read_file
+from rbfmu.simulation import plan, simulate
+from rbfmu.types import Array
+from rbfmu_kernels.compile.tiered import evaluated
+from rbfmu_kernels.mechanics.inertia import principal_axes
+from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
+from rbfmu_kernels.types import Quaternion, Vec3
+
+# The shape
+
+
+THINNEST = 0.1
+"""The least side of what is drawn, of the largest: so that rods and sheets are seen."""
+ORIGIN: Vec3 = (0.0, 0.0, 0.0)
+UNTURNED: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+class Shape(NamedTuple):
+    """What is drawn of a body: sides along its own axes p (m), its centre in b (m), and q_bp.
+
+    kind: box, cylinder (about z) or ellipsoid.
+    """
+
+    kind: str
+    sides: Vec3
+    text: str
+    centre: Vec3 = ORIGIN
+    q_bp: Quaternion = UNTURNED
+
+    @property
+    def radius(self) -> float:
+        """Return half the longest way through it (m)."""
+        return float(np.linalg.norm(self.sides)) / 2.0
+
+
+PLAIN = Shape("box", (3.0, 2.0, 1.0), "the inertia is not known: any body")
+
+DRAWN: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
+    "box": ("box", lambda shape: shape["sides"]),
+    "beam": ("box", lambda shape: (shape["length"], 0.0, 0.0)),
+    "cylinder": ("cylinder", lambda shape: (2.0 * shape["radius"], 2.0 * shape["radius"], shape["length"])),
+    "sphere": ("ellipsoid", lambda shape: (2.0 * shape["radius"],) * 3),
+    "ellipsoid": ("ellipsoid", lambda shape: [2.0 * semiaxis for semiaxis in shape["semiaxes"]]),
+}
+"""By the kind of a scene's table `body.shape`: what is drawn, and its sides."""
+
+
+def shape_of(scene: Scene | None, written: dict[str, Any] | None = None) -> Shape:
+    """Return the shape to draw for a scene; written: the table `body.shape` of its file, where it has one."""
+    if scene is None or scene.body is None:
+        return PLAIN
+    centre = scene.body.r_oc_b
+    if written:
+        kind, sides_of = DRAWN[written["kind"]]
+        x, y, z = map(float, sides_of(written))
+        sides = (x, y, z)
+        return Shape(kind, _visible_sides(sides), f"{written['kind']}, {_metres(sides)}", centre)
+    moments, axes = evaluated(principal_axes, scene.body.inertia)
+    sides = equivalent_box(scene.body.mass, moments)
+    q_bp = evaluated(quaternion_from_matrix, axes)
+    return Shape("box", _visible_sides(sides), f"box with the body's mass and inertia, {_metres(sides)}", centre, q_bp)
+
+
+def equivalent_box(mass: float, moments: Vec3 | Array) -> Vec3:
+    """Return the sides (m) of the homogeneous box with these principal moments (kg m2), along their axes."""
+    squares = 6.0 * (np.sum(moments) - 2.0 * np.asarray(moments)) / mass
+    x, y, z = np.sqrt(np.maximum(squares, 0.0)).tolist()
+    return x, y, z
+
+
+def _visible_sides(sides: Vec3) -> Vec3:
+    x, y, z = (max(side, THINNEST * max(sides)) for side in sides)
+    return x, y, z
+
+
+def _metres(sides: Vec3) -> str:
+    return " × ".join(f"{side:.3g}" for side in sides) + " m"
+
+
+# The motion
+
+
+UP: Vec3 = (0.0, 0.0, 1.0)
+
+
+class Ghost(NamedTuple):
+    """The attitude q_ab (n, 4) and the place of o in a (n, 3), m, of a member."""
+
+    quaternion: Array
+    position: Array
+
+
+@dataclass(frozen=True, repr=False)
+class Motion:
+    """A motion at the instants of its pictures, with the page that plays it; up: against gravity, or z."""
+
+    title: str
+    result: Result
+    shape: Shape
+    played: float = 0.0
+    pivot: bool = False
+    up: Vec3 = UP
+    notes: tuple[str, ...] = ()
+    ghosts: tuple[Ghost, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"Motion({self.title}: {len(self.result.time)} pictures, played in {self.played:.3g} s)"
+
+    @cached_property
+    def quaternion(self) -> Array:
+        """Return q_ab (n, 4). Raises ValueError where the result has no attitude."""
+        known = self.result.quantities
+        if "quaternion" in known:
+            return known["quaternion"]
+        if "rpy" in known:
+            return np.asarray(quaternion_from_euler("xyz", known["rpy"]))
+        raise ValueError(f"quaternion or rpy: expected one of them in the result, which has {', '.join(known)}")
+
+    @cached_property
+    def position(self) -> Array:
+        """Return the place of o in a (n, 3), m; zero where the result does not say."""
+        return self.result.quantities.get("position", np.zeros((len(self.result.time), 3)))
+
+    @property
+    def angular_momentum(self) -> Array | None:
+        """Return h_a (n, 3), kg m2/s, or None."""
+        return self.result.quantities.get("angular_momentum_a")
+
+    @property
+    def rate(self) -> Array | None:
+        """Return omega_ab_a (n, 3), rad/s, or None."""
+        known = self.result.quantities
+        if "omega_a" in known or "omega_b" not in known:
+            return known.get("omega_a")
+        return np.asarray(rotate(self.quaternion, known["omega_b"]))
+
+    @property
+    def largest_rate(self) -> float:
+        """Return the largest rate, rad/s; 0 where it is not known."""
+        return 0.0 if self.rate is None else float(np.max(np.linalg.norm(self.rate, axis=1)))
+
+    @cached_property
+    def largest_turn(self) -> float:
+        """Return the largest angle from one picture to the next (rad)."""
+        return float(np.max(angle_between(self.quaternion[:-1], self.quaternion[1:])))
+
+    @cached_property
+    def page(self) -> str:
+        """Return the page of HTML that plays the motion."""
+        from rbfmu.viewer.page import motion_page
+
+        return motion_page(self)
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{escape(self.page)}" width="100%" height="620" style="border:none"></iframe>'
+
+
+# Of what it is made
+
+
+MOST_GHOSTS = 50
+Written = dict[str, Any] | None
+"""The table `body.shape` of a scene's file, where it has one."""
+
+
+def ghosts_of(scene: Scene, count: int) -> tuple[Ghost, ...]:
+    """Return the first members of the scene's ensemble at its communication points, without those that failed."""
+    from rbfmu.ensembles.chunks import Work, run_chunk  # which no other motion needs, nor an FMU's picture
+    from rbfmu.ensembles.planning import plan_ensemble
+    from rbfmu.ensembles.variables import ALL
+
+    moving = [name for name in ("position", "quaternion") if name in scene.outputs.quantities]
+    shown = scene.replace({"outputs.quantities": moving, "ensemble.keep": [ALL]})
+    work = Work(shown, plan_ensemble(shown), count)
+    chunk = run_chunk(work, 0)
+    motion = work.columns.split(chunk.rows)
+    positions = motion.get("position", np.zeros((*chunk.rows.shape[:2], 3)))
+    return tuple(Ghost(motion["quaternion"][i], positions[i]) for i in range(count) if i not in chunk.failed)
+
+
+FPS = 30.0
+"""Pictures a second."""
+REAL_TIME = (4.0, 60.0)
+"""Spans (s) that are shown as they pass; others take `PLAYED` s."""
+PLAYED = 20.0
+MAX_PICTURES = 3000
+MAX_TURN = 0.25
+"""The largest angle (rad) from one picture to the next, 25 pictures a turn; a faster spin is played slower."""
+FEWEST = 5.0
+"""Pictures a second, where no more instants are known."""
+
+
+class Pictures(NamedTuple):
+    """How many pictures, and how long they are played (s)."""
+
+    number: int
+    played: float
+
+
+def pictures(span: float, largest_rate: float, rows: float = math.inf) -> Pictures:
+    """Return the pictures of a span (s) in which the body turns at most this fast (rad/s); rows: instants known."""
+    played = span if REAL_TIME[0] <= span <= REAL_TIME[1] else PLAYED
+    smooth = min(max(FPS * played, largest_rate * span / MAX_TURN), MAX_PICTURES - 1.0)
+    return Pictures(int(min(math.ceil(smooth) + 1, rows)), min(smooth / FPS, rows / FEWEST))
+
+
+NEEDED = ("quaternion", "omega_a", "angular_momentum_a")
+NOT_DRIVEN: Mapping[str, Any] = {}
+
+
+def motion_of_scene(
+    scene: Scene,
+    written: Written = None,
+    progress: Callable[[float], object] | None = None,
+    ghosts: int = 0,
+    driven: Mapping[str, Any] = NOT_DRIVEN,
+) -> Motion:
+    """Simulate a scene, and show it; written: its file's `body.shape`; driven: inputs, and how to interpolate them.
+
+    Under inputs it is shown as its communication step lets, with ports at zero at the instants of the pictures.
+    ghosts: how many members of its ensemble are shown beside it. Raises SceneError, and ValueError for too many ghosts.
+    """
+    if not 0 <= ghosts <= MOST_GHOSTS:
+        raise ValueError(f"ghosts = {ghosts}: expected a number from 0 to {MOST_GHOSTS}")
+    if ghosts:
+        from rbfmu.ensembles.members import ensemble_of
+
+        ghosts = min(ghosts, ensemble_of(scene).runs)
+    possible = default_quantities(scene.body, scene.inputs)
+    shown = {*scene.outputs.quantities, *(name for name in NEEDED if name in possible)}
+    wanted = scene.replace({"outputs.quantities": tuple(name for name in QUANTITIES if name in shown)})
+    if driven:
+        return motion_of_result(simulate(wanted, **driven), scene.name, scene, written)
+    span = scene.run.stop - scene.run.start
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)  # of steps that are not those of the pictures
+        chosen = plan(wanted, progress=progress)
+        result = simulate(wanted.replace({"run.step": span / (pictures(span, 0.0).number - 1)}), planned=chosen)
+    coarse = _motion(scene.name, result, scene, written)
+    fine = pictures(span, coarse.largest_rate)
+    wanted = wanted.replace({"run.step": span / (fine.number - 1)})
+    notes = ("inputs are zero",) if scene.inputs.ports else ()
+    members = ghosts_of(wanted, ghosts) if ghosts else ()
+    return replace(coarse, result=simulate(wanted, planned=chosen), played=fine.played, notes=notes, ghosts=members)
+
+
+def motion_of_result(result: Result, title: str, scene: Scene | None = None, written: Written = None) -> Motion:
+    """Return the motion of a result; scene: whose body it is. Raises ValueError where the result has no attitude."""
+    whole = _motion(title, result, scene, written)
+    if len(whole.quaternion) < 2:
+        raise ValueError(f"time: expected at least two points in time in the result, which has {len(result.time)}")
+    shown = pictures(float(result.time[-1] - result.time[0]), whole.largest_rate, len(result.time))
+    rows = np.linspace(0.0, len(result.time) - 1.0, shown.number).round().astype(int)
+    thinned = {name: values[rows] for name, values in result.quantities.items()}
+    return replace(whole, result=Result(result.time[rows], thinned, result.rows), played=shown.played)
+
+
+def _motion(title: str, result: Result, scene: Scene | None, written: Written) -> Motion:
+    pivot = scene is not None and scene.body is not None and scene.body.pivot
+    gravity = np.array(scene.loads.gravity_a if scene else (0.0, 0.0, 0.0))
+    up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array(UP)
+    return Motion(title, result, shape_of(scene, written), pivot=pivot, up=tuple(up.tolist()))
+
+
+# --- what users call
+
+
+def view(
+    source: Scene | Result | str | Path,
+    path: str | Path | None = None,
+    *,
+    scene: Scene | str | Path | None = None,
+    stop: float | None = None,
+    inputs: Any = None,
+    interpolate: str = "hold",
+    progress: Callable[[float], object] | None = None,
+    ghosts: int = 0,
+) -> Motion:
+    """Return a motion that a notebook plays in 3D; with a path, write the page that plays it in any browser as well.
+
+    source: a scene, a result, or a file of either (.toml, .csv, .npz, .aem); scene: whose body a result moves, else a
+    plain body is drawn; stop: the end of what is shown, s, if it is not the run's; inputs, interpolate: what drives a
+    scene's ports, as for `simulate`; progress: is told which part of planning is done; ghosts: how many runs of the
+    scene's ensemble, up to 50, are shown as pale bodies beside its own motion. Raises SceneError, SimulationError,
+    ModuleNotFoundError without viser, and ValueError where a result has no attitude.
+    """
+    needed("viser", "view")
+    driven = {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
+    title = "motion"
+    if isinstance(source, str | Path) and Path(source).suffix in FORMATS:
+        title, source = Path(source).stem, Result.load(source)
+    if ghosts and (isinstance(source, Result) or driven):
+        raise ValueError(f"ghosts = {ghosts}: expected a scene with them, and no inputs")
+    if isinstance(source, Result):
+        if driven:
+            raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
+        motion = motion_of_result(source.until(stop), title, *_scene_and_shape(scene))
+    else:
+        loaded, shape = _scene_and_shape(source)
+        with faults_of(str(source) if stop is None else f"{source} with stop {stop!r}"):
+            shown = loaded if stop is None else loaded.replace(run={"stop": stop})
+            motion = motion_of_scene(shown, shape, progress, ghosts, driven)
+    if path is not None:
+        page = motion.page
+        with named(path):
+            Path(path).write_text(page, encoding="utf-8")
+    return motion
+
+
+def _scene_and_shape(scene: Scene | str | Path | None) -> tuple[Any, Written]:
+    """Return a scene, and the shape that its file gives to the body."""
+    if scene is None or isinstance(scene, Scene):
+        return scene, None
+    return load_scene(scene), read_file(Path(scene))[0].get("body", {}).get("shape")

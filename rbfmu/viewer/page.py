@@ -12,11 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 import rich
-import viser
+from viser import FrameHandle, LineSegmentsHandle, SceneApi, SceneNodeHandle, ViserServer
 
 from rbfmu.arrays import rotate
 from rbfmu.types import Array
-from rbfmu.viewer.motion import Shown
+from rbfmu.viewer import Motion
 
 # Where things are drawn: in lengths of which 1 is half the body's size as drawn
 
@@ -36,7 +36,7 @@ STROBE = 1.0
 class Geometry:
     """A motion as it is drawn."""
 
-    def __init__(self, motion: Shown) -> None:
+    def __init__(self, motion: Motion) -> None:
         self.motion, shape = motion, motion.shape
         self.paths = np.vstack([motion.position, *(ghost.position for ghost in motion.ghosts)])
         """Where o comes to (n, 3), m, also those of the ghosts."""
@@ -142,7 +142,7 @@ SEEN = {"h": "#dca640", "ω": "#15a092", "trace": "#c95fa6"}
 """What colours look like in the drawing's light."""
 
 
-def motion_page(motion: Shown) -> str:
+def motion_page(motion: Motion) -> str:
     """Return the page that plays a motion."""
     geometry = Geometry(motion)
     panel = files("rbfmu.viewer").joinpath("panel.html").read_text(encoding="utf-8")
@@ -229,18 +229,18 @@ def record_page(geometry: Geometry) -> str:
 
 
 @contextmanager
-def _server() -> Iterator[viser.ViserServer]:
+def _server() -> Iterator[ViserServer]:
     """Run viser's server on this machine alone; it says nothing."""
     console = rich.get_console()
     with ExitStack() as stack:
         stack.callback(setattr, console, "quiet", console.quiet)
         console.quiet = True
-        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        server = ViserServer(host="127.0.0.1", port=0, verbose=False)
         stack.callback(server.stop)
         yield server
 
 
-def _look(server: viser.ViserServer, geometry: Geometry) -> None:
+def _look(server: ViserServer, geometry: Geometry) -> None:
     target, place = geometry.camera(FIELD_OF_VIEW)
     distance = float(np.linalg.norm(place - target))
     server.scene.set_up_direction(geometry.motion.up)
@@ -254,16 +254,14 @@ Show = Callable[[int], None]
 """What brings a part of the drawing to where it is in picture k."""
 
 
-def _axes(
-    scene: viser.SceneApi, name: str, length: float, radius: float, frame: str, position: Array
-) -> viser.FrameHandle:
+def _axes(scene: SceneApi, name: str, length: float, radius: float, frame: str, position: Array) -> FrameHandle:
     axes = scene.add_frame(name, axes_length=length, axes_radius=radius, origin_radius=0.0, position=position)
     for letter, place in zip(LETTERS, np.eye(3) * 1.07 * length, strict=True):
         scene.add_label(f"{name}/{letter}", f"{letter}_{frame}", position=place, anchor="center-center")
     return axes
 
 
-def _moving(frame: viser.FrameHandle, quaternion: Array, path: Array) -> Show:
+def _moving(frame: FrameHandle, quaternion: Array, path: Array) -> Show:
     """Move a frame with what is drawn in it: q_ab (n, 4), and o (n, 3) in the drawing."""
 
     def show(k: int) -> None:
@@ -272,7 +270,7 @@ def _moving(frame: viser.FrameHandle, quaternion: Array, path: Array) -> Show:
     return show
 
 
-def _body(scene: viser.SceneApi, geometry: Geometry) -> Show:
+def _body(scene: SceneApi, geometry: Geometry) -> Show:
     """Draw the body and the axes of b, which move with it."""
     centre = np.array(geometry.motion.shape.centre) / geometry.body_radius
     axes = _axes(scene, "/b", AXIS_B, 0.03, "b", geometry.path[0])
@@ -290,7 +288,7 @@ def _turn_of_z(way: Array) -> Array:
     return half / np.linalg.norm(half) if z > -1.0 + 1e-9 else np.array([0.0, 1.0, 0.0, 0.0])
 
 
-def _add_shape(scene: viser.SceneApi, name: str, geometry: Geometry, opacity: float) -> None:
+def _add_shape(scene: SceneApi, name: str, geometry: Geometry, opacity: float) -> None:
     """Draw the body's shape in the frame that the name begins with."""
     shape = geometry.motion.shape
     sides, centre = np.array(shape.sides) / geometry.body_radius, np.array(shape.centre) / geometry.body_radius
@@ -303,7 +301,7 @@ def _add_shape(scene: viser.SceneApi, name: str, geometry: Geometry, opacity: fl
         scene.add_icosphere(name, radius=0.5, scale=tuple(sides), flat_shading=True, **place)
 
 
-def _ghosts(scene: viser.SceneApi, geometry: Geometry) -> Iterator[Show]:
+def _ghosts(scene: SceneApi, geometry: Geometry) -> Iterator[Show]:
     """Draw members of the ensemble: pale bodies."""
     paths = geometry.ghost_paths
     for number, (ghost, path) in enumerate(zip(geometry.motion.ghosts, paths, strict=True)):
@@ -312,7 +310,7 @@ def _ghosts(scene: viser.SceneApi, geometry: Geometry) -> Iterator[Show]:
         yield _moving(frame, ghost.quaternion, path)
 
 
-def _arrow(scene: viser.SceneApi, name: str, vectors: Array, base: Array) -> Show:
+def _arrow(scene: SceneApi, name: str, vectors: Array, base: Array) -> Show:
     """Draw a vector of a from the body; it is hidden where it is zero."""
     ends, sizes = np.stack([base, base + vectors], axis=1), np.linalg.norm(vectors, axis=1)
     arrow = scene.add_arrows(f"/{name}", ends[:1], ARROW[name], shaft_radius=0.035, head_radius=0.09, head_length=0.25)
@@ -329,7 +327,7 @@ def _arrow(scene: viser.SceneApi, name: str, vectors: Array, base: Array) -> Sho
     return show
 
 
-def _trace(scene: viser.SceneApi, geometry: Geometry) -> Show:
+def _trace(scene: SceneApi, geometry: Geometry) -> Show:
     """Draw the path of o, and the way of an axis' tip, which appears in pieces and goes again when it is long."""
     if np.ptp(geometry.path, axis=0).any():
         _line(scene, "/path", geometry.path, FIXED)
@@ -349,14 +347,12 @@ def _trace(scene: viser.SceneApi, geometry: Geometry) -> Show:
     return show
 
 
-def _set_visible(part: viser.SceneNodeHandle, visible: bool) -> None:
+def _set_visible(part: SceneNodeHandle, visible: bool) -> None:
     """Record it only where it changes: each setting is a message in the page."""
     if part.visible != visible:
         part.visible = visible
 
 
-def _line(
-    scene: viser.SceneApi, name: str, points: Array, color: Color, visible: bool = True
-) -> viser.LineSegmentsHandle:
+def _line(scene: SceneApi, name: str, points: Array, color: Color, visible: bool = True) -> LineSegmentsHandle:
     ends = np.stack([points[:-1], points[1:]], axis=1)
     return scene.add_line_segments(name, ends, color, thickness=0.02, visible=visible)

@@ -3,9 +3,9 @@
 import math
 from dataclasses import replace
 
-from rbfmu.studies.chart import Chart
+from rbfmu.studies.chart import Chart, verdicts
 from rbfmu.studies.chart.cases import CASES, reference
-from rbfmu.studies.chart.result import Row, kind_of, verdicts
+from rbfmu.studies.chart.result import Row, kind_of
 from rbfmu_kernels.mechanics.equations_of_motion import State
 
 

@@ -1,82 +1,28 @@
 """The study behind `rbfmu chart`: accuracy against cost of every method, on a scene of one's own or on eight motions.
 
 All methods and installed peers are run on a scene as it is, with its ports at zero, and judged by its true motion.
+Charts of many motions say together which plan to use, beside the best of the others.
 """
 
 import math
-import re
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, fields
-from functools import cached_property
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rbfmu.scene.scene import Scene, of_scene_or_path
-from rbfmu.studies.chart.result import SIDES, Measured, Progress, verdicts, write_rows
-from rbfmu.studies.chart.tables import chart_text, headline, plans_text
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from rbfmu.studies import WIDTH, Progress, cost_text, join_parts, short, times, wrap_lines, write_rows
+from rbfmu.studies.chart.cases import FLOOR, OUTPUT_STEP
+from rbfmu.studies.chart.result import SIDES, STOPPED, Chart, Offer
 
 __all__ = ["Chart", "chart", "run_charts", "write_charts"]
 
 QUICK_MOTIONS = ("a", "c", "d")
 DECADES = tuple(10.0**-k for k in range(2, 15))
-
-
-class Chart(Measured):
-    """Accuracy against cost on a scene; `print` shows a table, `save` writes table, CSV file and picture.
-
-    What it holds, such as `rows`: see `result.Measured`.
-    """
-
-    @cached_property
-    def table(self) -> str:
-        """Return the findings as text of at most 80 columns."""
-        return chart_text(self)
-
-    def figure(self) -> "Figure":
-        """Return the picture as a figure of matplotlib."""
-        from rbfmu.studies.chart.drawing import figure_of
-
-        return figure_of(self)
-
-    def save(self, folder: str | Path, name: str = "") -> list[Path]:
-        """Write NAME.csv (all measurements), NAME.txt (the table) and NAME.png to a folder; return the files.
-
-        name: the scene's, if none is given.
-        """
-        return _save(self, Path(folder), name or self.scene)
-
-    def __str__(self) -> str:
-        return self.table
-
-    def __repr__(self) -> str:
-        what = f"Chart of {self.scene}: {len(self.rows)} points; print it, or save(folder)"
-        return "\n".join((what, *headline(self)))
-
-    def _repr_html_(self) -> str:
-        """Return picture and table for a notebook."""
-        from base64 import b64encode
-        from html import escape
-        from io import BytesIO
-
-        buffer = BytesIO()
-        self.figure().savefig(buffer, format="png")
-        picture = b64encode(buffer.getvalue()).decode()
-        return f'<img src="data:image/png;base64,{picture}" width="880"/><pre>{escape(self.table)}</pre>'
-
-
-def _save(chart: Measured, folder: Path, name: str) -> list[Path]:
-    from rbfmu.studies.chart.drawing import figure_of
-
-    folder.mkdir(parents=True, exist_ok=True)
-    stem = re.sub(r"[^\w.-]+", "_", name) or "scene"
-    csv, text, picture = (folder / f"{stem}{ending}" for ending in (".csv", ".txt", ".png"))
-    write_rows(csv, map(asdict, chart.rows), [*chart.machine, *chart.absent])
-    text.write_text(chart_text(chart) + "\n", encoding="utf-8")
-    figure_of(chart).savefig(picture)
-    return [csv, text, picture]
+DEAREST = 1.3
+"""The largest cost of a plan relative to the best other method; a plan is made without knowing the true error."""
+REFUSED = "refused"
+_PLAN = "{:>6}  {:7}  {:19}  {:>7}  {:19}  {}"
 
 
 @of_scene_or_path
@@ -95,9 +41,7 @@ def chart(
     what = extent(quick, method)
     progress = progress or (lambda done, total, text: None)
     progress(0, 1, f"{scene.name}: the true motion")
-    found = measure(case_of(scene), what, progress)
-    known = {field.name: getattr(found, field.name) for field in fields(found)}
-    return Chart(**known | {"whole": scene.run.stop - scene.run.start})
+    return replace(measure(case_of(scene), what, progress), whole=scene.run.stop - scene.run.start)
 
 
 # The charts of the eight motions, and what they say together
@@ -114,7 +58,7 @@ def run_charts(folder: Path, quick: bool, progress: Progress, method: Path | Non
     return write_charts(folder, charts_of(QUICK_MOTIONS if quick else tuple(CASES), extent(quick, method), progress))
 
 
-def write_charts(folder: Path, charts: Sequence[Measured]) -> list[Path]:
+def write_charts(folder: Path, charts: Sequence[Chart]) -> list[Path]:
     """Write all measurements, what to use for an accuracy, and each chart; return the files."""
     from rbfmu.studies.chart.drawing import draw_answers, draw_kept
 
@@ -131,16 +75,16 @@ def write_charts(folder: Path, charts: Sequence[Measured]) -> list[Path]:
     ]
     for one in charts:
         name = one.key.replace("'", "2")
-        files += _save(one, folder, f"case_{name}_many" if one.many else f"case_{name}")
+        files += one.save(folder, f"case_{name}_many" if one.many else f"case_{name}")
         files += [] if one.many else draw_kept(one, folder / f"kept_{name}.png")
     return files
 
 
-def _of(chart: Measured) -> dict[str, object]:
+def _of(chart: Chart) -> dict[str, object]:
     return {"case": chart.key, "title": chart.scene, "outputs": chart.outputs}
 
 
-def answers(chart: Measured) -> Iterator[dict[str, object]]:
+def answers(chart: Chart) -> Iterator[dict[str, object]]:
     """Yield, accuracy by accuracy, the cheapest method of the library, of plans, of common integrators and of peers."""
     for accuracy in DECADES:
         found = _of(chart) | {"accuracy": accuracy}
@@ -149,3 +93,130 @@ def answers(chart: Measured) -> Iterator[dict[str, object]]:
             cost = offer.cost * chart.span if offer else math.nan
             found |= {side: offer.method if offer else "", f"{side}_cost": cost}
         yield found
+
+
+# Each plan beside the best of the others
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A plan for an accuracy, the best other method at the plan's error, the best peer at that accuracy.
+
+    method: what the plan chose; error, cost: its own, for a simulated second, infinite where it is refused; stopped:
+    whether the time limit stopped a peer before that accuracy.
+    """
+
+    chart: Chart
+    accuracy: float
+    method: str
+    error: float
+    cost: float
+    rival: Offer | None
+    peer: Offer | None
+    stopped: bool
+
+    @property
+    def is_refused(self) -> bool:
+        """Return whether there is no plan."""
+        return self.method == REFUSED
+
+    @property
+    def dearness(self) -> float:
+        """Return the cost relative to the best other method's, 0 where none is as accurate."""
+        return self.cost / self.rival.cost if self.rival else 0.0
+
+    @property
+    def lead(self) -> float:
+        """Return the best peer's cost over the plan's: infinite if no peer is as accurate, 0 if there is no plan."""
+        return self.peer.cost / self.cost if self.peer else math.inf
+
+    @property
+    def even(self) -> bool:
+        """Return whether both costs are equal within the noise."""
+        return 1.0 / self.chart.noise <= self.lead <= self.chart.noise
+
+    @property
+    def kept(self) -> bool:
+        """Return whether the plan keeps its accuracy and costs no more than `DEAREST` allows."""
+        return self.error <= self.accuracy and self.dearness <= DEAREST * self.chart.noise
+
+    # In words
+
+    @property
+    def outputs(self) -> str:
+        """Return whether outputs are few or many."""
+        return "many" if self.chart.many else "few"
+
+    @property
+    def plan(self) -> str:
+        """Return a short name of the plan's method."""
+        name = self.method.replace("series of order", "series").replace(" of order", "")
+        return name.replace(" in equal steps", " fixed")
+
+    @property
+    def against(self) -> str:
+        """Return the best peer's cost relative to the plan's."""
+        if self.peer is None:
+            return ""
+        if self.is_refused:
+            return cost_text(self.peer.cost)
+        return "even" if self.even else times(self.lead)
+
+
+def verdicts(charts: Sequence[Chart]) -> list[Verdict]:
+    """Return a verdict for each chart and each accuracy that plans were asked for."""
+    asked = {row.value for chart in charts for row in chart.rows if row.family == "planned"}
+    return [_verdict(chart, accuracy) for chart in charts for accuracy in sorted(asked, reverse=True)]
+
+
+def _verdict(chart: Chart, accuracy: float) -> Verdict:
+    plan = next((row for row in chart.rows if row.family == "planned" and row.value == accuracy), None)
+    chosen = (plan.detail, plan.error, plan.seconds) if plan else (REFUSED, math.inf, math.inf)
+    error = max(min(chosen[1], accuracy), FLOOR)
+    peers = {row.method for row in chart.rows if row.family == "peer"}
+    stopped = any(e.stopped and e.method in peers and e.error > accuracy for e in chart.ends)
+    rival = chart.cheapest(SIDES["library"] + SIDES["integrator"], error)
+    return Verdict(chart, accuracy, *chosen, rival, chart.cheapest(SIDES["peer"], accuracy), stopped)
+
+
+def plans_text(found: Sequence[Verdict], machine: Iterable[str]) -> str:
+    """Return what plans and the best peers cost, chart by chart, and the plans that miss their goal."""
+    return join_parts((*_plans(found), _dearness(found), wrap_lines(machine)))
+
+
+def _plans(found: Sequence[Verdict]) -> Iterator[list[str]]:
+    largest = max(v.chart.noise for v in found)
+    yield textwrap.wrap(
+        "Processor time for a simulated second with at most an error: as rbfmu plans it, and by the cheapest peer, at "
+        "the setting that just meets the error (known in hindsight; a plan has to find it). It costs: the peer's time "
+        f"over the plan's; below 1 the peer is ahead. Many outputs: one every {OUTPUT_STEP:g} s. Costs within a "
+        f"chart's noise, a factor of {largest:.2f} at most, are even.",
+        WIDTH,
+    )
+    for key in dict.fromkeys(v.chart.key for v in found):
+        mine = sorted((v for v in found if v.chart.key == key), key=lambda v: v.chart.outputs)
+        chart, counts = mine[0].chart, dict.fromkeys(f"{v.chart.outputs:,}" for v in mine)
+        head = f"{chart.scene} ({key}), {chart.span:,.0f} s; outputs: {' or '.join(counts)}"
+        yield [head, _PLAN.format("error", "outputs", "plan", "for 1 s", "best peer", "it costs"), *map(_plan, mine)]
+
+
+def _plan(v: Verdict) -> str:
+    cost = "" if v.is_refused else cost_text(v.cost)
+    peer = v.peer.method if v.peer else STOPPED if v.stopped else "none reaches it"
+    return _PLAN.format(short(v.accuracy), v.outputs, v.plan, cost, peer, v.against)
+
+
+def _dearness(found: Sequence[Verdict]) -> list[str]:
+    """Return lines on plans that miss their accuracy, or cost more than the best other method at their error."""
+    if not any(v.rival for v in found):
+        return []
+    goal = f"keeps its accuracy and costs at most {DEAREST:g} times the cheapest method that is no peer"
+    missed = [_miss(v) for v in found if not v.kept]
+    if not missed:
+        return textwrap.wrap(f"Every plan {goal}, at the error of the plan.", WIDTH)
+    return [*textwrap.wrap(f"Plans that miss the goal (a plan {goal}, at the error of the plan):", WIDTH), *missed]
+
+
+def _miss(v: Verdict) -> str:
+    rival = f"{v.dearness:.2f} x {v.rival.method}" if v.rival else "no other method"
+    return f"  {v.chart.key}, {short(v.accuracy)}, {v.outputs}: {v.plan}, error {v.error:.1e}, {rival}"

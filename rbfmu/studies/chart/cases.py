@@ -1,8 +1,8 @@
 """A scene as a case on which methods compete: its outputs, its accuracy, its true motion; and eight motions as such.
 
 The true motion is what `planning.reference` gives in double-double arithmetic; that of the eight motions was computed
-once, to 40 digits. What solvers integrate is the full state or a part of it, or, of a scene with formulas, the states
-that these name.
+once, to 40 digits. What solvers integrate are the states that the quantities come of, by the equations of motion on a
+graph, with formulas or without.
 """
 
 import json
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.models.formulas import FormulaModel, formulas_of
+from rbfmu.models.formulas import FormulaModel, equations_of
 from rbfmu.models.question import Question
 from rbfmu.planning.judge import MAX_REFERENCE_STEPS
 from rbfmu.planning.methods import ORDERS_OF_SERIES, whole_series
@@ -31,12 +31,12 @@ from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.integrators.splitting import is_symmetric_top
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
-from rbfmu_kernels.quantities import OUTPUT
+from rbfmu_kernels.quantities import OUTPUT, elements
 
-RATES, PATH, ROTATION, ALL = 3, 6, 7, 13
-"""How many numbers solvers integrate: omega_b; r_c and v_c; q_ab and omega_b; q_ab, omega_b, r_c and v_c."""
-PLACES = {RATES: slice(4, 7), PATH: slice(7, 13), ROTATION: slice(0, 7), ALL: slice(0, 13)}
-"""Where these stand among q_ab, omega_b, r_c and v_c."""
+WHOLE = tuple(
+    name for block, size in (("q", 4), ("omega", 3), ("r_c", 3), ("v_c", 3)) for name in elements(block, size)
+)
+"""The names of a body's states: q_ab, omega_b, r_c and v_c."""
 POINTS, MAX_OUTPUTS = 200, 20_000
 """The largest number of points at which errors are measured, and of communication steps of a charted run."""
 FLOOR = 1e-15
@@ -121,20 +121,6 @@ class Case:
         """Return the scene with its own accuracy, and with the quantities and output times of all methods."""
         return self.asking(self.scene.run.accuracy)
 
-    @cached_property
-    def needs(self) -> Question:
-        """Return the degrees of freedom that the quantities depend on, which are those that solvers integrate."""
-        return Question(self.asked.replace({"inputs.ports": [], "inputs.parameters": []}))
-
-    @property
-    def numbers(self) -> int:
-        """Return how many numbers solvers integrate: those alone that the quantities depend on."""
-        if not self.needs.rotation:
-            return PATH
-        if self.needs.translation:
-            return ALL
-        return ROTATION if self.needs.attitude else RATES
-
     # The equations of motion
 
     @cached_property
@@ -148,20 +134,35 @@ class Case:
         return start_run(self.asked, self.general, self.names)
 
     @cached_property
-    def state_places(self) -> list[int]:
-        """Return where the buffer has q_ab, omega_b, r_c and v_c."""
-        blocks = self.general.kernels.BLOCKS
-        return [i for name in ("q", "omega", "r_c", "v_c") for i in range(blocks[name].start, blocks[name].stop)]
+    def equations(self) -> FormulaModel:
+        """Return the equations of motion of all states that the quantities come of."""
+        free: dict[str, list[str]] = {"inputs.ports": [], "inputs.parameters": []}  # formulas may read ports
+        return equations_of(self.asked if self.scene.has_formulas else self.asked.replace(free))
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Return the names of the numbers that solvers integrate: those alone that the quantities come of."""
+        return tuple(name for name in self.equations.rates if name != "t")
 
     @property
-    def places(self) -> list[int]:
-        """Return where the buffer has the numbers that solvers integrate."""
-        return self.state_places[PLACES[self.numbers]]
+    def turns(self) -> bool:
+        """Return whether the quantities come of the rotation."""
+        return any(name.startswith("omega") for name in self.states)
+
+    @property
+    def only_turns(self) -> bool:
+        """Return whether they come of attitude and rates alone."""
+        return self.turns and {*self.states} <= {*WHOLE[:7]}
+
+    def place(self, name: str) -> int:
+        """Return where the buffer has a state, or a number of the equations."""
+        block, _, index = name.partition("[")
+        return int(self.general.kernels.BLOCKS[block].start) + (int(index[:-1]) - 1 if index else 0)
 
     @property
     def integrated(self) -> Array:
         """Return the numbers that solvers integrate, at the start."""
-        return self.buffer[self.places]
+        return self.buffer[[*map(self.place, self.states)]]
 
     @property
     def times(self) -> Array:
@@ -182,7 +183,7 @@ class Case:
     def start(self) -> State:
         """Return position and velocity of the centre of mass, q_ab, omega_b; at rest if nothing asked for turns."""
         start = motion_of(self.buffer)
-        return start if self.needs.rotation else start._replace(omega_b=(0.0, 0.0, 0.0))
+        return start if self.turns else start._replace(omega_b=(0.0, 0.0, 0.0))
 
     @property
     def moments(self) -> tuple[float, float, float]:
@@ -206,12 +207,13 @@ class Case:
     def turns_freely(self) -> bool:
         """Return whether attitude and rates of a torque-free body in principal axes are all that is asked for."""
         mixed = [x for i, row in enumerate(self.body.inertia) for j, x in enumerate(row) if i != j]
-        return self.torque_free and self.numbers in (RATES, ROTATION) and not any(mixed) and all(self.moments)
+        return self.torque_free and self.only_turns and not any(mixed) and all(self.moments)
 
     @cached_property
     def rate(self) -> float:
-        """Return the largest |omega| at start and checkpoints, rad/s; 0 where no quantity depends on the rotation."""
-        return float(np.max(np.linalg.norm(self.truth["omega_b"], axis=1))) if self.needs.rotation else 0.0
+        """Return the largest |omega| that is known, rad/s; 0 where no quantity comes of the rotation."""
+        rates = self.truth.get("omega_b", np.array([self.scene.initial.omega_b]))
+        return float(np.max(np.linalg.norm(rates, axis=1))) if self.turns else 0.0
 
     @property
     def turned(self) -> float:
@@ -269,15 +271,15 @@ class Case:
         """Return the judged quantities of states; what is one already, as it is."""
         if isinstance(states, dict):
             return states
-        return self._shown(((*q, *omega, *r, *v) for r, v, q, omega in states), self.state_places)
+        return self._shown(((*q, *omega, *r, *v) for r, v, q, omega in states), WHOLE)
 
     def motion_of(self, rows: Array) -> Motion:
         """Return what is judged from the numbers that solvers integrate, at the start and at all outputs."""
-        return self._shown(rows[1:][self.checkpoints], self.places)
+        return self._shown(rows[1:][self.checkpoints], self.states)
 
-    def _shown(self, rows: Iterable[Sequence[float] | Array], places: Sequence[int]) -> Motion:
-        """Return what is judged from numbers of the buffer at the checkpoints; quaternions may have any length."""
-        z, kernels = self.buffer.copy(), self.general.kernels
+    def _shown(self, rows: Iterable[Sequence[float] | Array], states: Iterable[str]) -> Motion:
+        """Return what is judged from states at the checkpoints, by their names; quaternions may have any length."""
+        z, kernels, places = self.buffer.copy(), self.general.kernels, [*map(self.place, states)]
         blocks, outputs = kernels.BLOCKS, tiered(kernels.outputs)
         found: dict[str, list[Array]] = {name: [] for name in self.names}
         for time, row in zip(np.cumsum(self.outputs_between) * self.interval, rows, strict=True):
@@ -291,52 +293,9 @@ class Case:
         return {name: np.array(values) for name, values in found.items()}
 
 
-class FormulaCase(Case):
-    """A scene whose loads, states or outputs are formulas; its time counts from the start of the run."""
-
-    @cached_property
-    def formulas(self) -> FormulaModel:
-        """Return the model of the formulas."""
-        found = formulas_of(self.asked)
-        assert found is not None
-        return found
-
-    @cached_property
-    def names_of_states(self) -> list[str]:
-        """Return the names of the numbers that solvers integrate."""
-        return [name for name in self.formulas.rates if name != "t"]
-
-    @property
-    def numbers(self) -> int:
-        """Return how many numbers solvers integrate."""
-        return len(self.names_of_states)
-
-    @property
-    def places(self) -> list[int]:
-        """Return where the buffer has them."""
-        return [self.formulas.place(name) for name in self.names_of_states]
-
-    @cached_property
-    def rate(self) -> float:
-        """Return the largest |omega| that is known, rad/s."""
-        rates = self.truth.get("omega_b", np.array([self.scene.initial.omega_b]))
-        return float(np.max(np.linalg.norm(rates, axis=1)))
-
-    @property
-    def has_corners(self) -> bool:
-        """Return whether formulas have corners, or tables."""
-        graph = self.formulas.motion.graph
-        return any(graph.operations[i].kind == "side" for i in graph.reached(self.formulas.rates.values()))
-
-
 def state_of(r: Iterable[float], v: Iterable[float], q: Iterable[float], omega: Iterable[float]) -> State:
     """Return a state made from any sequences of numbers."""
     return State(*(tuple(map(float, x)) for x in (r, v, q, omega)))  # type: ignore[arg-type]
-
-
-def kind_of_case(scene: Scene) -> type[Case]:
-    """Return the kind of case that a scene is."""
-    return FormulaCase if scene.has_formulas else Case
 
 
 def case_of(scene: Scene) -> Case:
@@ -348,7 +307,7 @@ def case_of(scene: Scene) -> Case:
     outputs = min(max(steps if whole else steps - 1, 1), MAX_OUTPUTS)
     while True:
         part = scene if outputs == steps else scene.replace({"run.stop": scene.run.start + outputs * scene.run.step})
-        case = kind_of_case(scene)(part, outputs, POINTS)
+        case = Case(part, outputs, POINTS)
         try:
             assert case.truth
             return case

@@ -14,9 +14,10 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from rbfmu.plot import open_frame
+from rbfmu.studies import cost_text, short_number, times
+from rbfmu.studies.chart import Verdict
 from rbfmu.studies.chart.cases import CHECKPOINTS, DRIFTS, FLOOR, OUTPUT_STEP
-from rbfmu.studies.chart.result import KINDS, OWN_KINDS, REFUSED, STOPPED, TAKES_NO, Measured, Row, Verdict, front
-from rbfmu.studies.chart.tables import conditions, cost_text, headline, method_of, short_number, times, why_no_further
+from rbfmu.studies.chart.result import KINDS, OWN_KINDS, STOPPED, TAKES_NO, Chart, Row, front
 
 DPI = 120
 GAIN = 0.8
@@ -30,7 +31,7 @@ _HOW = (
 )
 
 
-def figure_of(chart: Measured) -> Figure:
+def figure_of(chart: Chart) -> Figure:
     """Return the picture of a chart: error against cost, seen in ten seconds."""
     figure = Figure(figsize=(10.5, 8.0), dpi=DPI)
     axes = figure.add_axes((0.085, 0.235, 0.635, 0.555))
@@ -53,7 +54,7 @@ def figure_of(chart: Measured) -> Figure:
     return figure
 
 
-def _limits(axes: Axes, chart: Measured, rows: Sequence[Row]) -> None:
+def _limits(axes: Axes, chart: Chart, rows: Sequence[Row]) -> None:
     errors = [row.error for row in rows] + [chart.accuracy]
     axes.set_xlim(min(3.0 * max(errors), 3.0), 0.3 * min(*errors, FLOOR))
     costs = [row.seconds for row in rows]
@@ -70,7 +71,7 @@ def _name_ticks(axes: Axes) -> None:
         axis.set_minor_formatter(NullFormatter())  # it would name ticks within a decade
 
 
-def _accuracy_asked(axes: Axes, chart: Measured) -> None:
+def _accuracy_asked(axes: Axes, chart: Chart) -> None:
     """Shade where the accuracy is missed, and say so."""
     left, _ = axes.get_xlim()
     axes.axvspan(left, chart.accuracy, color=PALE, linewidth=0, zorder=-1)
@@ -80,21 +81,21 @@ def _accuracy_asked(axes: Axes, chart: Measured) -> None:
                   fontsize=11, weight="bold", color=DARK)  # fmt: skip
 
 
-def _words(figure: Figure, chart: Measured) -> None:
-    first, second = headline(chart)
+def _words(figure: Figure, chart: Chart) -> None:
+    first, second = chart.headline
     title = textwrap.wrap(first, 84)
     below = 0.966 - 0.036 * len(title)
     figure.text(0.015, 0.98, "\n".join(title), fontsize=13.5, weight="bold", va="top")
     figure.text(0.015, below, second, fontsize=11.5, va="top")
     figure.text(0.015, below - 0.036, "\n".join(textwrap.wrap(_HOW, 150)), fontsize=8.5, color="#555555", va="top")
-    said = (f"Run: {conditions(chart)}.", _further(chart), _small(chart))
+    said = (f"Run: {chart.conditions}.", _further(chart), _small(chart))
     lines = [line for text in said for line in textwrap.wrap(text, 132)]
     figure.text(0.015, 0.15, "\n".join(lines[:6]), fontsize=9.5, va="top", color=DARK, linespacing=1.35)
 
 
-def _further(chart: Measured) -> str:
+def _further(chart: Chart) -> str:
     more = [(times(row.seconds / chart.plan.seconds), short_number(row.value)) for row in chart.plans[1:]]
-    why = why_no_further(chart)
+    why = chart.why_no_further
     if not more:
         return f"Further digits: {why}" if why else ""
     spans = [(ratio, [value for _, value in group]) for ratio, group in groupby(more, lambda one: one[0])]
@@ -103,7 +104,7 @@ def _further(chart: Measured) -> str:
     return "Further digits, and their cost by that of the plan: " + ", ".join([*said, *end])
 
 
-def _small(chart: Measured) -> str:
+def _small(chart: Chart) -> str:
     wrong = [f"{m.model} {short_number(m.error)}" for m in chart.too_small if not m.why]
     said = [f"Models that are too small, and their errors: {', '.join(wrong)}."] if wrong else []
     for why in dict.fromkeys(m.why for m in chart.too_small if m.why.startswith(TAKES_NO)):
@@ -183,7 +184,7 @@ def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[
 # Drifts
 
 
-def draw_kept(chart: Measured, path: Path) -> list[Path]:
+def draw_kept(chart: Chart, path: Path) -> list[Path]:
     """Draw the drift of conserved quantities against cost; no file if nothing is conserved."""
     kept = {}
     for name, column in DRIFTS.items():
@@ -261,13 +262,11 @@ def _draw_cell(axes: Axes, x: float, y: float, v: Verdict) -> None:
 def cell_of(v: Verdict) -> tuple[str, str, str, str]:
     """Return a cell's colour, the method to use, its cost, and a remark on the other."""
     if v.peer and v.lead < 1.0 and not v.even:
-        remark = "plan refuses" if v.method == REFUSED else f"rbfmu's plan: {times(1.0 / v.lead)}"
+        remark = "plan refuses" if v.is_refused else f"rbfmu's plan: {times(1.0 / v.lead)}"
         return PEER, v.peer.method, cost_text(v.peer.cost), remark
-    if v.method == REFUSED:
+    if v.is_refused:
         return NONE, "no method", "", "plan refuses"
     color = next((color for word, color in CELLS.items() if word in v.method), EXACT)
-    if v.peer is None:
-        other = f"peers {STOPPED}" if v.stopped else "no peer reaches it"
-    else:
-        other = f"{v.peer.method}: {'even' if v.even else times(v.lead)}"
-    return color, method_of(v), cost_text(v.cost), other
+    none = f"peers {STOPPED}" if v.stopped else "no peer reaches it"
+    other = f"{v.peer.method}: {v.against}" if v.peer else none
+    return color, v.plan, cost_text(v.cost), other

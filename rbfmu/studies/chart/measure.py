@@ -19,9 +19,10 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.motion import Steps, record
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError
-from rbfmu.studies.chart.cases import FLOOR, RATES, ROTATION, Case, FormulaCase, few_and_many
+from rbfmu.studies import Progress
+from rbfmu.studies.chart.cases import FLOOR, Case, few_and_many
 from rbfmu.studies.chart.methods import MOST_RADIANS, Method, NotFeasibleError, Run, fixed_steps, own_methods, planned
-from rbfmu.studies.chart.result import STOPPED, TAKES_NO, YOURS, End, Measured, Progress, Row, TooSmall, kind_of
+from rbfmu.studies.chart.result import STOPPED, TAKES_NO, YOURS, Chart, End, Row, TooSmall, kind_of
 from rbfmu.studies.chart.simulators import BASILISK, DRAKE, MUJOCO
 from rbfmu.studies.chart.solvers import HEYOKA, NUMBALSODA, SCIPY
 from rbfmu.studies.one_step import OneStepMethod, method_of_file
@@ -94,7 +95,7 @@ def why_not(method: Method, case: Case) -> str:
     """Return why a method is not tried on a case, else nothing."""
     if method.only and case.key not in method.only:
         return "set up for the motions of `rbfmu chart` alone"
-    if isinstance(case, FormulaCase) and not method.takes_formulas:
+    if case.scene.has_formulas and not method.takes_formulas:
         return "takes no formulas"
     if reason := method.why_not(case):
         return reason
@@ -103,12 +104,6 @@ def why_not(method: Method, case: Case) -> str:
 
 
 # Measuring
-
-
-def _takes_no_step(case: Case) -> str:
-    """Say why a case needs more than a step of attitude and rates, if it does."""
-    takes = case.scene.body is not None and case.numbers in (RATES, ROTATION)
-    return "" if takes else _NOT_OWN
 
 
 @dataclass(frozen=True)
@@ -137,11 +132,12 @@ def extent(quick: bool, method: str | Path | None) -> Extent:
     return replace(QUICK if quick else Extent(), own=own)
 
 
-def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Measured:
+def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Chart:
     """Return the chart of a case; first_calls: what is known of the time that methods take to compile, s."""
     name, chosen = case.scene.name, plan(case.asked)
     methods = [m for m in contestants(case) if not what.only or m.name in what.only]
-    own = [] if what.own is None else [fixed_steps(what.own, YOURS, _takes_no_step)]
+    takes_step = "" if case.scene.body is not None and case.only_turns else _NOT_OWN
+    own = [] if what.own is None else [fixed_steps(what.own, YOURS, lambda case: takes_step)]
     methods += [method for method in own if not why_not(method, case)]
     first_calls, total = {} if first_calls is None else first_calls, len(methods) + what.repeats
     found: list[Tried] = []
@@ -159,7 +155,7 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
         for one in again:
             one.time(what.shortest)
     progress(total, total, "")
-    return Measured(
+    return Chart(
         name, chosen.model, case.scene.run.accuracy, case.span, case.outputs, tuple(case.scene.inputs.ports),
         tuple(one.row for one in found), tuple(ends), tuple(too_small(case, chosen)),
         (*_not_charted(case, ends), *(f"{m.name}: {_NOT_OWN}" for m in own if m not in methods)),
@@ -168,7 +164,7 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
     )  # fmt: skip
 
 
-def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Measured]:
+def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Chart]:
     """Return a chart of each of the eight motions named, with few and with many outputs."""
     cases, first_calls = few_and_many(keys), dict[str, float]()
     share = 1000
@@ -275,7 +271,7 @@ def _program(method: str) -> str:
 
 def too_small(case: Case, chosen: Plan) -> list[TooSmall]:
     """Return the models that stand before the plan's and miss the accuracy, from the smallest."""
-    if case.scene.body is None or isinstance(case, FormulaCase):
+    if case.scene.body is None or case.scene.has_formulas:
         return []
     before = takewhile(lambda spec: spec.key != chosen.model, MODELS.values())
     smaller = [spec for spec in before if spec.closed_form or spec is ONE_AXIS_TAYLOR]

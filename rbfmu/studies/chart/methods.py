@@ -21,8 +21,8 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.studies.chart.cases import Case, FormulaCase, Found
-from rbfmu.studies.chart.tables import short
+from rbfmu.studies import short
+from rbfmu.studies.chart.cases import Case, Found
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.one_step import Form, OneStepMethod, Steps, compiled
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
@@ -210,7 +210,7 @@ def substeps(order: int, controlled: bool = True) -> Method:
     name = f"Taylor, order {order}" if order else f"DOP853, {'error control' if controlled else 'fixed steps'}"
 
     def settings(case: Case, quick: bool) -> Iterator[float]:
-        largest = -3 if isinstance(case, FormulaCase) else 0  # what is rougher may run away, in many substeps
+        largest = -3 if case.scene.has_formulas else 0  # what is rougher may run away, in many substeps
         return tolerances(largest, -16 if order else -15, quick) if controlled else step_counts(case, quick)
 
     def run(case: Case, value: float) -> Run:

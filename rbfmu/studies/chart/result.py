@@ -1,24 +1,27 @@
-"""What a chart holds, and what it says.
+"""What a chart holds, and what it says in at most 80 columns.
 
 All measurements on a case, how far each method came, and the models that are too small; the cost of an accuracy, by
-kind of method; plans beside the best of the others.
+kind of method.
 """
 
-import csv
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+import re
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rbfmu.studies import WIDTH, cost_text, join_parts, short_number, times, wrap_lines, write_rows
 from rbfmu.studies.chart.cases import FLOOR
 
-Progress = Callable[[int, int, str], object]
-"""What is called with (done, total, text)."""
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 TAKES_NO = "takes no"
 """How the reason begins why a model does not serve a scene with ports, or with parameters to be changed."""
 STOPPED = "stopped: time limit"
@@ -43,6 +46,20 @@ KINDS = {
 """The kinds of methods, the library's own first, and the colour of the line that is the best of each."""
 OWN_KINDS = tuple(KINDS)[:5]
 _FAMILIES = {"planned": "rbfmu's plan", "Taylor": "Taylor series", "classic": "RK4, Euler and others"}
+
+
+SIDES = {
+    "library": ("exact", "DOP853", "Taylor", "splitting"),
+    "planned": ("planned",),
+    "integrator": ("classic", "Moser-Veselov"),
+    "peer": ("peer",),
+}
+"""Who offers families of methods: the library, its plans, which choose among them, integrators in common use, peers."""
+
+
+_KIND = "{:22}{:29.28}{:>9}{:>9}{:>10}"
+_DIGIT = "{:10}{:41.40}{:>9}{:>9}{:>10}"
+_MODEL = "{:30}{:>10}{:>14}"
 
 
 def kind_of(method: str, family: str) -> str:
@@ -106,9 +123,9 @@ class TooSmall(NamedTuple):
     why: str = ""
 
 
-@dataclass(frozen=True)
-class Measured:
-    """Accuracy against cost on a scene: what a chart shows.
+@dataclass(frozen=True, repr=False)
+class Chart:
+    """Accuracy against cost on a scene; `print` shows a table, `save` writes table, CSV file and picture.
 
     model: the plan's; accuracy: the one asked; span, outputs: of the charted run, s; ports: those that are at zero;
     rows: all measurements; ends: how far each method came; too_small: models that the plan's is larger than; absent:
@@ -176,30 +193,130 @@ class Measured:
         end = min(ends, key=lambda end: end.error) if ends else End(kind, rows[0].method, rows[0].error, "")
         return Reach(kind, offer.method, offer.cost, end, any(end.stopped for end in ends))
 
+    # What is shown
 
-def write_rows(path: Path, rows: Iterable[Mapping[str, object]], head: Iterable[str]) -> Path:
-    """Write a CSV file whose first lines, after #, say where the figures come from."""
-    rows = list(rows)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        file.writelines(f"# {' '.join(line.split())}\n" for line in head)
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
-    return path
+    @cached_property
+    def table(self) -> str:
+        """Return the findings as text of at most 80 columns."""
+        head = wrap_lines([*self.headline, f"charted: {self.conditions}"])
+        ends = wrap_lines(self.absent), wrap_lines(self.machine)
+        return join_parts((head, self._kinds(), self._digits(), self._models(), *ends))
+
+    def figure(self) -> "Figure":
+        """Return the picture as a figure of matplotlib."""
+        from rbfmu.studies.chart.drawing import figure_of
+
+        return figure_of(self)
+
+    def save(self, folder: str | Path, name: str = "") -> list[Path]:
+        """Write NAME.csv (all measurements), NAME.txt (the table) and NAME.png to a folder; return the files.
+
+        name: the scene's, if none is given.
+        """
+        stem = re.sub(r"[^\w.-]+", "_", name or self.scene) or "scene"
+        csv, text, picture = (Path(folder) / f"{stem}{ending}" for ending in (".csv", ".txt", ".png"))
+        csv.parent.mkdir(parents=True, exist_ok=True)
+        write_rows(csv, map(asdict, self.rows), [*self.machine, *self.absent])
+        text.write_text(self.table + "\n", encoding="utf-8")
+        self.figure().savefig(picture)
+        return [csv, text, picture]
+
+    def __str__(self) -> str:
+        return self.table
+
+    def __repr__(self) -> str:
+        what = f"Chart of {self.scene}: {len(self.rows)} points; print it, or save(folder)"
+        return "\n".join((what, *self.headline))
+
+    def _repr_html_(self) -> str:
+        """Return picture and table for a notebook."""
+        from base64 import b64encode
+        from html import escape
+        from io import BytesIO
+
+        buffer = BytesIO()
+        self.figure().savefig(buffer, format="png")
+        picture = b64encode(buffer.getvalue()).decode()
+        return f'<img src="data:image/png;base64,{picture}" width="880"/><pre>{escape(self.table)}</pre>'
+
+    # The parts of the table
+
+    @property
+    def conditions(self) -> str:
+        """Return how the scene was run."""
+        whole = self.whole or self.span
+        part = f"the first {self.span:,.8g} s of " if self.span < 0.999 * whole else ""
+        said = f"{part}{whole:,.8g} s, an output every {self.span / self.outputs:,.8g} s"
+        if not self.ports:
+            return said
+        return f"{said}; {' and '.join(self.ports)} at zero all the time, so that others may step over outputs"
+
+    def _kinds(self) -> Iterator[str]:
+        asked = short_number(self.accuracy)
+        yield from textwrap.wrap(
+            f"What an error of at most {asked} costs: processor time, for a simulated second and for the run, of the "
+            f"cheapest method of each kind. Costs within a factor of {self.noise:.2f} are even.",
+            WIDTH,
+        )
+        yield _KIND.format("kind", "cheapest method", "for 1 s", "the run", "of plan's")
+        for reach in self.reaches:
+            end, missed = reach.end, "stopped" if reach.stopped else "misses it"
+            if math.isfinite(reach.cost):
+                ratio, run = times(reach.cost / self.plan.seconds), cost_text(reach.cost * self.span)
+                yield _KIND.format(reach.name, reach.method, cost_text(reach.cost), run, ratio)
+            else:
+                least = short_number(end.error) if math.isfinite(end.error) else "none below 1"
+                said = f"{reach.name:22}{missed}: {least} by {end.method} ({end.why})"
+                yield from textwrap.wrap(said, WIDTH, subsequent_indent=" " * 24)
+
+    def _digits(self) -> Iterator[str]:
+        yield "What each further digit costs, as rbfmu plans it:"
+        yield _DIGIT.format("accuracy", "method", "error", "for 1 s", "of plan's")
+        for row in self.plans:
+            numbers = short_number(row.error), cost_text(row.seconds), times(row.seconds / self.plan.seconds)
+            yield _DIGIT.format(short_number(row.value), row.detail, *numbers)
+        yield from textwrap.wrap(self.why_no_further, WIDTH)
+
+    def _models(self) -> Iterator[str]:
+        if not self.too_small:
+            return
+        yield "Smaller models than the plan's, which do not serve:"
+        yield _MODEL.format("model", "error", "of accuracy's")
+        for model in self.too_small:
+            if model.why:
+                yield from textwrap.wrap(f"{model.model:30}{model.why}", WIDTH, subsequent_indent=" " * 32)
+            else:
+                ratio = f"{model.error / self.accuracy:.1e} x" if math.isfinite(model.error) else ""
+                yield _MODEL.format(model.model, short_number(model.error), ratio)
+
+    @property
+    def headline(self) -> tuple[str, str]:
+        """Return two lines: which method costs least at the accuracy asked, and what is beside it."""
+        plan, first = self.plan, self.reaches[0]
+        asked = f"{self.scene} at {short_number(self.accuracy)}{', ports at zero' if self.ports else ''}"
+        ratio, planned = plan.seconds / first.cost, f"{self.model}: {plan.detail}"
+        if ratio <= self.noise:
+            use = f"{asked}: use rbfmu's plan, {cost_text(plan.seconds)} per simulated second"
+            return use, f"{planned}; {self._beside()}"
+        cheapest = f"{asked}: cheapest is {first.method}, {cost_text(first.cost)} per simulated second"
+        return cheapest, f"rbfmu's plan costs {times(ratio)} that ({planned})"
+
+    def _beside(self) -> str:
+        peer = self.cheapest(SIDES["peer"], max(self.accuracy, FLOOR))
+        if peer is None:
+            return "no peer meets that" if any(row.family == "peer" for row in self.rows) else "no peer is charted"
+        ratio = peer.cost / self.plan.seconds
+        return f"{peer.method} is even" if ratio <= self.noise else f"best peer {peer.method}, {times(ratio)} that"
+
+    @property
+    def why_no_further(self) -> str:
+        """Return why there are no plans for further digits than the chart has."""
+        if self.refusal:
+            return self.refusal
+        return "the error is round-off, so further digits cost nothing" if self.plans[-1].error < FLOOR else ""
 
 
-# What charts say: the cost of an accuracy, by kind of method; plans beside the best of the others
-
-SIDES = {
-    "library": ("exact", "DOP853", "Taylor", "splitting"),
-    "planned": ("planned",),
-    "integrator": ("classic", "Moser-Veselov"),
-    "peer": ("peer",),
-}
-"""Who offers families of methods: the library, its plans, which choose among them, integrators in common use, peers."""
-DEAREST = 1.3
-"""The largest cost of a plan relative to the best other method; a plan is made without knowing the true error."""
-REFUSED = "refused"
+# The cost of an accuracy
 
 
 def front(rows: Iterable[Row], gain: float = 1.0) -> list[Row]:
@@ -261,60 +378,3 @@ class Reach(NamedTuple):
     def name(self) -> str:
         """Return how the kind is called."""
         return "closed form" if self.kind == "exact" else self.kind
-
-
-# Each plan beside the best of the others
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """A plan for an accuracy, the best other method at the plan's error, the best peer at that accuracy.
-
-    method: what the plan chose; error, cost: its own, for a simulated second, infinite where it is refused; stopped:
-    whether the time limit stopped a peer before that accuracy.
-    """
-
-    chart: Measured
-    accuracy: float
-    method: str
-    error: float
-    cost: float
-    rival: Offer | None
-    peer: Offer | None
-    stopped: bool
-
-    @property
-    def dearness(self) -> float:
-        """Return the cost relative to the best other method's, 0 where none is as accurate."""
-        return self.cost / self.rival.cost if self.rival else 0.0
-
-    @property
-    def lead(self) -> float:
-        """Return the best peer's cost over the plan's: infinite if no peer is as accurate, 0 if there is no plan."""
-        return self.peer.cost / self.cost if self.peer else math.inf
-
-    @property
-    def even(self) -> bool:
-        """Return whether both costs are equal within the noise."""
-        return 1.0 / self.chart.noise <= self.lead <= self.chart.noise
-
-    @property
-    def kept(self) -> bool:
-        """Return whether the plan keeps its accuracy and costs no more than `DEAREST` allows."""
-        return self.error <= self.accuracy and self.dearness <= DEAREST * self.chart.noise
-
-
-def verdicts(charts: Sequence[Measured]) -> list[Verdict]:
-    """Return a verdict for each chart and each accuracy that plans were asked for."""
-    asked = {row.value for chart in charts for row in chart.rows if row.family == "planned"}
-    return [_verdict(chart, accuracy) for chart in charts for accuracy in sorted(asked, reverse=True)]
-
-
-def _verdict(chart: Measured, accuracy: float) -> Verdict:
-    plan = next((row for row in chart.rows if row.family == "planned" and row.value == accuracy), None)
-    chosen = (plan.detail, plan.error, plan.seconds) if plan else (REFUSED, math.inf, math.inf)
-    error = max(min(chosen[1], accuracy), FLOOR)
-    peers = {row.method for row in chart.rows if row.family == "peer"}
-    stopped = any(e.stopped and e.method in peers and e.error > accuracy for e in chart.ends)
-    rival = chart.cheapest(SIDES["library"] + SIDES["integrator"], error)
-    return Verdict(chart, accuracy, *chosen, rival, chart.cheapest(SIDES["peer"], accuracy), stopped)

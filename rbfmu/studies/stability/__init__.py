@@ -1,37 +1,197 @@
 """Where methods fail: the laws of stability, measured and compared with their predictions, with pictures and maps.
 
-`run_stability` writes all numbers to CSV files first and draws afterwards. `read_findings` reads all findings,
-`failures` those that do not hold.
+A law says what it predicts, a finding what was measured beside it. `run_stability` writes all numbers to CSV files
+first and draws afterwards; `print_laws` shows them as a table on the terminal.
 """
 
+import csv
 import math
-from collections.abc import Callable, Iterable, Sequence
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, simplefilter
 
-import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.padding import Padding
+from rich.table import Table
 
 from rbfmu.exceptions import SceneWarning
-from rbfmu.studies.chart.result import write_rows
+from rbfmu.studies import WIDTH, write_rows
 from rbfmu.studies.one_step import OneStepMethod, method_of_file
-from rbfmu.studies.stability import method_laws as laws
-from rbfmu.studies.stability import motion_laws
-from rbfmu.studies.stability.findings import CURVE, OWN, Finding, Study, exponent, failures, read_findings
-from rbfmu.studies.stability.findings import write_columns as write_columns
-from rbfmu.studies.stability.findings import write_findings as write_findings
-from rbfmu.studies.stability.maps import METHODS, QUICK_METHODS, Row, findings_of_maps, verdict_of_steps, verdicts
 
-__all__ = ["STUDIES", "Finding", "Study", "failures", "read_findings", "run_stability", "write_findings"]
+_TABLES = tomllib.loads(Path(__file__).with_name("laws.toml").read_text(encoding="utf-8"))
+LAWS: dict[int, dict[str, Any]] = {int(number): law for number, law in _TABLES.items()}
+"""By number: what a law says, the source of the predicted numbers, and the rows of its findings, by their names."""
+_FINDINGS = {name: (number, row) for number, law in LAWS.items() for name, row in law["findings"].items()}
 
-STUDIES: tuple[Callable[[bool], Study], ...] = (
-    laws.growth_factors, laws.drift, laws.gimbal_passage, laws.gyroscopic_blow_up, laws.damping_limits,
-    laws.moser_veselov_limits, laws.energy_drift, laws.small_angles,
-    motion_laws.intermediate_axis, motion_laws.sleeping_top, motion_laws.splitting_resonance,
-    motion_laws.product_models, motion_laws.orders_and_error_control,
-)  # fmt: skip
-"""Each measures one or more laws; the argument asks for a quick, coarse run."""
+EQUAL, AT_MOST, RECORDED, OWN = "equal", "at most", "recorded", "own"
+"""The kinds of findings: the value equals a prediction, is at most a bound, or equals a value recorded earlier.
+
+Of a reader's own method the prediction is that of an exact motion, and what is measured is as it is."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One number that theory predicts, and its measured value.
+
+    tolerance: the largest difference allowed, relative to the prediction; for AT_MOST the prediction is a bound.
+    place: the place in a map, or the motion; findings with the same `what` are reported together.
+    """
+
+    law: int
+    what: str
+    predicted: float
+    measured: float
+    tolerance: float
+    kind: str = EQUAL
+    place: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Return whether the measurement agrees with the prediction."""
+        if self.kind == OWN:
+            return True
+        if self.kind == AT_MOST:
+            return self.measured <= self.predicted
+        return math.isclose(self.measured, self.predicted, rel_tol=self.tolerance, abs_tol=0.0)
+
+
+def finding(
+    name: str, measured: float, predicted: float = math.nan, /, near: float = 0.0, place: str = "", **words: object
+) -> Finding:
+    """Return a finding of `laws.toml`; words: those in braces there.
+
+    predicted, near: where the table has no number; without a prediction in either place it does not hold.
+    """
+    law, row = _FINDINGS[name]
+    predicted, near = row.get("predicted", predicted), row.get("near", near)
+    return Finding(law, row["what"].format(**words), predicted, measured, near, row.get("kind", EQUAL), place)
+
+
+def exponent(larger: float, smaller: float, ratio: float = 2.0) -> float:
+    """Return the power of a ratio by which two numbers differ; NaN, which no law predicts, where there is none."""
+    quotient = larger / smaller if smaller else math.nan
+    return math.log(quotient) / math.log(ratio) if 0.0 < quotient < math.inf else math.nan
+
+
+Columns = dict[str, list[Any]]
+"""Numbers, or names, by what they are: of equal length."""
+CURVE = "your method"
+"""The column of a study that has the curve of a reader's own method."""
+
+
+@dataclass
+class Study:
+    """Measurements of laws that share a picture: findings, and the picture's curves as columns of equal length.
+
+    curve: returns that of any one-step method, where there is one.
+    """
+
+    name: str
+    findings: list[Finding]
+    columns: Columns = field(default_factory=dict)
+    curve: Callable[[OneStepMethod], list[float]] | None = None
+
+
+_NUMBERS = {"law": int, "predicted": float, "measured": float, "tolerance": float}
+_NAMES = ("law", "what", "place", "kind", "predicted", "measured", "tolerance", "holds")
+
+
+def write_columns(path: Path, columns: Mapping[str, Sequence[object]]) -> Path:
+    """Write a CSV file with all digits."""
+    rows = zip(*columns.values(), strict=True)
+    return write_rows(path, (dict(zip(columns, row, strict=True)) for row in rows), ())
+
+
+def write_findings(path: Path, findings: Sequence[Finding]) -> Path:
+    """Write a CSV file with the columns law, what, place, kind, predicted, measured, tolerance, holds."""
+    return write_columns(path, {name: [getattr(f, name) for f in findings] for name in _NAMES})
+
+
+def read_findings(folder: Path) -> list[Finding]:
+    """Return the findings in a folder that `run_stability` has written."""
+    with (folder / "laws.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return [Finding(**{name: _NUMBERS.get(name, str)(row[name]) for name in _NAMES[:-1]}) for row in rows]
+
+
+def failures(folder: Path) -> list[str]:
+    """Return a line for each finding that does not hold, from a folder that `run_stability` has written."""
+    return [in_words(f) for f in read_findings(folder) if not f.holds]
+
+
+def in_words(finding: Finding) -> str:
+    """Return a line that describes a finding."""
+    place = f" ({finding.place})" if finding.place else ""
+    return f"law {finding.law}, {finding.what}{place}: predicted {finding.predicted!r}, measured {finding.measured!r}"
+
+
+_INDENT = (0, 0, 0, 2)
+_RECORDED = '"Recorded": no theory gives this figure; it was measured when the law was written down.'
+_HOLDS = {EQUAL: "holds", AT_MOST: "holds", RECORDED: "as recorded", OWN: "yours"}
+_FAILS = {EQUAL: "FAILS", AT_MOST: "FAILS", RECORDED: "NOT as recorded"}
+
+
+def print_laws(findings: Sequence[Finding]) -> None:
+    """Print law by law in at most 80 columns; findings that differ only by their place share a row."""
+    console = Console(highlight=False, width=WIDTH)
+    for law, members in groupby(sorted(findings, key=lambda f: f.law), key=lambda f: f.law):
+        console.print(f"\n[bold]Law {law}.[/bold] {LAWS[law]['says']}")
+        console.print(Padding(f"Predicted by: {LAWS[law]['source']}", _INDENT, expand=False))
+        table = Table(box=None, padding=(0, 1), pad_edge=False)
+        table.add_column("finding", ratio=1)
+        for name in ("predicted", "measured"):
+            table.add_column(name, justify="right", no_wrap=True)
+        table.add_column("verdict", no_wrap=True)
+        for row in rows(members):
+            table.add_row(*map(escape, row))
+        console.print(Padding(table, _INDENT))
+    if any(f.kind == RECORDED for f in findings):
+        console.print(f"\n{_RECORDED}")
+
+
+def rows(findings: Iterable[Finding]) -> Iterator[tuple[str, str, str, str]]:
+    """Yield (finding, predicted, measured, verdict) of the worst in each group, and of each that does not hold."""
+    together: dict[str, list[Finding]] = {}
+    for finding in findings:
+        together.setdefault(finding.what, []).append(finding)
+    for what, members in together.items():
+        good = [f for f in members if f.holds]
+        if good:
+            places = f" ({len(good)} of {len(members)})" if len(members) > 1 else ""
+            yield _row(max(good, key=lambda f: f.measured), what + places)
+        yield from (_row(f, f"{what} ({f.place})" if f.place else what) for f in members if not f.holds)
+
+
+def _row(finding: Finding, what: str) -> tuple[str, str, str, str]:
+    predicted = ("<= " if finding.kind == AT_MOST else "") + _number(finding.predicted)
+    verdict = (_HOLDS if finding.holds else _FAILS)[finding.kind]
+    return what, predicted, _number(finding.measured), verdict
+
+
+def _number(x: float) -> str:
+    return f"{x:.6g}" if 1e-3 < abs(x) < 1e6 else f"{x:.3g}"
+
+
+# The run
+
+
+def all_studies() -> tuple[Callable[[bool], Study], ...]:
+    """Return what measures one or more laws each; the argument asks for a quick, coarse run."""
+    from rbfmu.studies.stability import method_laws as laws
+    from rbfmu.studies.stability import motion_laws
+
+    return (
+        laws.growth_factors, laws.drift, laws.gimbal_passage, laws.gyroscopic_blow_up, laws.damping_limits,
+        laws.moser_veselov_limits, laws.energy_drift, laws.small_angles,
+        motion_laws.intermediate_axis, motion_laws.sleeping_top, motion_laws.splitting_resonance,
+        motion_laws.product_models, motion_laws.orders_and_error_control,
+    )  # fmt: skip
 
 
 def run_stability(
@@ -45,79 +205,34 @@ def run_stability(
     progress: wraps the sequence of parts, for instance in a progress bar; a part takes a few seconds. method: a file
     with a method of one's own, which is measured as well (`rbfmu.studies.one_step`).
     """
+    from rbfmu.studies.stability import motions
+    from rbfmu.studies.stability.method_laws import own_laws
     from rbfmu.studies.stability.pictures import draw, draw_maps
 
     own = None if method is None else method_of_file(method)
     folder.mkdir(parents=True, exist_ok=True)
-    studies, rows, paths = list[Study](), list[Row](), list[Path]()
-    judged = [(name, METHODS[name]) for name in (QUICK_METHODS if quick else METHODS)]
-    judged += [(own.name, partial(verdict_of_steps, own))] if own else []
+    studies, found, cells, paths = all_studies(), list[Study](), list[motions.Row](), list[Path]()
+    judged = [(name, motions.METHODS[name]) for name in (motions.QUICK_METHODS if quick else motions.METHODS)]
+    judged += [(own.name, partial(motions.verdict_of_steps, own))] if own else []
+
+    def write() -> list[Path]:
+        findings = [f for study in found for f in study.findings] + motions.findings_of_maps(cells)
+        return [
+            write_findings(folder / "laws.csv", sorted(findings, key=lambda f: f.law)),
+            *(write_columns(folder / f"{study.name}.csv", study.columns) for study in found if study.columns),
+            write_rows(folder / "maps.csv", (cell._asdict() for cell in cells), ()),
+        ]
+
     parts: list[tuple[list[Any], Callable[[], Sequence[object]]]] = [
-        *((studies, lambda study=study: [study(quick)]) for study in STUDIES),
-        *((rows, partial(verdicts, *one, quick)) for one in judged),
-        *([(studies, lambda: [own_laws(own, studies)])] if own else ()),
-        (paths, lambda: _write(folder, studies, rows)),
-        *((paths, lambda k=k: [draw(studies[k], folder)]) for k in range(len(STUDIES))),
-        (paths, lambda: [draw_maps(rows, folder / "maps.png")]),
+        *((found, lambda study=study: [study(quick)]) for study in studies),
+        *((cells, partial(motions.verdicts, *one, quick)) for one in judged),
+        *([(found, lambda: [own_laws(own, found)])] if own else ()),
+        (paths, write),
+        *((paths, lambda k=k: [draw(found[k], folder)]) for k in range(len(studies))),
+        (paths, lambda: [draw_maps(cells, folder / "maps.png")]),
     ]
     with catch_warnings():
         simplefilter("ignore", SceneWarning)  # whole turns between points are intended here
-        for found, part in parts if progress is None else progress(parts):
-            found.extend(part())
+        for results, part in parts if progress is None else progress(parts):
+            results.extend(part())
     return paths
-
-
-def _write(folder: Path, studies: Sequence[Study], rows: Sequence[Row]) -> list[Path]:
-    findings = [f for study in studies for f in study.findings] + findings_of_maps(rows)
-    return [
-        write_findings(folder / "laws.csv", sorted(findings, key=lambda f: f.law)),
-        *(write_columns(folder / f"{study.name}.csv", study.columns) for study in studies if study.columns),
-        write_rows(folder / "maps.csv", (row._asdict() for row in rows), ()),
-    ]
-
-
-# A method of the reader's own: no theory predicts what it does, an exact motion stands beside it
-
-
-ROUND_OFF, ROUGH, RATIO = 1e-11, 1e-3, 0.1
-
-
-def own_laws(method: OneStepMethod, studies: Sequence[Study]) -> Study:
-    """Return what is found of a method, and put its curves beside those of the studies that were measured."""
-    for study in studies:
-        if study.curve is not None:
-            study.columns[CURVE] = study.curve(method)
-    short, long = (abs(error) for error in laws.energies(method, laws.H, [1000, 10_000]))
-    measured = (
-        (1, "growth of |q| in a step less 1, h omega = 0.1", 0.0, laws.growth(method, 0.1) - 1.0),
-        (2, "largest h omega up to which |q| does not grow", math.inf, largest_stable(partial(laws.growth, method))),
-        (4, "error in rad at h omega / delta = 1", 0.0, laws.passage_error(method, 1.0)),
-        (5, "thin rod, nutation over its start after 1 s", 1.0, laws.rod_growth(method)[-1]),
-        (6, "largest h d / I", math.inf, largest_stable(partial(laws.decay_factor, method))),
-        (8, "relative energy error after 1000 steps, h = 0.1", 0.0, short),
-        (8, "relative energy error after 10,000 steps", 0.0, long),
-        (14, "order: the power of h in the attitude's error", math.inf, order(method)),
-    )
-    findings = [Finding(law, f"{method.name}: {what}", exact, found, 0.0, OWN) for law, what, exact, found in measured]
-    return Study("your_method", findings)
-
-
-def largest_stable(factor: Callable[[float], float]) -> float:
-    """Return up to where a step's factor is at most 1 in size, but for round-off; infinite if no end is found."""
-    last = 0.0
-    for x in np.linspace(0.05, 20.0, 400).tolist():
-        if not abs(factor(x)) - 1e-12 <= 1.0:
-            return laws.crossing(lambda x: abs(factor(x)) - 1e-12, last, x)
-        last = x
-    return math.inf
-
-
-def order(method: OneStepMethod) -> float:
-    """Return the order between two steps where the error is small, yet more than round-off, else NaN."""
-    before = math.inf
-    for k in range(10):
-        error = verdict_of_steps(method, 0.5 * 0.5**k, RATIO)[1]
-        if error < ROUGH and before < 64.0 * ROUGH:
-            return exponent(before, error) if error > ROUND_OFF else math.nan
-        before = error
-    return math.nan

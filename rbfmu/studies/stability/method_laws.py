@@ -12,8 +12,7 @@ from rbfmu.simulation import simulate
 from rbfmu.studies.dop853 import DOP853, STAGES, A, Dop853Plan
 from rbfmu.studies.one_step import OneStepMethod
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS
-from rbfmu.studies.stability import motions
-from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Columns, Finding, Study, exponent
+from rbfmu.studies.stability import CURVE, OWN, Columns, Finding, Study, exponent, finding, motions
 from rbfmu.studies.stability.motions import SPHERE, TUMBLING, UPRIGHT, ZERO, at, attitude_after, free_body, spin
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, angular_acceleration
 from rbfmu_kernels.mechanics.rigid_body import angular_momentum, kinetic_energy
@@ -50,17 +49,17 @@ def _polynomial_of_the_tableau(z: complex) -> complex:
     return stages[-1]
 
 
-def crossing(growth: Callable[[float], float], low: float, high: float) -> float:
-    """Return where the growth factor passes 1, from stable at `low` to unstable at `high`."""
+def crossing(holds: Callable[[float], bool], low: float, high: float) -> float:
+    """Return up to where something holds, which does at `low` and does not at `high`."""
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if growth(middle) <= 1.0 else (low, middle)
+        low, high = (middle, high) if holds(middle) else (low, middle)
     return low
 
 
 def limit_near(factor: Callable[[float], float], limit: float) -> float:
     """Return up to where a step's factor is at most 1 in size, near a limit that is expected."""
-    return crossing(lambda x: abs(factor(x)), 0.8 * limit, 1.2 * limit)
+    return crossing(lambda x: abs(factor(x)) <= 1.0, 0.8 * limit, 1.2 * limit)
 
 
 def growth(method: OneStepMethod, h_omega: float) -> float:
@@ -78,19 +77,12 @@ def growth_factors(quick: bool) -> Study:
         R, eigenvalue = stability_polynomial(method.name), 1j if method is RK4_ON_R else 0.5j
         columns[f"{method.name}, predicted"] = [abs(R(eigenvalue * value)) for value in x]
         columns[f"{method.name}, measured"] = curve(method)
-    limits = (
-        (2, "RK4 on q", RK4_ON_Q, 4.0 * math.sqrt(2.0), 1e-12),
-        (2, "DOP853 on q", DOP853, 11.92, 1e-4),
-        (3, "RK4 on R", RK4_ON_R, 2.0 * math.sqrt(2.0), 1e-12),
-    )
+    limits = {"RK4 on q": 4.0 * math.sqrt(2.0), "DOP853 on q": 11.92, "RK4 on R": 2.0 * math.sqrt(2.0)}
+    of_limits = zip((RK4_ON_Q, DOP853, RK4_ON_R), limits.items(), strict=True)
     findings = [
-        Finding(1, f"explicit Euler, growth of |q| a step, h omega = {x:g}", math.sqrt(1.0 + 0.25 * x * x),
-                growth(EULER, x), 1e-15)
-        for x in (0.1, 1.0, 10.0)
-    ] + [
-        Finding(law, f"{name}, largest stable h omega", limit, limit_near(partial(growth, method), limit), near)
-        for law, name, method, limit, near in limits
-    ]  # fmt: skip
+        *(finding("growth of Euler", growth(EULER, x), math.sqrt(1.0 + 0.25 * x * x), x=x) for x in (0.1, 1.0, 10.0)),
+        *(finding(name, limit_near(partial(growth, method), limit), limit) for method, (name, limit) in of_limits),
+    ]
     return Study("growth_factors", findings, columns, curve)
 
 
@@ -115,10 +107,10 @@ def drift(quick: bool) -> Study:
     )
     lag = angle_between(RK4.run(spin(1.0), x, n, _BODY, NO_LOADS).q_ab, attitude_after(spin(1.0), x * n))
     findings = [
-        Finding(2, "RK4 on q, decay of |q| in 1e4 steps, h omega = 0.1", q_predicted, q, 5e-4),
-        Finding(2, "RK4 on q, lag of the angle in 1e4 steps, h omega = 0.1", n * x**5 / 1920.0, lag, 1e-3),
-        Finding(3, "RK4 on R, |R^T R - I| after 1e4 steps, h omega = 0.1", R_predicted, R, 2e-3),
-        Finding(3, "|R^T R - I| over the decay of |q|^2", 64.0, R / (2.0 * q), 2e-3),
+        finding("decay of q", q, q_predicted),
+        finding("lag on q", lag, n * x**5 / 1920.0),
+        finding("drift of R", R, R_predicted),
+        finding("R over q", R / (2.0 * q)),
     ]
     return Study("drift", findings, columns)
 
@@ -145,18 +137,13 @@ def gimbal_passage(quick: bool) -> Study:
         return abs(euler_rate_b(ZYX, euler_from_quaternion(ZYX, attitude_after(_PASSAGE, t)), _PASSAGE.omega_b)[0])
 
     largest = max(map(yaw_rate, np.linspace(0.45 * math.pi, 0.55 * math.pi, 2001).tolist()))
+    recorded = ((10.0, 8e-2), (1.0, 3.6e-5), (0.1, 3e-9))
     findings = [
-        Finding(4, "largest yaw rate over omega / delta, delta = 0.01", 1.0, largest * _MISS, 1e-4),
-        *(
-            Finding(4, f"RK4 on angles, error in rad at h omega / delta = {ratio:g}", recorded, on_angles(ratio), 0.04,
-                    RECORDED)
-            for ratio, recorded in ((10.0, 8e-2), (1.0, 3.6e-5), (0.1, 3e-9))
-        ),
-        Finding(4, "RK4 on angles, order from h omega / delta = 0.2 to 0.1", 4.0,
-                exponent(on_angles(0.2), on_angles(0.1)), 0.02),
-        Finding(4, "RK4 on q, lag in rad over half a turn with h = pi / 31", math.pi * (math.pi / 31) ** 4 / 1920,
-                passage_error(RK4, 10.0), 1e-2),
-    ]  # fmt: skip
+        finding("yaw rate", largest * _MISS),
+        *(finding("passage on angles", on_angles(x), error, x=x) for x, error in recorded),
+        finding("order on angles", exponent(on_angles(0.2), on_angles(0.1))),
+        finding("passage on q", passage_error(RK4, 10.0), math.pi * (math.pi / 31) ** 4 / 1920),
+    ]
     columns = {"h_omega_over_delta": ratios} | {method.name: curve(method) for method in (RK4_ON_ANGLES, RK4)}
     return Study("gimbal_passage", findings, columns, curve)
 
@@ -166,8 +153,8 @@ _RATE, _STEP = 30.0, 1.0 / 60.0
 _NUTATION = _RATE * (1.0 - _ROD[2] / _ROD[0])
 
 
-def _gains(method: OneStepMethod) -> tuple[float, float, float, float]:
-    """Return the gains of energy and |h|^2 over theory's in 1000 steps of 0.05 s of a brick, and the least gains."""
+def _gains(method: OneStepMethod) -> dict[str, float]:
+    """Return a brick's gains of energy and |h|^2 over theory's in 1000 steps of 0.05 s, and the largest losses."""
     h, body = 0.05, TUMBLING.body
     M = body.inertia
 
@@ -179,7 +166,10 @@ def _gains(method: OneStepMethod) -> tuple[float, float, float, float]:
     alphas = [angular_acceleration(y.q_ab, y.omega_b, body, NO_LOADS) for y in states[:-1]]
     predicted = [(h * h * energy, h * h * momentum) for energy, momentum in map(sizes, alphas)]
     energy, momentum = np.sum(gains, axis=0) / np.sum(predicted, axis=0)
-    return energy, momentum, *np.min(gains, axis=0)
+    energy_lost, momentum_lost = -np.min(gains, axis=0)
+    return {
+        "energy gained": energy, "momentum gained": momentum, "energy lost": energy_lost, "momentum lost": momentum_lost
+    }  # fmt: skip
 
 
 def rod_growth(method: OneStepMethod) -> list[float]:
@@ -194,23 +184,10 @@ def gyroscopic_blow_up(quick: bool) -> Study:
     factor = math.sqrt(1.0 + (_STEP * _NUTATION) ** 2)
     columns: Columns = {"time": [k * _STEP for k in range(61)], "predicted": [factor**k for k in range(61)]}
     columns |= {method.name: rod_growth(method) for method in (EULER, SEMI, RK4, MIDPOINT)}
-    findings = [
-        Finding(5, f"{method.name}, growth of a rod's transverse rate in 1 s, 30 rad/s at 60 Hz", factor**60,
-                columns[method.name][-1], 1e-12)
-        for method in (EULER, SEMI)
-    ]  # fmt: skip
-    findings.append(Finding(5, "that growth", 717.0, columns[SEMI.name][-1], 1e-3))
-    for method in (EULER, SEMI):
-        name, (energy, momentum, least_energy, least_momentum) = method.name, _gains(method)
-        findings += [
-            Finding(
-                5, f"{method.name}, brick: energy gained over the sum of h^2 alpha . M alpha / 2", 1.0, energy, 1e-10
-            ),
-            Finding(5, f"{name}, brick: |h|^2 gained over the sum of h^2 |M alpha|^2", 1.0, momentum, 1e-10),
-            Finding(5, f"{name}, brick: loss of energy in any step", 0.0, -least_energy, 0.0, AT_MOST),
-            Finding(5, f"{name}, brick: loss of |h|^2 in any step", 0.0, -least_momentum, 0.0, AT_MOST),
-        ]
-    return Study("gyroscopic_blow_up", findings, columns, rod_growth)
+    rates = [finding("growth of a rod", columns[m.name][-1], factor**60, name=m.name) for m in (EULER, SEMI)]
+    rates.append(finding("that growth", columns[SEMI.name][-1]))
+    gains = [finding(what, x, name=m.name) for m in (EULER, SEMI) for what, x in _gains(m).items()]
+    return Study("gyroscopic_blow_up", rates + gains, columns, rod_growth)
 
 
 def decay_factor(method: OneStepMethod, x: float) -> float:
@@ -220,7 +197,7 @@ def decay_factor(method: OneStepMethod, x: float) -> float:
 
 def _decay_of_plan(planned: Plan, x: float) -> float:
     """Return the same of a model of the product, with one substep per step."""
-    scene = motions.scene_of({"inertia": SPHERE}, spin(1.0), ["omega_b"], 1.0, 1.0, **{"loads.damping_b": (x, x, x)})
+    scene = motions.scene_of(spin(1.0), ["omega_b"], 1.0, 1.0, {"body.inertia": SPHERE, "loads.damping_b": (x, x, x)})
     return float(simulate(scene, planned=planned).omega_b[1, 2])
 
 
@@ -244,16 +221,10 @@ def damping_limits(quick: bool) -> Study:
     columns = {"h d / I": x, "exact": [math.exp(-value) for value in x]}
     columns |= {name: [abs(_DECAYS[name](value)) for value in x] for name in (*damped, MIDPOINT.name)}
     columns |= {f"{name}, predicted": [abs(stability_polynomial(name)(-value)) for value in x] for name in damped}
-    findings = [
-        Finding(6, f"{name}, largest h d / I", limit, limit_near(_DECAYS[name], limit), 2e-4)
-        for name, limit in _LIMITS.items()
-    ] + [
-        Finding(6, f"{name}, a step's factor at h d / I = 3", stability_polynomial(name)(-3.0).real,
-                _DECAYS[name](3.0), 1e-12)
-        for name in _MODELS
-    ]  # fmt: skip
+    limits = [finding("damping limit", limit_near(_DECAYS[n], limit), limit, name=n) for n, limit in _LIMITS.items()]
+    factors = [finding("damping factor", _DECAYS[n](3.0), stability_polynomial(n)(-3.0).real, name=n) for n in _MODELS]
     own = partial(_along, lambda method, value: abs(decay_factor(method, value)), x)
-    return Study("damping_limits", findings, columns, own)
+    return Study("damping_limits", limits + factors, columns, own)
 
 
 def _moser_veselov_error(method: OneStepMethod, x: float) -> float:
@@ -263,7 +234,7 @@ def _moser_veselov_error(method: OneStepMethod, x: float) -> float:
 
 def _last_use(method: OneStepMethod, error: float) -> float:
     """Return the h omega up to which a step has a solution with at most this error in rad."""
-    return crossing(lambda x: 0.0 if _moser_veselov_error(method, x) <= error else 2.0, 0.5, 3.0)
+    return crossing(lambda x: _moser_veselov_error(method, x) <= error, 0.5, 3.0)
 
 
 def moser_veselov_limits(quick: bool) -> Study:
@@ -273,12 +244,10 @@ def moser_veselov_limits(quick: bool) -> Study:
     columns |= {method.name: _along(_moser_veselov_error, x, method) for method in (MOSER_VESELOV, MOSER_VESELOV_10)}
     columns["Moser-Veselov, predicted"] = [math.asin(value) - value if value <= 1.0 else math.nan for value in x]
     findings = [
-        Finding(7, "Moser-Veselov, last h omega with a solution", 1.0, _last_use(MOSER_VESELOV, math.inf), 1e-4),
-        Finding(7, "Moser-Veselov, order 10, last h omega with the error below 0.01 rad, over pi / 2", 1.0,
-                _last_use(MOSER_VESELOV_10, 0.01) / (0.5 * math.pi), 4e-3),
-        Finding(7, "Moser-Veselov, error of a step at h omega = 0.5: asin(h omega) - h omega", math.asin(0.5) - 0.5,
-                _moser_veselov_error(MOSER_VESELOV, 0.5), 1e-12),
-    ]  # fmt: skip
+        finding("Moser-Veselov", _last_use(MOSER_VESELOV, math.inf)),
+        finding("Moser-Veselov 10", _last_use(MOSER_VESELOV_10, 0.01) / (0.5 * math.pi)),
+        finding("error of a step", _moser_veselov_error(MOSER_VESELOV, 0.5), math.asin(0.5) - 0.5),
+    ]
     return Study("moser_veselov_limits", findings, columns)
 
 
@@ -309,16 +278,13 @@ def energy_drift(quick: bool) -> Study:
     columns["exact steps"] = curve(None)
     n, (coarse, longer), (finer,) = counts[-1], energies(RK4, H, [1000, 10_000]), energies(RK4, 0.5 * H, [20_000])
     findings = [
-        Finding(8, "RK4, power of h in the energy error after 1000 s", 5.0, exponent(longer, finer), 0.02),
-        Finding(8, "RK4, relative energy error over h^5 per 100 s", -0.0277, coarse / H**5, 0.01, RECORDED),
-        Finding(8, f"Moser-Veselov, order 10, energy error, {n:g} steps", 2.0 * EPS * math.sqrt(n),
-                columns[MOSER_VESELOV_10.name][-1], 0.0, AT_MOST),
-        Finding(8, f"exact motion, largest energy error up to {n:g} steps", 4.0 * EPS, max(columns["exact steps"]), 0.0,
-                AT_MOST),
-    ]  # fmt: skip
+        finding("order of the drift", exponent(longer, finer)),
+        finding("drift of RK4", coarse / H**5),
+        finding("drift of Moser-Veselov", columns[MOSER_VESELOV_10.name][-1], 2.0 * EPS * math.sqrt(n), n=n),
+        finding("drift of exact steps", max(columns["exact steps"]), 4.0 * EPS, n=n),
+    ]
     if not quick:
-        error = columns[RK4.name][-1]
-        findings.append(Finding(8, "RK4, relative energy error after 1e5 steps", 2.6e-5, error, 4e-3, RECORDED))
+        findings.append(finding("long drift of RK4", columns[RK4.name][-1]))
     return Study("energy_drift", findings, columns, curve)
 
 
@@ -351,17 +317,63 @@ def small_angles(quick: bool) -> Study:
         "(1 - cos) / theta^2": [plain_versine(x) for x in thetas],
         "rotvec_from_quaternion": back,
     }
+
+    def at_a_turn(gap: float) -> Finding:
+        over = dexp_coefficient(2.0 * math.pi - gap) * 2.0 * math.pi * gap
+        return finding("dexp", over, near=2.0 * gap + 1e-15 / gap, gap=gap)
+
     findings = [
-        *(
-            Finding(9, f"inverse of dexp at 2 pi - {gap:g}, over 1 / (2 pi gap)", 1.0,
-                    dexp_coefficient(2.0 * math.pi - gap) * 2.0 * math.pi * gap, 2.0 * gap + 1e-15 / gap)
-            for gap in (1e-2, 1e-4, 1e-6)
-        ),
-        Finding(9, "acos of the trace at theta = 1e-8", 0.0, _acos_of_trace(1e-8), 0.0),
-        Finding(9, "(1 - cos) / theta^2 at theta = 1e-8, relative error", 1.0, plain_versine(1e-8), 1e-15),
-        Finding(9, "rotation vector of a quaternion, 1e-12 to 1 rad: relative error", 4.0 * EPS,
-                max(back), 0.0, AT_MOST),
-        Finding(9, "its way there, against sin(theta / 2): relative error", 2.0 * EPS,
-                max(map(way_there, thetas)), 0.0, AT_MOST),
-    ]  # fmt: skip
+        *map(at_a_turn, (1e-2, 1e-4, 1e-6)),
+        finding("acos", _acos_of_trace(1e-8)),
+        finding("versine", plain_versine(1e-8)),
+        finding("rotation vector", max(back), 4.0 * EPS),
+        finding("quaternion", max(map(way_there, thetas)), 2.0 * EPS),
+    ]
     return Study("small_angles", findings, columns)
+
+
+# A method of the reader's own: no theory predicts what it does, an exact motion stands beside it
+
+
+ROUND_OFF, ROUGH, RATIO = 1e-11, 1e-3, 0.1
+
+
+def own_laws(method: OneStepMethod, studies: Sequence[Study]) -> Study:
+    """Return what is found of a method, and put its curves beside those of the studies that were measured."""
+    for study in studies:
+        if study.curve is not None:
+            study.columns[CURVE] = study.curve(method)
+    short, long = (abs(error) for error in energies(method, H, [1000, 10_000]))
+    measured = (
+        (1, "growth of |q| in a step less 1, h omega = 0.1", 0.0, growth(method, 0.1) - 1.0),
+        (2, "largest h omega up to which |q| does not grow", math.inf, largest_stable(partial(growth, method))),
+        (4, "error in rad at h omega / delta = 1", 0.0, passage_error(method, 1.0)),
+        (5, "thin rod, nutation over its start after 1 s", 1.0, rod_growth(method)[-1]),
+        (6, "largest h d / I", math.inf, largest_stable(partial(decay_factor, method))),
+        (8, "relative energy error after 1000 steps, h = 0.1", 0.0, short),
+        (8, "relative energy error after 10,000 steps", 0.0, long),
+        (14, "order: the power of h in the attitude's error", math.inf, order(method)),
+    )
+    findings = [Finding(law, f"{method.name}: {what}", exact, found, 0.0, OWN) for law, what, exact, found in measured]
+    return Study("your_method", findings)
+
+
+def largest_stable(factor: Callable[[float], float]) -> float:
+    """Return up to where a step's factor is at most 1 in size, but for round-off; infinite if no end is found."""
+    last = 0.0
+    for x in np.linspace(0.05, 20.0, 400).tolist():
+        if not abs(factor(x)) - 1e-12 <= 1.0:
+            return crossing(lambda x: abs(factor(x)) - 1e-12 <= 1.0, last, x)
+        last = x
+    return math.inf
+
+
+def order(method: OneStepMethod) -> float:
+    """Return the order between two steps where the error is small, yet more than round-off, else NaN."""
+    before = math.inf
+    for k in range(10):
+        error = motions.verdict_of_steps(method, 0.5 * 0.5**k, RATIO)[1]
+        if error < ROUGH and before < 64.0 * ROUGH:
+            return exponent(before, error) if error > ROUND_OFF else math.nan
+        before = error
+    return math.nan

@@ -1,8 +1,10 @@
 """Laws 10 to 14: unstable motions, a resonance that splitting introduces, and the product's models on known motions."""
 
 import math
+import tomllib
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +16,7 @@ from rbfmu.scene.scene import SceneError
 from rbfmu.simulation import simulate
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.reference_methods import SPLITTINGS
-from rbfmu.studies.stability import motions
-from rbfmu.studies.stability.findings import AT_MOST, RECORDED, Columns, Finding, Study, exponent
+from rbfmu.studies.stability import Columns, Finding, Study, exponent, finding, motions
 from rbfmu.studies.stability.method_laws import RK4, SEMI, crossing
 from rbfmu.studies.stability.motions import BRICK, FLIPPING, HEAVY_TOP, UPRIGHT, scene_of
 from rbfmu.types import Array, Motion
@@ -55,11 +56,11 @@ def _measured_time(time: Array, omega_2: Array) -> float:
 
 
 def _flips_about_a_pivot() -> tuple[float, float]:
-    """Return the predicted and measured time between flips of a weightless brick on a pivot 0.5 m from its centre."""
-    body = {"inertia": BRICK, "r_oc_b": (0.0, 0.0, 0.5), "pivot": True}
-    result = simulate(scene_of(body, FLIPPING.start, ["omega_b"], 40.0, 1e-3))
+    """Return the measured and predicted time between flips of a weightless brick on a pivot 0.5 m from its centre."""
+    hung = {"body.r_oc_b": (0.0, 0.0, 0.5), "body.pivot": True}
+    result = simulate(scene_of(FLIPPING.start, ["omega_b"], 40.0, 1e-3, hung))
     predicted = time_between_flips((1.25, 2.25, 3.0), FLIPPING.start.omega_b)
-    return predicted, _measured_time(result.time, result.omega_b[:, 1])
+    return _measured_time(result.time, result.omega_b[:, 1]), predicted
 
 
 def intermediate_axis(quick: bool) -> Study:
@@ -73,13 +74,12 @@ def intermediate_axis(quick: bool) -> Study:
     fine = np.linspace(0.0, 32.0, 32_001)
     measured = _measured_time(fine, _free_rates(start.omega_b, fine)[:, 1])
     findings = [
-        Finding(10, "growth of a disturbance of the middle axis, 1/s", flip_rate(BRICK, 2.0),
-                exponent(tiny[1], tiny[0], math.e) / 3.0, 2e-5),
-        Finding(10, "time between flips, s", time_between_flips(BRICK, start.omega_b), measured, 1e-8),
-        Finding(10, "that time for (1, 2, 3), (1e-4, 2, 1e-4), s", 18.954193, measured, 3e-8),
-    ]  # fmt: skip
+        finding("growth of a disturbance", exponent(tiny[1], tiny[0], math.e) / 3.0, flip_rate(BRICK, 2.0)),
+        finding("time between flips", measured, time_between_flips(BRICK, start.omega_b)),
+        finding("that time", measured),
+    ]
     if not quick:
-        findings.append(Finding(10, "time between flips about a pivot, s", *_flips_about_a_pivot(), 1e-6))
+        findings.append(finding("flips about a pivot", *_flips_about_a_pivot()))
     return Study("intermediate_axis", findings, columns)
 
 
@@ -127,18 +127,10 @@ def sleeping_top(quick: bool) -> Study:
     growths = {ratio: _measured_growth(ratio) for ratio in (0.2, 0.5, 0.8)}
     slope, offset = np.polyfit([r * r for r in growths], [g * g for g in growths.values()], 1)
     findings = [
-        Finding(11, f"growth of the tilt at {r:g} of the critical spin, 1/s", tilt_growth(r), g, 2e-4)
-        for r, g in growths.items()
+        *(finding("growth of the tilt", g, tilt_growth(r), r=r) for r, g in growths.items()),
+        finding("end of the growth", math.sqrt(-float(offset) / float(slope))),
+        *(finding("largest tilt", largest_tilt(r) / 1e-3, 1.0 / math.sqrt(1.0 - r**-2), r=r) for r in (1.1, 1.5)),
     ]
-    findings += [
-        Finding(11, "spin at which the growth ends, over 2 sqrt(I1 m g l) / I3", 1.0,
-                math.sqrt(-float(offset) / float(slope)), 2e-4),
-        *(
-            Finding(11, f"largest tilt over the first one at {r:g} of the critical spin", 1.0 / math.sqrt(1.0 - r**-2),
-                    largest_tilt(r) / 1e-3, 1e-5)
-            for r in (1.1, 1.5)
-        ),
-    ]  # fmt: skip
     return Study("sleeping_top", findings, columns)
 
 
@@ -163,15 +155,15 @@ def _peak(function: Callable[[float], float], low: float, high: float) -> float:
 def _largest_substep() -> float:
     """Return the substep in s beyond which the product's model of a symmetric top refuses the fast top."""
 
-    def refused(h: float) -> float:
+    def is_taken(h: float) -> bool:
         scene = HEAVY_TOP.scene.replace({"run.stop": 0.1, "run.step": 0.1, "initial.attitude": {"quaternion": UPRIGHT}})
         try:
             simulate(scene, planned=Plan("symmetric top", "", 7, substep=h, order=2))
         except SceneError:
-            return 2.0
-        return 0.0
+            return False
+        return True
 
-    return crossing(refused, 0.1, 0.4)
+    return crossing(is_taken, 0.1, 0.4)
 
 
 def splitting_resonance(quick: bool) -> Study:
@@ -179,39 +171,35 @@ def splitting_resonance(quick: bool) -> Study:
     resonance = resonant_step(HEAVY_TOP.body.inertia, HEAVY_TOP.start.omega_b)
     steps = np.geomspace(0.03, 0.6, 13 if quick else 121).tolist()
     columns = {"h": steps} | {name: [_energy_error(name, h) for h in steps] for name in SPLITTINGS}
+    below = (("Strang", 2.0, 0.05), ("RKN4", 4.0, 0.03), ("RKN6", 6.0, 0.1))
+    recorded = (("Strang", 0.4189, 10.7), ("Strang", 0.1, 4.5e-4), ("RKN6", 0.1047, 3.54e-10))
     findings = [
-        Finding(12, "resonant step 2 pi I1 / (I3 w3), s", 2.0 * math.pi / (0.3 * 50.0), resonance, 1e-15),
-        Finding(12, "Strang, step of the largest energy error over the resonant one", 1.0,
-                _peak(partial(_energy_error, "Strang"), 0.40, 0.44) / resonance, 2e-2),
-        Finding(12, "largest substep that the model takes, over the resonant one", 0.5,
-                _largest_substep() / resonance, 1e-6),
+        finding("resonant step", resonance, 2.0 * math.pi / (0.3 * 50.0)),
+        finding("peak", _peak(partial(_energy_error, "Strang"), 0.40, 0.44) / resonance),
+        finding("largest substep", _largest_substep() / resonance),
         *(
-            Finding(12, f"{name}, power of h in the energy error below the resonance", order,
-                    exponent(_energy_error(name, h), _energy_error(name, 0.5 * h)), 0.03)
-            for name, order, h in (("Strang", 2.0, 0.05), ("RKN4", 4.0, 0.03), ("RKN6", 6.0, 0.1))
+            finding("order below", exponent(_energy_error(name, h), _energy_error(name, 0.5 * h)), order, name=name)
+            for name, order, h in below
         ),
-        *(
-            Finding(12, f"{name}, energy error in m g l at h = {h:.4g}", recorded, _energy_error(name, h), 1e-2,
-                    RECORDED)
-            for name, h, recorded in (("Strang", 0.4189, 10.7), ("Strang", 0.1, 4.5e-4), ("RKN6", 0.1047, 3.54e-10))
-        ),
-    ]  # fmt: skip
+        *(finding("energy error", _energy_error(name, h), error, name=name, h=h) for name, h, error in recorded),
+    ]
     return Study("splitting_resonance", findings, columns)
 
 
 # Laws 13 and 14: the product's models against 40-digit references, their orders, and their error control
 
 
-SWING, LOADED, SERIES, TOP = "one swinging axis", "body under loads", "body under loads, by series", "symmetric top"
-MOMENTUM, BODY_FORCE = "angular momentum", "torque-free body, body force"
+LOADED, SERIES = "body under loads", "body under loads, by series"
+"""DOP853, and the model that plans take."""
 
 
 class Case(NamedTuple):
-    """A model, the motion that it is tested on, the bound of its error, and its settings."""
+    """A model with its settings, the motion that it is tested on, and the bound of its error."""
 
     model: str
     motion: str
-    bound: float
+    name: str = ""
+    bound: float = 0.0
     substep: float = math.inf
     tolerance: float = 0.0
     order: int = 0
@@ -222,50 +210,21 @@ class Case(NamedTuple):
         kind = Dop853Plan if self.model == LOADED else Plan
         return kind(self.model, "", 0, self.substep, self.tolerance, self.order)
 
-    @property
-    def name(self) -> str:
-        """Return the name of the model with the settings that are varied."""
-        order = f", order {self.order}" if self.order else ""
-        if self.model == BODY_FORCE:
-            order = f", {self.order} points"
-        if self.model == LOADED:
-            order = ", DOP853" + (", fixed steps" if self.substep < math.inf else "")
-        return f"{self.model}{order}"
 
-
-QUADRATURE_BOUNDS = {3: 5e-11, 4: 3e-14, 5: 3e-15, 6: 3e-15, 7: 3e-15, 8: 3e-15}
-"""Error bounds by the number of points of Gauss's rule, in panels of 0.1 s; fewer points are tested by order."""
-CASES = (
-    Case("no rotation", "fall", 3e-15),
-    Case("constant rate", "spin", 3e-15),
-    Case("constant rate", "sphere", 3e-15),
-    Case("one axis", "run-down", 5e-14),
-    Case("one axis", "slow run-down", 5e-14),
-    *(Case("undamped pendulum", motion, 3e-15) for motion in ("swing", "nearly upright", "turning over")),
-    Case(SWING, "damped swing", 2e-11, tolerance=1e-14, order=4),
-    *(Case(SWING, "damped swing", 2e-12, tolerance=t, order=n) for n, t in ((8, 1e-15), (16, 1e-16))),
-    Case("torque-free symmetric body", "coin", 3e-15),
-    Case("symmetric body spun up", "spin-up", 3e-15),
-    *(Case("torque-free body", motion, 3e-15) for motion in ("tumble", "flips", "coin")),
-    *(Case(MOMENTUM, motion, 3e-15) for motion in ("pulled", "pulled sphere")),
-    *(Case(BODY_FORCE, "body force", bound, substep=0.1, order=n) for n, bound in QUADRATURE_BOUNDS.items()),
-    Case(TOP, "top", 1e-8, substep=1e-4, order=2),
-    Case(TOP, "top", 1e-12, substep=1e-3, order=4),
-    Case(TOP, "top", 1e-12, substep=5e-3, order=6),
-    *(Case(LOADED, motion, 2e-13, substep=0.02) for motion in ("loaded", "damped rates", "motor")),
-    *(Case(LOADED, motion, 2e-12, tolerance=1e-14) for motion in ("loaded", "damped rates", "motor", "gentle top")),
-    *(Case(SERIES, motion, 2e-12, tolerance=1e-14, order=n)
-      for n in (6, 8, 12, 16, 20, 24) for motion in ("loaded", "damped rates", "motor", "gentle top")),
-)  # fmt: skip
-"""Every model, and every method and order that a plan may choose."""
+_TABLES = tomllib.loads(Path(__file__).with_name("models.toml").read_text(encoding="utf-8"))
+CASES = [
+    Case(motion=motion, **{"name": row["model"]} | row) for row in _TABLES["models"] for motion in row.pop("motions")
+]
+_ORDERS = [(row.pop("power"), row.pop("step"), Case(**row)) for row in _TABLES["orders"]]
+_CONTROLLED = [(row.pop("root"), row.pop("ratio"), Case(**row)) for row in _TABLES["controlled"]]
 
 
 def product_models(quick: bool) -> Study:
     """Measure law 13: the error of each model stays within its bound; `quick` changes nothing here."""
     rows = [(case.name, case.motion, case.bound, motions.error_of_model(case.motion, case.planned)) for case in CASES]
     rows.append(("prescribed rates", "held, then changing", 1e-14, motions.prescribed_error()))
-    findings = [Finding(13, f"{name}: largest error", most, error, 0.0, AT_MOST, at) for name, at, most, error in rows]
-    findings.append(Finding(13, "series and DOP853 apart, loads that change", 1e-11, _apart(), 0.0, AT_MOST))
+    findings = [finding("error of a model", error, most, place=at, name=name) for name, at, most, error in rows]
+    findings.append(finding("apart", _apart()))
     columns = dict(zip(("model", "motion", "bound", "error"), map(list, zip(*rows, strict=True)), strict=True))
     return Study("product_models", findings, columns)
 
@@ -293,22 +252,9 @@ def _driven(case: Case) -> Motion:
 
 
 def _apart() -> float:
-    cases = (Case(model, "", 0.0, tolerance=1e-14, order=n) for model, n in ((SERIES, 16), (LOADED, 0)))
+    cases = (Case(model, "", tolerance=1e-14, order=n) for model, n in ((SERIES, 16), (LOADED, 0)))
     one, other = map(_driven, cases)
     return motions.error_of(one, other) if one and other else math.inf
-
-
-_ORDERS = (
-    ("splitting of order 2", 2.0, 0.01, Case(TOP, "top", 0.0, order=2)),
-    ("splitting of order 4", 4.0, 0.04, Case(TOP, "gentle top", 0.0, order=4)),
-    ("splitting of order 6", 6.0, 0.1, Case(TOP, "top", 0.0, order=6)),
-    ("Gauss's rule of 1 point", 2.0, 0.125, Case(BODY_FORCE, "body force", 0.0, order=1)),
-    ("Gauss's rule of 2 points", 4.0, 0.125, Case(BODY_FORCE, "body force", 0.0, order=2)),
-    ("DOP853", 8.0, 0.4, Case(LOADED, "motor", 0.0)),
-    ("series of order 6, attitude by 3 derivatives", 6.0, 0.125, Case(SERIES, "motor", 0.0, order=6)),
-    ("series of order 8, attitude by 3 derivatives", 6.0, 0.125, Case(SERIES, "motor", 0.0, order=8)),
-)
-"""The name, the order, a step in s, and the case: halving that step divides the error by 2 to the order."""
 
 
 def _error_at(case: Case, step: float) -> float:
@@ -320,16 +266,6 @@ def _error_at(case: Case, step: float) -> float:
     result = simulate(scene.replace({"run.step": step}), planned=planned)
     found = {name: values[every::every] for name, values in result.quantities.items()}
     return motions.error_of(found, motions.truth(case.motion))
-
-
-_CONTROLLED = (
-    ("DOP853", Case(LOADED, "gentle top", 0.0), 1.0 / 8.0, 17.2),
-    ("series of order 6", Case(SERIES, "gentle top", 0.0, order=6), 1.0 / 5.0, 0.107),
-    ("series of order 8", Case(SERIES, "motor", 0.0, order=8), 1.0 / 7.0, 0.766),
-    ("series of one angle, order 4", Case(SWING, "damped swing", 0.0, order=4), 1.0 / 4.0, 28.4),
-    ("series of one angle, order 8", Case(SWING, "damped swing", 0.0, order=8), 1.0 / 8.0, 9.75),
-)
-"""The name, the case, the power of 1 / tolerance in the substeps, and the recorded error / tolerance at 1e-10."""
 
 
 def _substeps(case: Case) -> float:
@@ -345,14 +281,12 @@ def orders_and_error_control(quick: bool) -> Study:
     findings: list[Finding] = []
     halvings = range(4)
     columns: Columns = {"halvings of the step": list(halvings)}
-    for name, order, h, case in _ORDERS:
-        errors = columns[name] = [_error_at(case, h * 0.5**k) for k in halvings]
-        findings.append(Finding(14, f"{name}: order", order, exponent(errors[0], errors[1]), 0.02))
-    for name, case, power, ratio in _CONTROLLED:
+    for power, h, case in _ORDERS:
+        errors = columns[case.name] = [_error_at(case, h * 0.5**k) for k in halvings]
+        findings.append(finding("order", exponent(errors[0], errors[1]), power, name=case.name))
+    for root, ratio, case in _CONTROLLED:
         few, many = (_substeps(case._replace(tolerance=t)) for t in (1e-10, 1e-14))
         error = motions.error_of_model(case.motion, case._replace(tolerance=1e-10).planned)
-        findings += [
-            Finding(14, f"{name}: power of 1 / tolerance in substeps", power, exponent(many, few, 1e4), 0.05),
-            Finding(14, f"{name}: error / tolerance", ratio, error / 1e-10, 0.02, RECORDED),
-        ]
+        findings.append(finding("substeps", exponent(many, few, 1e4), 1.0 / root, name=case.name))
+        findings.append(finding("error over tolerance", error / 1e-10, ratio, name=case.name))
     return Study("orders_and_error_control", findings, columns)

@@ -1,12 +1,12 @@
-"""Bodies, states and motions that laws are measured on, references of 40 digits, and the errors of models on them."""
+"""Bodies, states and motions that laws are measured on, references of 40 digits, and errors on them, also as maps."""
 
 import json
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
-from functools import cache
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,10 @@ from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
 from rbfmu.studies.chart.cases import CASES
+from rbfmu.studies.dop853 import Dop853Plan
+from rbfmu.studies.one_step import OneStepMethod
+from rbfmu.studies.reference_methods import ALL_INTEGRATORS
+from rbfmu.studies.stability import Finding, finding
 from rbfmu.types import Array
 from rbfmu_kernels.mechanics.equations_of_motion import Body, State
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
@@ -52,31 +56,24 @@ def attitude_after(state: State, t: float) -> Quaternion:
     return quaternion_from_rotvec(scale(t, state.omega_b))
 
 
-def scene_of(
-    body: Mapping[str, Any], start: State, asked: Sequence[str], stop: float, step: float, **more: Any
-) -> Scene:
-    """Return the scene of a body of 1 kg without weight; more: further keys, as `Scene.replace` takes them."""
-    tables = {
-        "body": {"mass": 1.0, **body},
-        "initial": {"attitude": {"quaternion": list(start.q_ab)}, "omega_b": list(start.omega_b)},
-        "loads": {"gravity_a": ZERO},
-        "outputs": {"quantities": list(asked)},
-        "run": {"stop": stop, "step": step},
-    }
-    return Scene.from_dict(tables).replace(more)
+def scene_of(start: State, asked: Sequence[str], stop: float, step: float, changes: Mapping[str, Any]) -> Scene:
+    """Return the scene of a brick of 1 kg without weight; changes: as `Scene.replace` takes them."""
+    initial = {"initial.attitude": {"quaternion": list(start.q_ab)}, "initial.omega_b": list(start.omega_b)}
+    shown = {"outputs.quantities": list(asked), "run.stop": stop, "run.step": step}
+    return TUMBLING.scene.replace({**initial, **shown, **changes})
 
 
 REFERENCES = Path(__file__).with_name("reference_motions.json")
 """The file is written by tests/support/references/stability_references.py."""
 POINTS = 10
 """The number of points at which a motion is compared."""
-STATE = ("quaternion", "omega_b", "position", "velocity")
-DERIVED = ("omega_a", "angular_momentum_a", "kinetic_energy")
+QUANTITIES = ("quaternion", "omega_b", "position", "velocity", "omega_a", "angular_momentum_a", "kinetic_energy")
+STATE = QUANTITIES[:4]
 
 
 def _motion(tables: dict[str, Any]) -> Scene:
     run = tables["run"] | {"step": tables["run"]["stop"] / POINTS, "accuracy": 1e-9}
-    return Scene.from_dict({"outputs": {"quantities": [*STATE, *DERIVED]}} | tables | {"run": run})
+    return Scene.from_dict({"outputs": {"quantities": list(QUANTITIES)}} | tables | {"run": run})
 
 
 _TABLES = tomllib.loads(Path(__file__).with_name("motions.toml").read_text(encoding="utf-8"))
@@ -92,29 +89,7 @@ def references() -> dict[str, Any]:
 
 def truth(key: str) -> dict[str, Array]:
     """Return the true quantities of a motion at its communication points, without the start."""
-    scene, kept = MOTIONS[key], references()["motions"][key]
-    assert scene.body is not None
-    found = {name: np.array(kept[name]) for name in STATE}
-    R_ab, omega = np.array([_matrix(q) for q in found["quaternion"]]), found["omega_b"]
-    M_c, r_oc = np.array(scene.body.M_c), np.array(scene.body.r_oc_b)
-    v_c = found["velocity"] + np.einsum("nij,nj->ni", R_ab, np.cross(omega, r_oc))
-    h = omega @ M_c
-    energy = 0.5 * scene.body.mass * np.sum(v_c * v_c, axis=1) + 0.5 * np.sum(omega * h, axis=1)
-    if scene.body.pivot:  # the momentum is about the pivot
-        h = h + scene.body.mass * np.cross(r_oc, np.cross(omega, r_oc))
-    found["omega_a"] = np.einsum("nij,nj->ni", R_ab, omega)
-    found["angular_momentum_a"] = np.einsum("nij,nj->ni", R_ab, h)
-    found["kinetic_energy"] = energy[:, None]
-    return found
-
-
-def _matrix(q: Array) -> Array:
-    """Return R_ab, by another formula than that of the kernels which are measured."""
-    e, x, y, z = q
-    E = np.array([[-x, e, -z, y], [-y, z, e, -x], [-z, -y, x, e]])
-    G = np.array([[-x, e, z, -y], [-y, -z, e, x], [-z, y, -x, e]])
-    product: Array = E @ G.T
-    return product
+    return {name: np.array(references()["motions"][key][name]) for name in QUANTITIES}
 
 
 def attitude_error(q: ArrayLike, true_q: ArrayLike) -> float:
@@ -165,3 +140,112 @@ def prescribed_error() -> float:
         refused = kernels.step(z, h)
         found.append(np.full(4, np.nan) if refused else z[kernels.BLOCKS["quaternion"]].copy())
     return attitude_error(np.array(found), np.array(references()["prescribed"]))
+
+
+# Maps over the step and the body's shape: where a method is right, wrong or not finite
+
+
+VERDICTS = RIGHT, WRONG, NOT_FINITE, REFUSED = "right", "wrong", "not finite", "refused with a message"
+LARGEST_ERROR = 0.1
+"""The largest error in rad over a run with which a motion still counts as right."""
+TURN, LONG_TURN, CHECKS = 100.0, 1000.0, 20
+"""A run turns by TURN rad, or by LONG_TURN rad with steps above one radian, and is compared at CHECKS points."""
+CHECK_TIMES = sorted({turn * (k + 1) / CHECKS for turn in (TURN, LONG_TURN) for k in range(CHECKS)})
+_START = at((0.8, 0.4, -0.4, 0.2), (0.1, 0.2, 0.96875))
+"""The initial state: a rotation at about 1 rad/s, mostly about the axis of the least moment."""
+ACCURACY = 1e-9
+"""The accuracy in rad that is asked of the product, which bounds its error in each cell of a map."""
+
+Verdict = tuple[str, float]
+"""One of VERDICTS, and the largest error in rad."""
+
+
+class Row(NamedTuple):
+    """A cell of a map; error: the largest, in rad."""
+
+    method: str
+    h_omega: float
+    moment_ratio: float
+    verdict: str
+    error: float
+
+
+def moments(ratio: float) -> Vec3:
+    """Return the moments of a body whose least one is `ratio` times the largest: from a rod to a sphere."""
+    return 1.0, 1.0 - 0.5 * ratio * (1.0 - ratio), ratio
+
+
+def ratios_of_moments(quick: bool) -> list[float]:
+    """Return ratios of moments from a rod to a sphere."""
+    return [round(float(x), 6) for x in np.geomspace(0.01, 1.0, 13)][:: 6 if quick else 1]
+
+
+def steps_of_a_turn(h: float) -> tuple[float, int]:
+    """Return the turn of a run with steps of at most h omega, and their number, a multiple of CHECKS."""
+    turn = TURN if h <= 1.0 else LONG_TURN
+    return turn, CHECKS * math.ceil(turn / (CHECKS * h) * (1.0 - 1e-12))
+
+
+def grid(quick: bool) -> tuple[list[float], list[float]]:
+    """Return steps (h omega) and ratios of moments."""
+    sizes = (steps_of_a_turn(h) for h in np.geomspace(0.01, 10.0, 4 if quick else 25).tolist())
+    return [turn / n for turn, n in sizes], ratios_of_moments(quick)
+
+
+def map_scene(ratio: float, turn: float = TURN, n: int = CHECKS, ports: tuple[str, ...] = ()) -> Scene:
+    """Return the free body of a map; a port rules out the exact models."""
+    changes = {"body.inertia": moments(ratio), "run.accuracy": ACCURACY, "inputs.ports": list(ports)}
+    return scene_of(_START, ["quaternion"], turn, turn / n, changes)
+
+
+def _verdict(ratio: float, turn: float, attitudes: Array) -> Verdict:
+    """Return the verdict on quaternions of shape (CHECKS, 4)."""
+    if not np.all(np.isfinite(attitudes)):
+        return NOT_FINITE, math.inf
+    rows = dict(zip(CHECK_TIMES, references()["maps"][repr(ratio)], strict=True))
+    error = attitude_error(attitudes, [rows[turn * (k + 1) / CHECKS] for k in range(CHECKS)])
+    return (RIGHT if error <= LARGEST_ERROR else WRONG), error
+
+
+def verdict_of_steps(method: OneStepMethod, h: float, ratio: float) -> Verdict:
+    """Return the verdict on a one-step method with a fixed step."""
+    turn, n = steps_of_a_turn(h)
+    path = method.path(_START, turn / n, [n // CHECKS] * CHECKS, free_body(moments(ratio)))
+    return _verdict(ratio, turn, np.array([method.state_of(y).q_ab for y in path]))
+
+
+def verdict_of_product(ports: tuple[str, ...], planned: Plan | None, h: float, ratio: float) -> Verdict:
+    """Return the verdict on `simulate` with h as communication step, and with the given plan or its own."""
+    turn, n = steps_of_a_turn(h)
+    try:
+        result = simulate(map_scene(ratio, turn, n, ports), planned=planned)
+    except (SceneError, SimulationError):
+        return REFUSED, math.inf
+    return _verdict(ratio, turn, result.quaternion[n // CHECKS :: n // CHECKS])
+
+
+_with_port = partial(verdict_of_product, ("torque_b",))
+OURS: dict[str, Callable[[float, float], Verdict]] = {
+    "rbfmu planned": partial(verdict_of_product, (), None),
+    "rbfmu, a port": partial(_with_port, None),
+    "rbfmu DOP853": partial(_with_port, Dop853Plan("body under loads", "", 7, tolerance=1e-14)),
+    "rbfmu Taylor 16": partial(_with_port, Plan("body under loads, by series", "", 7, tolerance=1e-14, order=16)),
+}
+METHODS = {name: partial(verdict_of_steps, method) for name, method in ALL_INTEGRATORS.items()} | OURS
+"""The functions that return a verdict for (h, ratio), by the method's name."""
+QUICK_METHODS = ("semi-implicit Euler", "RK4, quaternion", *OURS)
+
+
+def verdicts(name: str, judge: Callable[[float, float], Verdict], quick: bool) -> list[Row]:
+    """Return the rows of one map."""
+    steps, ratios = grid(quick)
+    return [Row(name, h, ratio, *judge(h, ratio)) for ratio in ratios for h in steps]
+
+
+def findings_of_maps(rows: Iterable[Row]) -> list[Finding]:
+    """Return the findings: in each cell the product reaches the accuracy asked and refuses nothing."""
+    where = "h omega {:.3g}, moments {:g}".format
+    return [
+        finding("map", error, ACCURACY, place=where(h, ratio), name=name)
+        for name, h, ratio, _, error in rows if name in OURS
+    ]  # fmt: skip

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from rbfmu.plot import COLORS, open_frame
-from rbfmu.studies.stability.findings import CURVE, Study
-from rbfmu.studies.stability.maps import ACCURACY, LARGEST_ERROR, LONG_TURN, OURS, TURN, VERDICTS, Row
+from rbfmu.studies.stability import CURVE, Study
+from rbfmu.studies.stability.motions import ACCURACY, LARGEST_ERROR, LONG_TURN, OURS, TURN, VERDICTS, Row
 from rbfmu.types import Array
 
 BLUE, VERMILION, GREEN, PURPLE = COLORS

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from rbfmu.studies.chart import Chart, answers, drawing, measure, methods, solvers, tables
+from rbfmu.studies import WIDTH, cost_text
+from rbfmu.studies.chart import Chart, answers, drawing, measure, methods, plans_text, solvers, verdicts
 from rbfmu.studies.chart.cases import CASES, Case
 from rbfmu.studies.chart.measure import Extent, Tried, contestants, explore, why_not
 from rbfmu.studies.chart.methods import NotFeasibleError, Run
-from rbfmu.studies.chart.result import KINDS, STOPPED, End, Row, TooSmall, cost_of, front, verdicts
-from rbfmu.studies.chart.tables import WIDTH, plans_text
+from rbfmu.studies.chart.result import KINDS, STOPPED, End, Row, TooSmall, cost_of, front
 from tests.support.chart_points import judged, made_chart, made_plan, made_row, true_states, turned_by
 from tests.support.covering import some_of
 from tests.support.pictures import overlaps
@@ -220,7 +220,7 @@ def made_up(peer: float, scene: str = "it", **changes: object) -> Chart:
     ],
 )
 def test_the_headline_names_what_to_use(peer: float, first: str, second: str) -> None:
-    lines = list(tables.headline(made_up(peer)))
+    lines = list(made_up(peer).headline)
     assert first in lines[0]
     assert second in lines[1]
 
@@ -274,7 +274,7 @@ def test_costs_within_a_decade_have_no_labels_of_another_kind() -> None:
 
 
 def test_a_part_of_a_run_is_said_to_be_one() -> None:
-    assert "the first 2 s of 500 s" in tables.conditions(made_up(3.0, whole=500.0))
+    assert "the first 2 s of 500 s" in made_up(3.0, whole=500.0).conditions
 
 
 @pytest.mark.parametrize(
@@ -291,7 +291,7 @@ def test_a_part_of_a_run_is_said_to_be_one() -> None:
     ],
 )
 def test_costs_have_units_of_their_size(seconds: float, text: str) -> None:
-    assert tables.cost_text(seconds) == text
+    assert cost_text(seconds) == text
 
 
 def crowded(seed: int) -> Chart:

@@ -10,10 +10,20 @@ import numba
 import pytest
 
 from examples.benchmarks import plans
-from rbfmu.studies.chart import QUICK_MOTIONS, Chart, drawing, measure, methods, run_charts, write_charts
+from rbfmu.studies import WIDTH
+from rbfmu.studies.chart import (
+    QUICK_MOTIONS,
+    Chart,
+    drawing,
+    measure,
+    methods,
+    plans_text,
+    run_charts,
+    verdicts,
+    write_charts,
+)
 from rbfmu.studies.chart.cases import CASES, CHECKPOINTS, few_and_many
-from rbfmu.studies.chart.result import KINDS, STOPPED, End, kind_of, verdicts
-from rbfmu.studies.chart.tables import WIDTH, plans_text
+from rbfmu.studies.chart.result import KINDS, STOPPED, End, kind_of
 from tests.support.chart_points import judged, made_chart, made_plan, made_row
 from tests.support.pictures import overlaps
 

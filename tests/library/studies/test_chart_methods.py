@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from itertools import islice
 from types import ModuleType
 from unittest.mock import MagicMock, Mock
@@ -18,17 +19,7 @@ from examples.references import reference_motions
 from rbfmu import quaternion_from_euler, rotate
 from rbfmu.models.registry import CLOSED_FORMS
 from rbfmu.studies.chart import measure, methods, simulators, solvers
-from rbfmu.studies.chart.cases import (
-    ALL,
-    CASES,
-    CHECKPOINTS,
-    DRIFTS,
-    PATH,
-    RATES,
-    REFERENCES,
-    ROTATION,
-    few_and_many,
-)  # fmt: skip
+from rbfmu.studies.chart.cases import CASES, CHECKPOINTS, DRIFTS, REFERENCES, WHOLE, few_and_many
 from rbfmu.studies.chart.methods import NotFeasibleError
 from rbfmu_kernels.mechanics.equations_of_motion import State, state_rates
 from tests.support.chart_points import true_states
@@ -237,20 +228,27 @@ def test_what_is_not_finite_has_an_infinite_error() -> None:
 # Peers' motions, where the peers are not installed: what they are given
 
 
-@pytest.mark.parametrize("numbers", [RATES, PATH, ROTATION, ALL])
-@pytest.mark.parametrize("key", ["a", "c", "e"])
-def test_heyoka_is_given_the_kernels_equations_of_motion(key: str, numbers: int, monkeypatch) -> None:
-    case = CASES[key]
+@pytest.mark.parametrize(
+    ("key", "asked", "states"),
+    [
+        *((key, "omega_b", WHOLE[4:7]) for key in "ae"),
+        *((key, "quaternion", WHOLE[:7]) for key in "ace"),
+        ("a", "position", WHOLE[7:]),
+        ("f", "position", WHOLE),
+    ],
+)
+def test_heyoka_is_given_the_kernels_equations_of_motion(key: str, asked: str, states, monkeypatch) -> None:
+    case = replace(CASES[key], scene=CASES[key].scene.replace({"outputs.quantities": [asked]}))
     q, w, r, v = case.start.q_ab, (0.3, -0.2, 0.5), (1.0, 2.0, 3.0), (-1.0, 0.5, 0.25)
-    at = {"q": q, "w": w, "r": r, "v": v}
-    heyoka = Mock(make_vars=lambda *names: [at[name[0]][int(name[1])] for name in names])
+    at = dict(zip(WHOLE, (*q, *w, *r, *v), strict=True))
+    heyoka = Mock(make_vars=lambda name: at[states[int(name[1:])]], time=0.0, expression=float)
     monkeypatch.setattr(solvers, "module", lambda name: heyoka)
     rates = state_rates(State(r, v, q, w), case.body, case.loads)
-    places = {RATES: slice(4, 7), PATH: slice(7, 13), ROTATION: slice(0, 7), ALL: slice(0, 13)}[numbers]
-    expected = [*rates.q_ab, *rates.omega_b, *rates.r_c, *rates.v_c][places]
-    found = solvers.equations(case, numbers)
-    assert [variable for variable, _ in found] == [*q, *w, *r, *v][places]
-    assert [rate for _, rate in found] == pytest.approx(expected, rel=1e-14, abs=1e-14)
+    expected = dict(zip(WHOLE, (*rates.q_ab, *rates.omega_b, *rates.r_c, *rates.v_c), strict=True))
+    found = solvers.equations(case)
+    assert case.states == states
+    assert [variable for variable, _ in found] == [at[name] for name in states]
+    assert [rate for _, rate in found] == pytest.approx([expected[name] for name in states], rel=1e-14, abs=1e-14)
 
 
 @pytest.mark.parametrize("on_a_joint", [False, True])

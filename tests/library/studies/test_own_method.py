@@ -7,8 +7,8 @@ import pytest
 
 import rbfmu
 from rbfmu.studies.one_step import method_of_file
-from rbfmu.studies.stability import largest_stable, method_laws, motions, order, own_laws
-from rbfmu.studies.stability.findings import CURVE
+from rbfmu.studies.stability import CURVE, method_laws, motions
+from rbfmu.studies.stability.method_laws import largest_stable, order, own_laws
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS
 from tests.support.command_line import call
 from tests.support.paths import ROOT

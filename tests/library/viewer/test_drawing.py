@@ -4,9 +4,18 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.viewer.motion import PLAIN, THINNEST, equivalent_box, shape_of
+from rbfmu.viewer import (
+    FPS,
+    MAX_PICTURES,
+    MAX_TURN,
+    PLAIN,
+    THINNEST,
+    equivalent_box,
+    motion_of_scene,
+    pictures,
+    shape_of,
+)
 from rbfmu.viewer.page import AXIS_B, LONGEST, LONGEST_ARROW, Geometry, _turn_of_z
-from rbfmu.viewer.view import FPS, MAX_PICTURES, MAX_TURN, motion_of_scene, pictures
 
 MASS, SIDES = 3.0, (0.3, 0.2, 0.5)
 
@@ -136,7 +145,7 @@ def test_paths_of_ghosts_count_as_well() -> None:
 def test_ghosts_are_refused_before_anything_is_planned(
     monkeypatch: pytest.MonkeyPatch, ghosts: int, error: type[Exception], said: str
 ) -> None:
-    monkeypatch.delattr("rbfmu.viewer.view.plan")
+    monkeypatch.delattr("rbfmu.viewer.plan")
     with pytest.raises(error, match=said):
         motion_of_scene(scene(), ghosts=ghosts)
 

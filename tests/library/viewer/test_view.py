@@ -11,8 +11,7 @@ import zstandard
 
 import rbfmu
 from rbfmu.ensembles.members import draw, member
-from rbfmu.viewer.motion import PLAIN, shape_of
-from rbfmu.viewer.view import MAX_PICTURES, Motion
+from rbfmu.viewer import MAX_PICTURES, PLAIN, Motion, shape_of
 from tests.support.browser import browser, open_page
 from tests.support.command_line import call
 from tests.support.paths import SCENES

@@ -1,14 +1,14 @@
-"""Writes rbfmu/stability/reference_motions.json: motions to 40 digits by `reference_mp`, rounded to doubles."""
+"""Writes rbfmu/studies/stability/reference_motions.json: motions to 40 digits by `reference_mp`, rounded to doubles."""
 
 import json
 from typing import Any
 
 import mpmath as mp
+import numpy as np
 
 from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
-from rbfmu.studies.stability.maps import CHECK_TIMES, map_scene, ratios_of_moments
-from rbfmu.studies.stability.motions import MOTIONS, PRESCRIBED, REFERENCES
+from rbfmu.studies.stability.motions import CHECK_TIMES, MOTIONS, PRESCRIBED, REFERENCES, map_scene, ratios_of_moments
 from tests.support.references import reference_mp
 
 
@@ -33,7 +33,28 @@ def motion_of(scene: Scene, times: list[float]) -> dict[str, Any]:
     rows = {
         name: [[float(x) for x in getattr(p, name)] for p in points] for name in ("omega_b", "position", "velocity")
     }
-    return {"scene": scene.to_dict(), "quaternion": [quaternion_of(p.R_ab) for p in points], **rows}
+    rows = {"quaternion": [quaternion_of(p.R_ab) for p in points], **rows}
+    return {"scene": scene.to_dict(), **rows, **derived(scene, rows)}
+
+
+def derived(scene: Scene, rows: dict[str, Any]) -> dict[str, Any]:
+    """What follows from the state, as rows, by other formulas than those of the kernels which are measured."""
+    R_ab, omega = np.array([_matrix(q) for q in rows["quaternion"]]), np.array(rows["omega_b"])
+    M_c, r_oc = np.array(scene.body.M_c), np.array(scene.body.r_oc_b)
+    v_c = np.array(rows["velocity"]) + np.einsum("nij,nj->ni", R_ab, np.cross(omega, r_oc))
+    h = omega @ M_c
+    energy = 0.5 * scene.body.mass * np.sum(v_c * v_c, axis=1) + 0.5 * np.sum(omega * h, axis=1)
+    if scene.body.pivot:  # the momentum is about the pivot
+        h = h + scene.body.mass * np.cross(r_oc, np.cross(omega, r_oc))
+    found = {"omega_a": np.einsum("nij,nj->ni", R_ab, omega), "angular_momentum_a": np.einsum("nij,nj->ni", R_ab, h)}
+    return {name: values.tolist() for name, values in (found | {"kinetic_energy": energy[:, None]}).items()}
+
+
+def _matrix(q: list[float]) -> Any:
+    e, x, y, z = q
+    E = np.array([[-x, e, -z, y], [-y, z, e, -x], [-z, -y, x, e]])
+    G = np.array([[-x, e, z, -y], [-y, -z, e, x], [-z, y, -x, e]])
+    return E @ G.T
 
 
 def communication_points(scene: Scene) -> list[float]:
