@@ -13,13 +13,20 @@ from rbfmu.models.formulas import FormulaModel
 from rbfmu.models.over_closed_form import OverClosedForm
 from rbfmu.models.question import Question
 from rbfmu.planning import methods
-from rbfmu.planning import reasons as say
-from rbfmu.planning.closed_forms import exact_closed_form, exact_plan
-from rbfmu.planning.fitting import AIM, REACHED, magnified_round_off, refuse_accuracy, tolerance_of_varying
+from rbfmu.planning.closed_forms import exact_closed_form, exact_plan, what_is_left_out
+from rbfmu.planning.fitting import (
+    AIM,
+    REACHED,
+    magnified_round_off,
+    refuse_accuracy,
+    tolerance_of_varying,
+    why_fitted,
+    why_held_whatever,
+)
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import with_cost
+from rbfmu.runs.inputs import communication_steps
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import PARAMETERS, SECTIONS, Scene, SceneError
 from rbfmu_kernels.models.formula_events import MOST_LISTED
 
@@ -68,7 +75,7 @@ def formula_plan(asked: Question, judge: Judge) -> Plan:
     if not met:
         raise refuse_accuracy(asked, min(plan.error for plan in tried))
     best = min(met, key=lambda plan: plan.cost)
-    reasons = (*what_formulas_read(asked, best), say.why_fitted(best, judge.arithmetic))
+    reasons = (*what_formulas_read(asked, best), why_fitted(best, judge.arithmetic))
     return replace(best, pinned=asked.pinned, reasons=reasons)
 
 
@@ -93,7 +100,7 @@ def closed_plan(asked: Question, judge: Judge) -> Plan | None:
     error = judge.error_if_soon(found, otherwise=math.inf)
     if error > asked.accuracy:
         return None
-    reasons = (*say.what_is_left_out(plain, found.spec.force_keeps_direction), *found.reasons)
+    reasons = (*what_is_left_out(plain, found.spec.force_keeps_direction), *found.reasons)
     if formulas.plain_loads:
         acting = {name: load for name in formulas.plain_loads if any(load := getattr(plain.scene.loads, name))}
         came = (f"{name} = [{', '.join(f'{x:.6g}' for x in load)}]" for name, load in acting.items())
@@ -142,7 +149,7 @@ def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
     plan = replace(plan, error=error, cost=_cost(asked, plan, substeps))
     if (worst := max(error, magnified_round_off(growth))) > asked.accuracy:
         raise refuse_accuracy(asked, worst)
-    why = say.why_held_whatever(asked, plan, judge.arithmetic)
+    why = why_held_whatever(asked, plan, judge.arithmetic)
     return replace(plan, reasons=(*what_formulas_read(asked, plan), *why))
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import mpmath as mp
 
-from rbfmu.runs.time_grid import time_grid
+from rbfmu.runs.inputs import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.stability.maps import CHECK_TIMES, map_scene, ratios_of_moments
 from rbfmu.studies.stability.motions import MOTIONS, PRESCRIBED, REFERENCES
