@@ -7,22 +7,9 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from rbfmu.scene import own as named
+from rbfmu.scene import section as rules
 from rbfmu.scene.body import ZERO, Body
-from rbfmu.scene.section import (
-    POSITIVE,
-    Apart,
-    Numbers,
-    Rule,
-    Section,
-    as_lists,
-    checked,
-    fault,
-    line,
-    names,
-    numbers,
-    one_word,
-    texts,
-)
+from rbfmu.scene.section import Apart, Section, as_lists, checked, fault
 from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, LOADS, OUTPUT, OUTPUTS, PORTS, TORQUES
@@ -76,15 +63,15 @@ def rotation_matrix(R: Matrix) -> Matrix:
     return R
 
 
-def _angles(unit: str, meaning: str) -> Numbers:
-    return Numbers((3,), unit, " from -1e9 to 1e9", lambda angle: abs(angle) <= LARGEST_ANGLE).means(meaning)
+def _angles(unit: str, meaning: str) -> rules.Numbers:
+    return rules.Numbers((3,), unit, " from -1e9 to 1e9", lambda angle: abs(angle) <= LARGEST_ANGLE).means(meaning)
 
 
-_EULER = one_word(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or "xyz"').means(
+_EULER = rules.one_word(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or "xyz"').means(
     'Euler sequence such as "ZYX" (intrinsic) or "xyz" (extrinsic), with angles_deg or angles'
 )
-_QUATERNION = Numbers((4,), bound=": eta, eps_1, eps_2, eps_3", then=unit_quaternion)
-_MATRIX = Numbers((3, 3), then=rotation_matrix)
+_QUATERNION = rules.Numbers((4,), bound=": eta, eps_1, eps_2, eps_3", then=unit_quaternion)
+_MATRIX = rules.Numbers((3, 3), then=rotation_matrix)
 _IN_ORDER = "Euler angles in the sequence's order"
 
 
@@ -125,23 +112,23 @@ class Attitude(Section, path="initial.attitude"):
 
 # Other tables
 
-_DEGREES = Numbers((3,), "deg/s", then=lambda rates: tuple(map(math.radians, rates))).means("in place of omega_b")
-_ATTITUDE = Rule("a table", lambda value: Attitude.read(value).q_ab()).means(
+_DEGREES = rules.Numbers((3,), "deg/s", then=lambda rates: tuple(map(math.radians, rates))).means("in place of omega_b")
+_ATTITUDE = rules.Rule("a table", lambda value: Attitude.read(value).q_ab()).means(
     "a table: initial attitude of the body (b) in space (a)"
 )
-_PORTS = names(PORTS).means(
+_PORTS = rules.names(PORTS).means(
     "loads that another unit supplies, added to the known ones; omega_b alone (prescribed rates); inputs of one's own "
     "that formulas read, { name, size, unit, start }"
 )
-_KNOWN = names(PARAMETERS)
-_PARAMETERS = Rule(_KNOWN.words, texts, _KNOWN.choice).means(
+_KNOWN = rules.names(PARAMETERS)
+_PARAMETERS = rules.Rule(_KNOWN.words, rules.texts, _KNOWN.choice).means(
     "FMU parameters that an importer will change, so that the plan holds for every value"
 )
-_ACCURACY = Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
+_ACCURACY = rules.Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
     "largest error over the run: attitude in rad, rates relative to their largest, position and velocity relative to "
     "theirs, at least 1 m and 1 m/s"
 )
-_TEXT = line("at most 1000 printable characters", 1000)
+_TEXT = rules.line("at most 1000 printable characters", 1000)
 
 
 class Initial(Section, path="initial"):
@@ -150,10 +137,10 @@ class Initial(Section, path="initial"):
     _hidden: ClassVar = ("quaternion",)
     _instead: ClassVar = {"attitude": ("quaternion", _ATTITUDE), "omega_b_deg": ("omega_b", _DEGREES)}
 
-    position: Annotated[Vec3, numbers("position_0")] = ZERO
-    velocity: Annotated[Vec3, numbers("velocity_0")] = ZERO
-    quaternion: Annotated[Quaternion, numbers("quaternion_0")] = _IDENTITY
-    omega_b: Annotated[Vec3, numbers("omega_b_0")] = ZERO
+    position: Annotated[Vec3, rules.numbers("position_0")] = ZERO
+    velocity: Annotated[Vec3, rules.numbers("velocity_0")] = ZERO
+    quaternion: Annotated[Quaternion, rules.numbers("quaternion_0")] = _IDENTITY
+    omega_b: Annotated[Vec3, rules.numbers("omega_b_0")] = ZERO
 
     @property
     def rates_said(self) -> tuple[str, object]:
@@ -175,12 +162,12 @@ class Loads(Section, path="loads"):
 
     _hidden: ClassVar = ("formulas",)
 
-    gravity_a: Annotated[Vec3, numbers("gravity_a")] = (0.0, 0.0, -9.81)
-    force_a: Annotated[Vec3, numbers("force_a")] = ZERO
-    force_b: Annotated[Vec3, numbers("force_b")] = ZERO
-    torque_a: Annotated[Vec3, numbers("torque_a")] = ZERO
-    torque_b: Annotated[Vec3, numbers("torque_b")] = ZERO
-    damping_b: Annotated[Vec3, numbers("damping_b")] = ZERO
+    gravity_a: Annotated[Vec3, rules.numbers("gravity_a")] = (0.0, 0.0, -9.81)
+    force_a: Annotated[Vec3, rules.numbers("force_a")] = ZERO
+    force_b: Annotated[Vec3, rules.numbers("force_b")] = ZERO
+    torque_a: Annotated[Vec3, rules.numbers("torque_a")] = ZERO
+    torque_b: Annotated[Vec3, rules.numbers("torque_b")] = ZERO
+    damping_b: Annotated[Vec3, rules.numbers("damping_b")] = ZERO
     formulas: Annotated[Mapping[str, str], named.LOAD_FORMULAS] = NOTHING
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
@@ -223,7 +210,7 @@ class Outputs(Section, path="outputs"):
     """The requested output quantities, and those of one's own, which are always shown."""
 
     _hidden: ClassVar = ("own",)
-    quantities: Annotated[tuple[str, ...], names(QUANTITIES).means("what someone will look at")] = QUANTITIES
+    quantities: Annotated[tuple[str, ...], rules.names(QUANTITIES).means("what someone will look at")] = QUANTITIES
     own: Annotated[Mapping[str, named.Shown], named.OUTPUTS] = NOTHING
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
@@ -253,9 +240,9 @@ class Outputs(Section, path="outputs"):
 class Run(Section, path="run"):
     """The run: from start to stop in communication steps."""
 
-    start: Annotated[float, Numbers((), "s").means("time at the start")] = 0.0
-    stop: Annotated[float, Numbers((), "s").means("time at the end")] = 10.0
-    step: Annotated[float, Numbers((), "s", *POSITIVE).means("communication step")] = 0.01
+    start: Annotated[float, rules.Numbers((), "s").means("time at the start")] = 0.0
+    stop: Annotated[float, rules.Numbers((), "s").means("time at the end")] = 10.0
+    step: Annotated[float, rules.Numbers((), "s", *rules.POSITIVE).means("communication step")] = 0.01
     accuracy: Annotated[float, _ACCURACY] = 1e-6
 
     def _contradictions(self) -> Iterator[str]:

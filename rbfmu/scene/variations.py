@@ -9,23 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rbfmu.scene import section as rules
 from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
 from rbfmu.scene.own import is_own
-from rbfmu.scene.section import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    Numbers,
-    Rule,
-    SceneError,
-    as_toml,
-    checked,
-    closest,
-    fault,
-    flattened,
-    joined,
-    numbers,
-    plain,
-)
+from rbfmu.scene.section import SceneError, as_toml, checked, closest, fault, flattened, joined, plain
 from rbfmu.scene.tables import Attitude
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, PARAMETERS, Load, Parameter, indices
 
@@ -42,34 +29,34 @@ class Distribution(NamedTuple):
     """
 
     expected: str
-    rules: tuple[Callable[[Numbers], Numbers], ...]
+    arguments: tuple[Callable[[rules.Numbers], rules.Numbers], ...]
     ascending: bool = False
 
 
-class Alike(Numbers):
+class Alike(rules.Numbers):
     """The rule of numbers of which one stands for a vector of equal ones."""
 
     def _made(self, value: object) -> object:
         value = plain(value)
         if self.shape and not isinstance(value, list | tuple):
-            value = np.full(self.shape, Numbers((), self.unit, self.bound, self.holds)(value))
+            value = np.full(self.shape, rules.Numbers((), self.unit, self.bound, self.holds)(value))
         return super()._made(value)
 
 
-def _location(rule: Numbers) -> Numbers:
+def _location(rule: rules.Numbers) -> rules.Numbers:
     return rule
 
 
-def _median(rule: Numbers) -> Numbers:
-    return Numbers(rule.shape, rule.unit, *POSITIVE)
+def _median(rule: rules.Numbers) -> rules.Numbers:
+    return rules.Numbers(rule.shape, rule.unit, *rules.POSITIVE)
 
 
-def _spread(rule: Numbers) -> Numbers:
-    return Alike(rule.shape, rule.unit, *NOT_NEGATIVE)
+def _spread(rule: rules.Numbers) -> rules.Numbers:
+    return Alike(rule.shape, rule.unit, *rules.NOT_NEGATIVE)
 
 
-def _share(rule: Numbers) -> Numbers:
-    return Alike(rule.shape, "", *NOT_NEGATIVE)
+def _share(rule: rules.Numbers) -> rules.Numbers:
+    return Alike(rule.shape, "", *rules.NOT_NEGATIVE)
 
 
 DISTRIBUTIONS: Mapping[str, Distribution] = {
@@ -164,8 +151,8 @@ QUANTITY_OF: Mapping[str, Parameter | Load] = (
     | {ATTITUDE: _BY_NAME["quaternion_0"], SHAPE: _BY_NAME["inertia"]}
 )
 """The quantity that each key sets which may vary."""
-RULES: Mapping[str, Numbers] = {
-    key: Numbers((3,), "deg/s") if key == DEGREES else numbers(row.name)
+RULES: Mapping[str, rules.Numbers] = {
+    key: rules.Numbers((3,), "deg/s") if key == DEGREES else rules.numbers(row.name)
     for key, row in QUANTITY_OF.items()
     if key not in (INERTIA, ATTITUDE, SHAPE)
 }
@@ -208,7 +195,7 @@ Found = tuple[Marginals, str]
 class Distributed:
     """The rule of a number or a vector that varies; rule: of its values."""
 
-    def __init__(self, name: str, rule: Numbers, relative: bool = True) -> None:
+    def __init__(self, name: str, rule: rules.Numbers, relative: bool = True) -> None:
         self.names, self.rule = component_names(name, rule.shape), rule
         self.kinds = {kind: row for kind, row in DISTRIBUTIONS.items() if relative or kind != RELATIVE}
 
@@ -221,31 +208,31 @@ class Distributed:
         kind, faults = given[0], list[str]()
         rows = checked(self._arguments(kind), value[kind], f"{path}.{kind}", faults)
         several = f", or {len(self.names)} of them" if len(self.names) > 1 else ""
-        points_rule = Rule(f"a number of points of the grid{several}", self._points)
+        points_rule = rules.Rule(f"a number of points of the grid{several}", self._points)
         points = checked(points_rule, value.get("points", 0), f"{path}.points", faults)
         if faults:
             raise SceneError(faults)
         each = zip(self.names, zip(*rows, strict=True), points, strict=True)
         return tuple(Marginal(name, kind, arguments, n) for name, arguments, n in each)
 
-    def _arguments(self, kind: str) -> Rule:
+    def _arguments(self, kind: str) -> rules.Rule:
         """Return the rule of the numbers of each argument, flattened to the key's components."""
         expected, makers, ascending = self.kinds[kind]
-        rules = [make(self.rule) for make in makers]
+        each = [make(self.rule) for make in makers]
 
         def made(value: object) -> list[list[float]] | None:
             values = [value] if kind == RELATIVE else value
-            if not isinstance(values, list | tuple) or len(values) != len(rules):
+            if not isinstance(values, list | tuple) or len(values) != len(each):
                 return None
             try:
-                rows = [components(rule(one), self.rule.shape) for rule, one in zip(rules, values, strict=True)]
+                rows = [components(rule(one), self.rule.shape) for rule, one in zip(each, values, strict=True)]
             except ValueError as error:
                 raise ValueError(f"{expected}: {error}") from None
             if ascending and any(list(column) != sorted(column) for column in zip(*rows, strict=True)):
                 raise ValueError(f"{expected} in ascending order")
             return rows
 
-        return Rule(f"{expected}, each {rules[0].words}", made)
+        return rules.Rule(f"{expected}, each {each[0].words}", made)
 
     def _points(self, value: object) -> list[int] | None:
         each = list(value) if isinstance(value, list | tuple) else [value] * len(self.names)
@@ -253,10 +240,10 @@ class Distributed:
         return found if len(found) == len(each) == len(self.names) else None
 
 
-def _about_zero(name: str, unit: str) -> Numbers:
+def _about_zero(name: str, unit: str) -> rules.Numbers:
     """Return the rule of a rotation vector's standard deviations, of which it makes marginals."""
     names = component_names(name, (3,))
-    bound = " >= 0: standard deviations, or one for all", NOT_NEGATIVE[1]
+    bound = " >= 0: standard deviations, or one for all", rules.NOT_NEGATIVE[1]
     return Alike(
         (3,), unit, *bound, lambda s: tuple(Marginal(n, NORMAL, (0.0, x)) for n, x in zip(names, s, strict=True))
     )
@@ -276,7 +263,7 @@ def _numbers(key: str, value: object, path: str) -> Found:
         rule = RULES[key]
     elif is_own(key):
         given = value.items() if isinstance(value, Mapping) else ()
-        rule = Numbers((3,) if any(_nested(x, 1 if kind == RELATIVE else 2) for kind, x in given) else ())
+        rule = rules.Numbers((3,) if any(_nested(x, 1 if kind == RELATIVE else 2) for kind, x in given) else ())
     elif expected := next((said for begin, said in _REFUSED.items() if key.startswith(begin)), ""):
         raise SceneError(fault(path, value, expected))
     else:
@@ -299,7 +286,7 @@ def _inertia(value: object, path: str) -> Found:
         )
         if matrix and axes:
             faults.append(fault(path, value, f"principal moments, or no {AXES}: a matrix has its axes"))
-        found = checked(Distributed(INERTIA, Numbers((3, 3) if matrix else (3,), "kg m2")), moments, path, faults)
+        found = checked(Distributed(INERTIA, rules.Numbers((3, 3) if matrix else (3,), "kg m2")), moments, path, faults)
     if faults:
         raise SceneError(faults)
     return (*found, *axes), found[0].kind if found else ""
