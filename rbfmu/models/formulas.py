@@ -380,13 +380,8 @@ def _of_tables(tables: _Tables) -> FormulaModel:
     return FormulaModel(*texts_of(tables.scene))
 
 
-def formulas_of(scene: Scene) -> FormulaModel | None:
-    """Return the model of a scene's formulas, None where it has none. Raises SceneError where the body is refused."""
-    return equations_of(scene) if scene.has_formulas else None
-
-
 def equations_of(scene: Scene) -> FormulaModel:
-    """Return the equations of a scene's motion, with formulas or without. Raises SceneError as `formulas_of`."""
+    """Return the equations of a scene's motion, formulas or not. Raises SceneError where the body is refused."""
     tables = {key: table for key, table in scene.to_dict().items() if key not in ("name", "run", "about", "ensemble")}
     varied = scene.ensemble.parameters if scene.ensemble else ()
     return _of_tables(_Tables(json.dumps([tables, varied]), scene))

@@ -124,11 +124,6 @@ class BodyAtStart:
     has_unknown_load = _answer(memory.has_unknown_load)
     """Whether a load acts that models with a closed form do not know."""
 
-    @property
-    def is_damped(self) -> bool:
-        """Return whether damping acts."""
-        return any(self.body.damping_b)
-
     is_sphere = _answer(principal.is_sphere, lambda start: (start.body.inertia,))
     """Whether all moments are equal."""
     shows_more_than_momentum = _answer(memory.shows_more_than_momentum, lambda start: (start.z, start.is_sphere))

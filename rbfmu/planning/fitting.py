@@ -151,10 +151,7 @@ class _Search:
             found = self._cheapest_over(tolerance).plan
             if found.error <= REACHED * self.accuracy:
                 break
-        magnified, reasons = (
-            magnified_round_off(growth),
-            why_held_whatever(self.asked, found, self.judge.arithmetic),
-        )
+        magnified, reasons = magnified_round_off(growth), why_held_whatever(self.asked, found, self.judge.arithmetic)
         if magnified > self.accuracy and (self.asked.scene.inputs.ports or found.error <= AT_REST * self.accuracy):
             grown = f"with inputs at zero the motion magnifies an error {growth:.1e} times"
             reasons += (f"{grown}, round-off beyond the accuracy: only the errors of substeps are held to it",)

@@ -259,13 +259,12 @@ class Drive(NamedTuple):
 def drive_of(scene: Scene, tables: InputTables, interpolate: str, parts: int = 1, time: Array | None = None) -> Drive:
     """Return the pieces of a scene's run under its inputs, each cut into equal parts; time: in place of its grid."""
     time = time_grid(scene.run.start, scene.run.stop, scene.run.step) if time is None else time
-    linear = interpolate == LINEAR
     near = NEAR * scene.run.step
     points = _points(time, [table.times for table in tables.values()], near)
     if parts > 1:
         cuts = np.arange(parts) / parts
         points = np.append((points[:-1, None] + cuts * np.diff(points)[:, None]).ravel(), points[-1])
-    pieces = _linear if linear else _held
+    pieces = _linear if interpolate == LINEAR else _held
     ports = {port: pieces(table, points, near) for port, table in tables.items()}
     return Drive(time, np.diff(points), np.searchsorted(points, time), ports)
 

@@ -324,7 +324,7 @@ def _faults_of_prescribed_rates(good: Mapping[str, Any]) -> Iterator[str]:
 def _faults_of_beam(body: Body, axis: Array, good: Mapping[str, Any]) -> Iterator[str]:
     """Yield the faults of a body without inertia about `axis`: a torque about that axis makes the rate unbounded."""
     initial, loads, inputs = (good.get(key) for key in ("initial", "loads", "inputs"))
-    about = f"about {_direction(axis)}, where inertia is zero to {NEGLIGIBLE:g} of its trace"
+    about = f"about ({', '.join(f'{x + 0.0:.4g}' for x in axis)}), where inertia is zero to {NEGLIGIBLE:g} of its trace"
     # A force at o has the moment -r x F about the centre of mass of a free body, and no moment about a pivot.
     lever = np.zeros(3) if body.pivot else -np.cross(body.r_oc_b, axis)
     levered = not _small(lever, np.array(body.r_oc_b))
@@ -358,7 +358,3 @@ def _faults_of_loads(loads: Loads, axis: Array, lever: Array, levered: bool, abo
 def _small(part: Array, whole: Array) -> bool:
     """Return whether a part of a vector is round-off."""
     return bool(np.linalg.norm(part) <= NEGLIGIBLE * np.linalg.norm(whole))
-
-
-def _direction(axis: Array) -> str:
-    return "(" + ", ".join(f"{x + 0.0:.4g}" for x in axis) + ")"

@@ -179,12 +179,8 @@ def _variation(key: str, value: object, path: str) -> Variation:
     marginals, form = _READERS.get(key, partial(_numbers, key))(value, path)
     if not any(m.varies for m in marginals) and key != SHAPE:
         raise SceneError(fault(path, value, "a distribution in which something varies"))
-    return Variation(key, form, marginals, json.dumps(value, default=_for_json))
-
-
-def _for_json(value: object) -> object:
-    """Return what JSON does not know as what it knows."""
-    return dict(value) if isinstance(value, Mapping) else plain(value)
+    text = json.dumps(value, default=lambda x: dict(x) if isinstance(x, Mapping) else plain(x))
+    return Variation(key, form, marginals, text)
 
 
 Marginals = tuple[Marginal, ...]

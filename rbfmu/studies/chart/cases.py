@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.models.formulas import FormulaModel, formulas_of
+from rbfmu.models.formulas import FormulaModel, equations_of
 from rbfmu.models.question import Question
 from rbfmu.planning.judge import MAX_REFERENCE_STEPS
 from rbfmu.planning.methods import ORDERS_OF_SERIES, whole_series
@@ -297,9 +297,7 @@ class FormulaCase(Case):
     @cached_property
     def formulas(self) -> FormulaModel:
         """Return the model of the formulas."""
-        found = formulas_of(self.asked)
-        assert found is not None
-        return found
+        return equations_of(self.asked)
 
     @cached_property
     def names_of_states(self) -> list[str]:
