@@ -9,8 +9,7 @@ from functools import partial
 
 from rbfmu.formulas.graph import numbers_of
 from rbfmu.formulas.motion import STATE
-from rbfmu.models.formulas import FormulaModel
-from rbfmu.models.over_closed_form import OverClosedForm
+from rbfmu.models.formulas import FormulaModel, OverClosedForm
 from rbfmu.models.question import Question
 from rbfmu.planning import methods
 from rbfmu.planning.closed_forms import exact_closed_form, exact_plan, what_is_left_out

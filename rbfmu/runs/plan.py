@@ -93,8 +93,7 @@ class Plan:
         """Return the plan with the kernels of the scene's formulas, if it has any: a file of a plan holds none."""
         if self.formulas is not None or not scene.has_formulas:
             return self
-        from rbfmu.models.formulas import equations_of  # what has none starts sooner
-        from rbfmu.models.over_closed_form import OverClosedForm
+        from rbfmu.models.formulas import OverClosedForm, equations_of  # what has none starts sooner
 
         formulas = equations_of(scene)
         own_outputs_alone = self.model != FORMULAS.key
