@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Annotated, Any, Self, TypeVar
 
 from rbfmu.scene import section as rules
-from rbfmu.scene.section import Apart, Readable, SceneError, Section, checked, fault, joined, plain
+from rbfmu.scene.section import Apart, SceneError, Section, fault, plain, read_each
 from rbfmu_kernels.quantities import Parameter
 
 T = TypeVar("T")
@@ -158,7 +158,7 @@ class Table(Entry):
 class NamedTable(rules.Rule):
     """The rule of a table with names of one's own, each of which has an entry."""
 
-    def __init__(self, entry: Readable, words: str, meaning: str = "") -> None:
+    def __init__(self, entry: type[Section] | rules.Rule, words: str, meaning: str) -> None:
         super().__init__(words, lambda value: value)
         self.entry, self.meaning = entry, meaning
 
@@ -168,15 +168,12 @@ class NamedTable(rules.Rule):
             return value
         if not isinstance(value, Mapping):
             raise SceneError(fault(path, value, self.words))
-        found, faults = Named[Any](), list[str]()
-        for name, item in value.items():
-            if _is_name(name):
-                found[name] = checked(self.entry, item, joined(path, name), faults)
-            else:
-                faults.append(fault(joined(path, str(name)), item, f"a name of {_NAME.words}"))
-        if faults:
-            raise SceneError(faults)
-        return found
+        return Named(read_each(value, path, self._named))
+
+    def _named(self, name: str, value: object, path: str) -> Any:
+        if not _is_name(name):
+            raise SceneError(fault(path, value, f"a name of {_NAME.words}"))
+        return self.entry.read(value, path)
 
 
 CONSTANTS = NamedTable(Constant, "a table of numbers", "numbers of one's own: NAME = value, or { value, unit, about }")

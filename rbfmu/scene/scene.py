@@ -96,7 +96,7 @@ class Scene(Section):
         if {"inputs", "constants", "states"} <= good.keys():
             known = (*PARAMETERS, *(row.name for row in self.own_parameters.values()))
             faults: list[str] = []
-            checked(names(known), self.inputs.parameters, "inputs.parameters", faults)
+            checked(names(known).read, self.inputs.parameters, "inputs.parameters", faults)
             yield from faults
         if good.get("ensemble") is not None:
             yield from faults_with(good["ensemble"], good)

@@ -188,7 +188,7 @@ class Inputs(Section, path="inputs"):
         ports = data.get("ports")
         if not isinstance(ports, list | tuple) or not (rows := [x for x in ports if isinstance(x, Mapping)]):
             return data, {}
-        own = [one for row in rows if (one := checked(named.Port, row, "inputs.ports", faults))]
+        own = [one for row in rows if (one := checked(named.Port.read, row, "inputs.ports", faults))]
         found = named.Named({one.name: one for one in own})
         if twice := [one.name for one in own if one is not found[one.name]]:
             faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")
