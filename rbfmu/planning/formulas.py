@@ -11,19 +11,9 @@ from rbfmu.formulas.graph import numbers_of
 from rbfmu.formulas.motion import STATE
 from rbfmu.models.formulas import FormulaModel, OverClosedForm
 from rbfmu.models.question import Question
-from rbfmu.planning import methods
+from rbfmu.planning import fitting, methods
 from rbfmu.planning.closed_forms import exact_closed_form, exact_plan, what_is_left_out
-from rbfmu.planning.fitting import (
-    AIM,
-    REACHED,
-    magnified_round_off,
-    refuse_accuracy,
-    tolerance_of_varying,
-    why_fitted,
-    why_held_whatever,
-)
 from rbfmu.planning.judge import Judge
-from rbfmu.planning.methods import with_cost
 from rbfmu.runs.inputs import communication_steps
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import PARAMETERS, SECTIONS, Scene, SceneError
@@ -66,15 +56,15 @@ def formula_plan(asked: Question, judge: Judge) -> Plan:
         tried.append(replace(plan, error=error, cost=_cost(asked, plan, substeps)))
         return error if plan.tolerance == tolerance else None
 
-    general, aim = _general(asked), AIM * asked.accuracy
+    general, aim = _general(asked), fitting.AIM * asked.accuracy
     for order in ORDERS:  # the error goes with the tolerance, and the cost with its root of that order
         at_order = partial(error_at, order)
         methods.climb(asked.accuracy / 8.0, at_order, (0.1 * aim, aim), aim, (1e-4, 1e4), tries=TRIES, caution=3.0)
-    met = [plan for plan in tried if plan.error <= REACHED * asked.accuracy]
+    met = [plan for plan in tried if plan.error <= fitting.REACHED * asked.accuracy]
     if not met:
-        raise refuse_accuracy(asked, min(plan.error for plan in tried))
+        raise fitting.refuse_accuracy(asked, min(plan.error for plan in tried))
     best = min(met, key=lambda plan: plan.cost)
-    reasons = (*what_formulas_read(asked, best), why_fitted(best, judge.arithmetic))
+    reasons = (*what_formulas_read(asked, best), fitting.why_fitted(best, judge.arithmetic))
     return replace(best, pinned=asked.pinned, reasons=reasons)
 
 
@@ -92,7 +82,7 @@ def closed_plan(asked: Question, judge: Judge) -> Plan | None:
     except SceneError:  # beyond round-off: series have the same, and say so of what is asked
         return None
     assert found is not None
-    found = with_cost(plain, found)
+    found = methods.with_cost(plain, found)
     over = OverClosedForm(formulas, found.spec.module)
     cost = found.cost + NS_AN_OPERATION * len(over.motion.graph.reached(over.program.wanted.values()))
     found = replace(found, cost=cost, formulas=over)
@@ -141,14 +131,14 @@ def _cost(asked: Question, plan: Plan, substeps: float) -> float:
 def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
     """Return a plan whose tolerance is one of the whole run, as no pilot run has seen what ports supply."""
     growth = judge.growth()
-    tolerance = tolerance_of_varying(asked, growth)
+    tolerance = fitting.tolerance_of_varying(asked, growth)
     order = max(methods.likely_order(tolerance), 12)
     plan = replace(methods.series_plan(_general(asked), order, tolerance), span=asked.span, pinned=asked.pinned)
     error, substeps = judge.try_out(plan)
     plan = replace(plan, error=error, cost=_cost(asked, plan, substeps))
-    if (worst := max(error, magnified_round_off(growth))) > asked.accuracy:
-        raise refuse_accuracy(asked, worst)
-    why = why_held_whatever(asked, plan, judge.arithmetic)
+    if (worst := max(error, fitting.magnified_round_off(growth))) > asked.accuracy:
+        raise fitting.refuse_accuracy(asked, worst)
+    why = fitting.why_held_whatever(asked, plan, judge.arithmetic)
     return replace(plan, reasons=(*what_formulas_read(asked, plan), *why))
 
 

@@ -66,6 +66,9 @@ class Named(dict[str, T]):
         return hash(tuple(self.items()))
 
 
+NOTHING: Mapping[str, Any] = Named()
+
+
 class Entry(Section):
     """What has a name of one's own: a table, or where nothing else is said the value of its first key."""
 
