@@ -152,18 +152,10 @@ class BodyAtStart:
     """The principal axis of most of the rate, in b."""
     leaves_axis = _answer(fixed_axis.leaves_axis, lambda start: (start.z, start.axis))
     """Whether anything turns the body about another axis."""
-
-    @property
-    def is_swung(self) -> bool:
-        """Return whether forces fixed in space swing the body about the axis, by a torque that depends on its angle."""
-        cosine, sine = interpreted(fixed_axis.swing)(self.z, self.axis)
-        return cosine[0] != 0.0 or sine[0] != 0.0
-
-    @property
-    def is_driven_or_damped(self) -> bool:
-        """Return whether anything else acts about the axis."""
-        drive, damping = interpreted(fixed_axis.drive_and_damping_rate)(self.z, self.axis)
-        return drive != 0.0 or damping != 0.0
+    swing = _answer(fixed_axis.swing, lambda start: (start.z, start.axis))
+    """(A, B): forces fixed in space accelerate the angle about the axis by A cos + B sin of it."""
+    drive_and_damping = _answer(fixed_axis.drive_and_damping_rate, lambda start: (start.z, start.axis))
+    """What torques, and what damping, besides make of it."""
 
 
 def size_of_block(block: slice) -> int:
