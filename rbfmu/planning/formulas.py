@@ -47,14 +47,13 @@ def formula_plan(asked: Question, judge: Judge) -> Plan:
     tried = list[Plan]()
 
     def error_at(order: int, tolerance: float) -> float | None:
-        plan = methods.series_plan(general, order, tolerance)
-        error, substeps = judge.try_out(plan)
-        if asked.scene.events and error == math.inf:
+        plan = _tried(asked, judge, methods.series_plan(general, order, tolerance))
+        if asked.scene.events and plan.error == math.inf:
             step = f"{asked.scene.run.step:g} s"
             expected = f"at most {MOST_LISTED:,} in a communication step of {step}, and a motion that can be followed"
             raise SceneError(f"events: expected {expected}", asked.scene.name)
-        tried.append(replace(plan, error=error, cost=_cost(asked, plan, substeps)))
-        return error if plan.tolerance == tolerance else None
+        tried.append(plan)
+        return plan.error if plan.tolerance == tolerance else None
 
     general, aim = _general(asked), fitting.AIM * asked.accuracy
     for order in ORDERS:  # the error goes with the tolerance, and the cost with its root of that order
@@ -119,13 +118,15 @@ def _without_formulas(scene: Scene, formulas: FormulaModel) -> Question | None:
         return None
 
 
-def _cost(asked: Question, plan: Plan, substeps: float) -> float:
-    """Return ns a communication step."""
+def _tried(asked: Question, judge: Judge, plan: Plan) -> Plan:
+    """Return a plan with its error in a pilot run, and its cost, ns a communication step."""
+    error, substeps = judge.try_out(plan)
     formulas = _known(plan.formulas)
     n, slots, states = plan.order, 4 * len(formulas.layout.groups), len(formulas.rates)
     of_an_order = len(formulas.program.varying) * NS_AN_OPERATION + states * NS_A_STATE
     series = 0.5 * n * n * slots * NS_A_TERM + n * of_an_order
-    return series * substeps / communication_steps(asked.scene) + states * NS_SHOWN
+    cost = series * substeps / communication_steps(asked.scene) + states * NS_SHOWN
+    return replace(plan, error=error, cost=cost)
 
 
 def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
@@ -134,9 +135,8 @@ def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
     tolerance = fitting.tolerance_of_varying(asked, growth)
     order = max(methods.likely_order(tolerance), 12)
     plan = replace(methods.series_plan(_general(asked), order, tolerance), span=asked.span, pinned=asked.pinned)
-    error, substeps = judge.try_out(plan)
-    plan = replace(plan, error=error, cost=_cost(asked, plan, substeps))
-    if (worst := max(error, fitting.magnified_round_off(growth))) > asked.accuracy:
+    plan = _tried(asked, judge, plan)
+    if (worst := max(plan.error, fitting.magnified_round_off(growth))) > asked.accuracy:
         raise fitting.refuse_accuracy(asked, worst)
     why = fitting.why_held_whatever(asked, plan, judge.arithmetic)
     return replace(plan, reasons=(*what_formulas_read(asked, plan), *why))
