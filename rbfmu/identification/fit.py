@@ -105,8 +105,8 @@ class Fit:
         """
         tomlkit = needed("tomlkit", "fit")
         with named(path):
-            plain = tomlkit.dumps(self.scene.to_dict()) if source is None else ""
-            document = tomlkit.parse(Path(source).read_text(encoding="utf-8-sig") if source else plain)
+            whole = tomlkit.dumps(self.scene.to_dict()) if source is None else Path(source).read_text("utf-8-sig")
+            document = tomlkit.parse(whole)
             for key, at in self._places.items():
                 errors = ("not told" if np.isinf(e) else f"{e:.2g}" for e in self.standard_errors[at])
                 _put(tomlkit, document, self.scene, key, f"fitted; standard error {', '.join(errors)}")

@@ -16,7 +16,7 @@ from rbfmu.scene.body import Body
 from rbfmu.scene.scene import PARAMETERS, Scene
 from rbfmu.scene.section import flattened
 from rbfmu.types import Array
-from rbfmu_kernels.body.principal import Axes, exact_frame, rates_along
+from rbfmu_kernels.body.principal import exact_frame, rates_along
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.exact.free_rotation_setup import polhode_axes
 from rbfmu_kernels.numerics.double_double import DoubleDouble, Vector
@@ -177,7 +177,7 @@ def lost_near_separatrix(asked: Question) -> float:
         return 0.0
     from rbfmu_kernels.exact.free_rotation import free_rotation_of  # large, and few scenes need it
 
-    moments, axes = _frame(asked)
+    moments, axes = interpreted(exact_frame)(asked.start.z)
     rates = interpreted(rates_along)(axes, asked.scene.initial.omega_b)
     motion = interpreted(free_rotation_of)(moments, (1.0, 0.0, 0.0, 0.0), rates)
     half_turns = 2.0 * float(abs(motion.unit * motion.phase_rate[0])) * asked.span
@@ -193,7 +193,7 @@ def lost_by_symmetry(asked: Question) -> float:
     M, omega, span = asked.body.M, asked.scene.initial.omega_b, asked.span
     if not _is_full(asked) and len({M[0][0], M[1][1], M[2][2]}) < 3:
         return 0.0
-    moments, axes = _frame(asked)
+    moments, axes = interpreted(exact_frame)(asked.start.z)
     low, middle, high = sorted(range(3), key=lambda k: moments[k])
     below, above = _difference(moments[middle], moments[low]), _difference(moments[high], moments[middle])
     gap, s = (below, high) if below <= above else (above, low)
@@ -227,10 +227,6 @@ def _is_full(asked: Question) -> bool:
     return asked.body.pivot or any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
 
 
-def _frame(asked: Question) -> tuple[Vector, Axes]:
-    return interpreted(exact_frame)(asked.start.z)
-
-
 # How fast a disturbance grows
 
 
@@ -240,29 +236,23 @@ def growth_rate(asked: Question) -> float:
     It is omega sqrt((I_k - I_i) (I_j - I_k) / (I_i I_j)) for a free spin about the middle axis, and
     sqrt(4 I_t m g l - (I_s omega_s)^2) / (2 I_t) for a body spinning at omega_s with its centre of mass above a pivot.
     """
-    body, omega, gravity = asked.body, np.array(asked.scene.initial.omega_b), np.array(asked.scene.loads.gravity_a)
     moments, R = asked.start.principal_axes
-    arm = np.array(body.r_oc_b)
-    if body.pivot and np.any(gravity) and np.any(arm):
-        return _growth_above_pivot(asked, moments, R)
-    rates = np.abs(R.T @ omega)
-    k = int(np.argmax(rates))
-    if k != 1 or moments[0] == 0.0:
+    arm, rates = R.T @ np.array(asked.body.r_oc_b), R.T @ np.array(asked.scene.initial.omega_b)
+    if asked.body.pivot and any(asked.scene.loads.gravity_a) and any(asked.body.r_oc_b):
+        return _growth_above_pivot(asked, moments, int(np.argmax(np.abs(arm))), rates)
+    if int(np.argmax(np.abs(rates))) != 1 or moments[0] == 0.0:
         return 0.0
     low, middle, high = moments
-    return float(rates[k] * math.sqrt((middle - low) * (high - middle) / (low * high)))
+    return float(abs(rates[1]) * math.sqrt((middle - low) * (high - middle) / (low * high)))
 
 
-def _growth_above_pivot(asked: Question, moments: Array, R: Array) -> float:
-    body = asked.body
-    arm = np.array(body.r_oc_b)
-    length = float(np.linalg.norm(arm))
-    up = -np.array(asked.scene.loads.gravity_a)
+def _growth_above_pivot(asked: Question, moments: Array, own: int, rates: Array) -> float:
+    """Return the same above a pivot; own: the principal axis that the centre of mass is nearest to."""
+    body, up = asked.body, -np.array(asked.scene.loads.gravity_a)
     if float(np.dot(interpreted(rotate)(asked.scene.initial.quaternion, body.r_oc_b), up)) <= 0.0:
         return 0.0
-    own = int(np.argmax(np.abs(R.T @ arm)))
     least = float(np.min(np.delete(moments, own)))
-    spin = float(moments[own] * (R.T @ np.array(asked.scene.initial.omega_b))[own])
-    weight = body.mass * float(np.linalg.norm(up)) * length
+    spin = float(moments[own] * rates[own])
+    weight = body.mass * float(np.linalg.norm(up)) * float(np.linalg.norm(np.array(body.r_oc_b)))
     square = 4.0 * least * weight - spin * spin
     return math.sqrt(square) / (2.0 * least) if square > 0.0 else 0.0
