@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from rbfmu.ensembles.running import run_ensemble as run_ensemble
     from rbfmu.exceptions import SceneWarning as SceneWarning
     from rbfmu.exceptions import SimulationError as SimulationError
+    from rbfmu.identification.fit import Fit as Fit
     from rbfmu.identification.fit import fit as fit
-    from rbfmu.identification.found import Fit as Fit
     from rbfmu.linearization import Linearization as Linearization
     from rbfmu.linearization import linearize as linearize
     from rbfmu.progress import progress_bar as progress_bar

@@ -198,12 +198,11 @@ def _loaded(scene: Scene, body: Body, inputs: Sequence[float]) -> _Point:
 
 def _of_formulas(scene: Scene, t: float, ports: Ports) -> _Point:
     """Return a body with formulas at a time: derivatives on their graph, by its leaves, whose numbers errors change."""
-    from rbfmu.models.formulas import formulas_of  # what has none starts sooner
+    from rbfmu.models.formulas import equations_of  # what has none starts sooner
 
-    simulator, seen = _simulator_at(with_all_outputs(scene), t, ports), formulas_of(scene)
+    simulator, seen = _simulator_at(with_all_outputs(scene), t, ports), equations_of(scene)
     z, blocks, formulas = simulator.buffer(), simulator.plan.kernels.BLOCKS, simulator.plan.formulas
     assert formulas is not None
-    assert seen is not None
     held = by_element({name: z[block] for name, block in blocks.items()})
     known = {element: float(x) for element, x in held} | {"t": t}
     sizes, all_rates, graph = formulas.given.ports, formulas.all_rates, formulas.motion.graph

@@ -190,24 +190,16 @@ class Varied:
 def columns_of(scene: Scene, key: str) -> list[Column]:
     """Return the numbers that a key names. Raises ValueError."""
     whole, bracket, _ = key.partition("[")
-    table, _, name = whole.partition(".")
     if whole == ATTITUDE:
-        block, size, names = "rotvec_b", 3, elements(ATTITUDE, 3)
+        block, names = "rotvec_b", elements(ATTITUDE, 3)
     elif whole in _BLOCKS:
         block, parameter = _BLOCKS[whole]
         row = BY_NAME[parameter]
-        size = row.size
-        names = [f"{whole}[{e}]" for e in getattr(row, "elements", ())] or elements(whole, size)
-    elif (table == "constants" and name in scene.constants) or (table == "states" and name in scene.states):
-        size = len(scene.constants[name].value if table == "constants" else scene.states[name].start)
-        block, names = whole, elements(whole, size)
+        names = [f"{whole}[{e}]" for e in getattr(row, "elements", ())] or elements(whole, row.size)
+    elif whole in scene.own_parameters:
+        block, names = whole, elements(whole, scene.own_parameters[whole].size)
     else:
-        known = [
-            ATTITUDE,
-            *_BLOCKS,
-            *(f"constants.{n}" for n in scene.constants),
-            *(f"states.{n}" for n in scene.states),
-        ]
+        known = (ATTITUDE, *_BLOCKS, *scene.own_parameters)
         raise ValueError(f"by = {key!r}: expected one of {', '.join(known)}")
     found = [Column(n, block, i) for i, n in enumerate(names)]
     if bracket:
@@ -217,8 +209,7 @@ def columns_of(scene: Scene, key: str) -> list[Column]:
     elif whole == "body.inertia" and scene.body is not None:
         M = scene.body.M_c
         found = found[:3] if not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2))) else found
-    load = whole.removeprefix("loads.")
-    if table == "loads" and load in scene.load_formulas:
+    if whole.startswith("loads.") and whole.removeprefix("loads.") in scene.load_formulas:
         raise ValueError(f"by = {key!r}: expected a load of numbers; this one is a formula, whose constants may vary")
     if block in ("inertia", "r_oc_b") and BodyAtStart(scene).principal_axes[0][0] <= 0.0:
         raise ValueError(f"by = {key!r}: expected another; a slender beam has no inertia about its axis to begin with")

@@ -34,12 +34,13 @@ from rbfmu.ensembles.members import Samples, ensemble_of, member, refusals, samp
 from rbfmu.exceptions import SceneWarning
 from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS, LOADED_TAYLOR, MODELS, PRESCRIBED_RATES
-from rbfmu.planning import reasons as say
+from rbfmu.planning.closed_forms import PRESCRIBED, what_is_left_out, why_exact
+from rbfmu.planning.fitting import held_over_a_run
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, ever_tighter, whole_series, with_cost
 from rbfmu.planning.select import cheapest, series_serve_alone
+from rbfmu.runs.inputs import communication_steps
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.ensemble import SOBOL
 from rbfmu.scene.scene import Scene, SceneError, faults_of, warn
 from rbfmu.scene.variations import SHAPE
@@ -133,7 +134,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
 def _of_model(pilot: Question, chosen: Plan) -> Iterator[str]:
     """Yield what the model leaves out, and why it is right, with a pilot's numbers."""
     if chosen.model == PRESCRIBED_RATES.key:
-        yield say.PRESCRIBED
+        yield PRESCRIBED
         return
     if chosen.formulas and chosen.spec.closed_form:
         yield from chosen.reasons
@@ -142,15 +143,15 @@ def _of_model(pilot: Question, chosen: Plan) -> Iterator[str]:
         from rbfmu.planning.formulas import what_formulas_read  # what has none starts sooner
 
         yield from what_formulas_read(pilot, chosen)
-        yield f"{say.held_over_a_run(chosen)} in every member"
+        yield f"{held_over_a_run(chosen)} in every member"
         return
-    yield from say.what_is_left_out(pilot, chosen.spec.force_keeps_direction)
+    yield from what_is_left_out(pilot, chosen.spec.force_keeps_direction)
     if chosen.spec.closed_form:
-        yield from say.why_exact(pilot, chosen.spec)
+        yield from why_exact(pilot, chosen.spec)
     elif chosen.tolerance > 0.0 and not chosen.span:
         yield f"{chosen.method} at tolerance {chosen.tolerance:.1e}: the cheapest of those that serve all pilot members"
     elif chosen.tolerance > 0.0:
-        yield f"{say.held_over_a_run(chosen)} in every member"
+        yield f"{held_over_a_run(chosen)} in every member"
 
 
 def _of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator[str]:

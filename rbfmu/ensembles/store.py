@@ -22,8 +22,8 @@ from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, around, moments_of
 from rbfmu.ensembles.chunks import Chunk, Work, origin
 from rbfmu.ensembles.statistics import Statistics, exact_quantiles
 from rbfmu.ensembles.variables import ALL, FINAL, PROBABILITIES, PROBABILITY, RANK_ERROR, REDRAWN, STATISTICS, TIMES
+from rbfmu.runs.inputs import communication_steps, time_grid
 from rbfmu.runs.motion import attitude_error
-from rbfmu.runs.time_grid import communication_steps, time_grid
 from rbfmu.types import Array
 
 EXTENDABLE = ("random", "sobol")

@@ -4,9 +4,10 @@ The equations of motion are the kernels' own, run in plain Python on numbers of 
 zero are zero in the graph as well, so that what they multiply is left out; others are places of the buffer.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,27 @@ class Given:
     states: Mapping[str, int]
     constants: Mapping[str, int]
     pivot: bool
+
+
+class Group(NamedTuple):
+    """States whose errors are counted together; least: the least size that they are relative to.
+
+    relative: whether to the largest that they have been, if that is more.
+    """
+
+    states: tuple[str, ...]
+    least: float
+    relative: bool
+
+
+def groups_of(names: Sequence[str]) -> list[Group]:
+    """Return states in groups: vectors, the time last."""
+    found: dict[str, list[str]] = {}
+    for name in names:
+        found.setdefault(name.partition("[")[0], []).append(name)
+    least = {"q": (1.0, False), "r_c": (1.0, True), "v_c": (1.0, True), "t": (math.inf, False)}
+    order = sorted(found, key=lambda name: name == "t")
+    return [Group(tuple(found[name]), *least.get(name, (0.0, True))) for name in order]
 
 
 class Motion:

@@ -3,9 +3,8 @@
 import hashlib
 import json
 import linecache
-import math
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
 from itertools import accumulate
@@ -16,9 +15,9 @@ import numpy as np
 
 from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.graph import SYMBOLIC, Symbol, gradient, numbers_of, side
-from rbfmu.formulas.motion import CONSTANT, STATE, Given, by_element, closure
+from rbfmu.formulas.motion import CONSTANT, STATE, Given, by_element, closure, groups_of
 from rbfmu.formulas.program import Layout, layout_of, program
-from rbfmu.formulas.source import SERIES, module_of, source_of, source_of_lanes, wide_layout
+from rbfmu.formulas.source import SERIES, module_of, source_of, source_of_lanes, source_over, wide_layout
 from rbfmu.models.model_buffer import BLOCKS, BodyAtStart, size_of_block
 from rbfmu.scene.own import DIRECTIONS
 from rbfmu.scene.scene import Scene
@@ -27,8 +26,9 @@ from rbfmu_kernels.body import driven, memory
 from rbfmu_kernels.body.shell import Lanes, Model
 from rbfmu_kernels.models import formula_events as events_of_model
 from rbfmu_kernels.models import formulas as templates
+from rbfmu_kernels.models import model_named
 from rbfmu_kernels.models.formula_models import make_lanes
-from rbfmu_kernels.quantities import OUTPUT, Output, elements, own_output
+from rbfmu_kernels.quantities import OUTPUT, Output, active_flags, elements, own_output
 
 _LANES = 4
 EVENT = "when."
@@ -41,20 +41,9 @@ _OF_BODY = {"M": {"inertia"}, "M_inverse": {"inertia"}, "arm": {"r_oc_b"}, "inve
 """The parameters of blocks that `initialize` sets."""
 _READ = {"q": "quaternion", "omega": "omega_b", "r_c": "position", "v_c": "velocity"}
 """The quantities for which models keep these states."""
+_FIRST_OUTPUT = next(iter(memory.OUTPUTS))
 _MADE: dict[str, Model] = {}
 """Models by what tells their kernels from others, so that no process compiles one twice."""
-
-
-@dataclass(frozen=True)
-class Group:
-    """States whose errors are counted together; least: the least size that they are relative to.
-
-    relative: whether to the largest that they have been, if that is more.
-    """
-
-    states: tuple[str, ...]
-    least: float
-    relative: bool
 
 
 class FormulaModel:
@@ -67,8 +56,7 @@ class FormulaModel:
         self.events = {name: (texts.events[name], DIRECTIONS[row.direction]) for name, row in scene.events.items()}
         whens = {f"{EVENT}{name}": np.array(when, object) for name, (when, _) in self.events.items()}
         loads: Mapping[str, Any] = texts.loads  # without the faults that texts may have, none is None
-        states: Mapping[str, Any] = texts.states
-        own: Mapping[str, Any] = texts.own
+        states, own = dict[str, Any](texts.states), dict[str, Any](texts.own)
         tables = {"loads": loads, "states": states, "outputs": own, "events": texts.events}
         self.loads = loads
         self.by_key = {f"{table}.{name}": value for table, rows in tables.items() for name, value in rows.items()}
@@ -82,7 +70,7 @@ class FormulaModel:
         for name, size in self.own_states.items():  # which are judged, and shown by FMUs
             leaves = [motion.graph.leaf("state", element) for element in elements(f"{STATE}{name}", size)]
             self.shown[f"{STATE}{name}"] = np.array(leaves, object)
-        self.groups = self.groups_of(self._states_of(self._numbers(*self.shown)))
+        self.groups = groups_of(self._states_of(self._numbers(*self.shown)))
         self.rates = {name: self.all_rates[name] for group in self.groups for name in group.states}
         integrated = {*self.rates}  # a load that comes of other states matters to no output
         seen = {n: x for n, x in loads.items() if integrated.issuperset(self._states_of(np.ravel(x)))}
@@ -156,16 +144,6 @@ class FormulaModel:
             }
         return found
 
-    @staticmethod
-    def groups_of(names: Sequence[str]) -> list[Group]:
-        """Return states in groups: vectors, the time last."""
-        found: dict[str, list[str]] = {}
-        for name in names:
-            found.setdefault(name.partition("[")[0], []).append(name)
-        least = {"q": (1.0, False), "r_c": (1.0, True), "v_c": (1.0, True), "t": (math.inf, False)}
-        order = sorted(found, key=lambda name: name == "t")
-        return [Group(tuple(found[name]), *least.get(name, (0.0, True))) for name in order]
-
     @cached_property
     def blocks(self) -> buffer.Layout:
         """Return the places of the buffer's blocks."""
@@ -201,9 +179,8 @@ class FormulaModel:
     def place(self, element: str) -> int:
         """Return where the buffer has an element of a block."""
         name, _, index = element.partition("[")
-        blocks = self.blocks.blocks
-        block = name if name in blocks else f"series.{name}"
-        return int(blocks[block].start) + (int(index[:-1]) - 1 if index else 0)
+        block = name if name in self.blocks.blocks else f"series.{name}"
+        return int(self.blocks.blocks[block].start) + (int(index[:-1]) - 1 if index else 0)
 
     @cached_property
     def source(self) -> str:
@@ -345,6 +322,42 @@ class FormulaModel:
         return make_lanes(made.MODEL, made.PLACES | made.KERNELS, constant, wide)
 
 
+class OverClosedForm(FormulaModel):
+    """The model of own outputs over a closed form, of whose motion and of the time they are functions."""
+
+    def __init__(self, formulas: FormulaModel, base: str) -> None:
+        super().__init__(formulas.scene, formulas.given, formulas.texts)
+        self._base, self._closed_form = base, model_named(base)
+        self.program = program(self.motion.graph, {}, dict(by_element(self.texts.own)))
+
+    @cached_property
+    def blocks(self) -> buffer.Layout:
+        """Return the places of the buffer's blocks: those of the closed form, and what is shown besides."""
+        known = {name: size_of_block(block) for name, block in self._closed_form.BLOCKS.items()}
+        constants = {f"{CONSTANT}{n}": s for n, s in self.given.constants.items()}
+        own = {"series.start_time": 1, "series.time": 2} | constants | self.own_outputs
+        _, before = buffer.places(known | own)
+        return buffer.places(known | own | {"series.kept": before - memory.BLOCKS[_FIRST_OUTPUT].start})
+
+    @cached_property
+    def source(self) -> str:
+        """Return the text of the generated kernels."""
+        loads = {n if n == "damping_b" else f"constant_{n}": x for n, x in (self.plain_loads or {}).items()}
+        layout = self._placed
+        placed = layout._replace(targets={**layout.targets, **{e: self.place(e) for e, _ in by_element(loads)}})
+        return source_over(self.program, placed, self._changes, dict(by_element(loads)))
+
+    @property
+    def _places(self) -> dict[str, Any]:
+        """Return what the templates' globals are."""
+        blocks = self.blocks.blocks
+        places = {"TIME": "series.time", "STARTS": "series.start_time", "ACTIVE": "active", "KEPT": "series.kept"}
+        return {name: blocks[block].start for name, block in places.items()} | {
+            "MEMORY": blocks[_FIRST_OUTPUT].start, "MEMORY_SIZE": size_of_block(blocks["series.kept"]),
+            "SHOWN": tuple(active_flags(self.quantities_read)),
+        }  # fmt: skip
+
+
 def _module_of(name: str, text: str) -> ModuleType:
     """Return a module of generated text."""
     file = f"<formulas {name}>"
@@ -380,13 +393,8 @@ def _of_tables(tables: _Tables) -> FormulaModel:
     return FormulaModel(*texts_of(tables.scene))
 
 
-def formulas_of(scene: Scene) -> FormulaModel | None:
-    """Return the model of a scene's formulas, None where it has none. Raises SceneError where the body is refused."""
-    return equations_of(scene) if scene.has_formulas else None
-
-
 def equations_of(scene: Scene) -> FormulaModel:
-    """Return the equations of a scene's motion, with formulas or without. Raises SceneError as `formulas_of`."""
+    """Return the equations of a scene's motion, formulas or not. Raises SceneError where the body is refused."""
     tables = {key: table for key, table in scene.to_dict().items() if key not in ("name", "run", "about", "ensemble")}
     varied = scene.ensemble.parameters if scene.ensemble else ()
     return _of_tables(_Tables(json.dumps([tables, varied]), scene))

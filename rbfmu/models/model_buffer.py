@@ -124,11 +124,6 @@ class BodyAtStart:
     has_unknown_load = _answer(memory.has_unknown_load)
     """Whether a load acts that models with a closed form do not know."""
 
-    @property
-    def is_damped(self) -> bool:
-        """Return whether damping acts."""
-        return any(self.body.damping_b)
-
     is_sphere = _answer(principal.is_sphere, lambda start: (start.body.inertia,))
     """Whether all moments are equal."""
     shows_more_than_momentum = _answer(memory.shows_more_than_momentum, lambda start: (start.z, start.is_sphere))
@@ -157,18 +152,10 @@ class BodyAtStart:
     """The principal axis of most of the rate, in b."""
     leaves_axis = _answer(closed_form.leaves_axis, lambda start: (start.z, start.axis))
     """Whether anything turns the body about another axis."""
-
-    @property
-    def is_swung(self) -> bool:
-        """Return whether forces fixed in space swing the body about the axis, by a torque that depends on its angle."""
-        cosine, sine = interpreted(closed_form.swing)(self.z, self.axis)
-        return cosine[0] != 0.0 or sine[0] != 0.0
-
-    @property
-    def is_driven_or_damped(self) -> bool:
-        """Return whether anything else acts about the axis."""
-        drive, damping = interpreted(closed_form.drive_and_damping_rate)(self.z, self.axis)
-        return drive != 0.0 or damping != 0.0
+    swing = _answer(closed_form.swing, lambda start: (start.z, start.axis))
+    """(A, B): forces fixed in space accelerate the angle about the axis by A cos + B sin of it."""
+    drive_and_damping = _answer(closed_form.drive_and_damping_rate, lambda start: (start.z, start.axis))
+    """What torques, and what damping, besides make of it."""
 
 
 def size_of_block(block: slice) -> int:

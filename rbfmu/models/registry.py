@@ -7,30 +7,17 @@ from itertools import takewhile
 
 import numpy as np
 
-from rbfmu.models.disturbances import lost_by_symmetry, lost_near_separatrix
 from rbfmu.models.model_buffer import BodyAtStart
-from rbfmu.models.question import Question
+from rbfmu.models.question import Question, lost_by_symmetry, lost_near_separatrix
 from rbfmu.types import Array
+from rbfmu_kernels import quantities
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.models import model_named
-from rbfmu_kernels.quantities import (
-    ATTITUDE,
-    DISSIPATIVE,
-    FIXED_IN_SPACE,
-    FORCES,
-    LOADS_NOW,
-    NOT_IN_CLOSED_FORMS,
-    OUTPUTS,
-    RATE,
-    SPHERE_RATE,
-    TORQUES,
-    WEIGHTS,
-    needing,
-)
+from rbfmu_kernels.quantities import needing
 
 Names = set[str] | frozenset[str]
-OF_RATES, OF_ATTITUDE = needing(RATE), needing(ATTITUDE)
-OF_INERTIA = {row.name for row in OUTPUTS if "inertia" in row.initially} - needing(LOADS_NOW)
+OF_RATES, OF_ATTITUDE, OF_LOADS = map(needing, (quantities.RATE, quantities.ATTITUDE, quantities.LOADS_NOW))
+OF_INERTIA = {row.name for row in quantities.OUTPUTS if "inertia" in row.initially} - OF_LOADS
 """Quantities that depend on moments of inertia at the start, whatever the loads."""
 
 
@@ -110,7 +97,7 @@ class ModelSpec:
         angular = "alpha_b" in wanted or (moving and beside and "acceleration" in wanted)
         driven = asked.rotation and (angular or self.rate_states)
         turning = asked.turning - (set() if angular else self.drops) if driven else set()
-        pushing = FORCES | WEIGHTS if moving else set()
+        pushing = quantities.FORCES | quantities.WEIGHTS if moving else set()
         acting = asked.acting & (turning | pushing)
         names = listed | (acting - ports)
         if driven or wanted & OF_INERTIA:
@@ -121,13 +108,13 @@ class ModelSpec:
         if asked.rotation and (swung or self.states or wanted & OF_RATES):
             names |= {"omega_b_0"}
         body_force = moving and "force_b" in acting | ports | listed
-        if asked.attitude and (turning & FIXED_IN_SPACE or swung or body_force or wanted & OF_ATTITUDE):
+        if asked.attitude and (turning & quantities.FIXED_IN_SPACE or swung or body_force or wanted & OF_ATTITUDE):
             names |= {"quaternion_0"}
         if asked.translation:
             names |= {"velocity_0"}
         if "position" in wanted:
             names |= {"position_0"}
-        if (moving and (acting | ports | listed) & FORCES) or ("kinetic_energy" in wanted and moving):
+        if (moving and (acting | ports | listed) & quantities.FORCES) or ("kinetic_energy" in wanted and moving):
             names |= {"mass"}
         if any(body.r_oc_b) and (swung or "r_oc_b" in turning or (body.pivot and "inertia" in names)):
             names |= {"r_oc_b"}
@@ -139,7 +126,7 @@ class ModelSpec:
 
 START = {"quaternion_0", "omega_b_0"}
 closed_form = partial(
-    ModelSpec, method="closed form", closed_form=True, force_keeps_direction=True, drops=NOT_IN_CLOSED_FORMS
+    ModelSpec, method="closed form", closed_form=True, force_keeps_direction=True, drops=quantities.NOT_IN_CLOSED_FORMS
 )
 
 
@@ -169,7 +156,7 @@ def _acting(asked: Question) -> str:
 
 def _no_rotation_rests_on(asked: Question) -> set[str]:
     turning = {"r_oc_b", "force_b"} if asked.attitude and any(asked.scene.initial.omega_b) else set()
-    return (asked.turning | TORQUES | START | asked.shape if asked.rotation else set()) | turning
+    return (asked.turning | quantities.TORQUES | START | asked.shape if asked.rotation else set()) | turning
 
 
 def _standing(asked: Question) -> str:
@@ -215,8 +202,8 @@ CONSTANT_RATE = closed_form(
 
 def _momentum_rests_on(asked: Question) -> set[str]:
     turning = asked.would_turn | ({"r_oc_b"} if asked.translation else set())
-    shown = asked.shape if needing(SPHERE_RATE) & asked.quantities else set()
-    return (turning - (TORQUES & FIXED_IN_SPACE)) | shown
+    shown = asked.shape if needing(quantities.SPHERE_RATE) & asked.quantities else set()
+    return (turning - (quantities.TORQUES & quantities.FIXED_IN_SPACE)) | shown
 
 
 ANGULAR_MOMENTUM = closed_form(
@@ -226,7 +213,7 @@ ANGULAR_MOMENTUM = closed_form(
     rate_states=3,
     holds=lambda start: not start.has_turning_torque and not start.shows_more_than_momentum,
     rests_on=_momentum_rests_on,
-    drops=DISSIPATIVE | NOT_IN_CLOSED_FORMS,
+    drops=quantities.DISSIPATIVE | quantities.NOT_IN_CLOSED_FORMS,
     costs={"": 35.0},
     reason=lambda asked: "rotation: 3 of 7 states, angular momentum h_0 + T t under torque_a, its attitude left out",
 )
@@ -236,7 +223,7 @@ ONE_AXIS = closed_form(
     "one_axis.ONE_AXIS",
     states=2,
     rate_states=1,
-    holds=lambda start: not start.is_swung and not start.leaves_axis,
+    holds=lambda start: not any(part[0] for part in start.swing) and not start.leaves_axis,
     rests_on=loads_start_and_shape,
     may_be_unstable=True,
     angle_round_off=True,
@@ -251,9 +238,9 @@ PENDULUM = closed_form(
     method="elliptic functions",
     states=2,
     rate_states=2,
-    holds=lambda start: not start.leaves_axis and not start.is_driven_or_damped,
+    holds=lambda start: not start.leaves_axis and not any(start.drive_and_damping),
     rests_on=loads_start_and_shape,
-    drops=TORQUES | NOT_IN_CLOSED_FORMS,
+    drops=quantities.TORQUES | quantities.NOT_IN_CLOSED_FORMS,
     rates_from=along_axis,
     costs={"": 57.0},
     reason=lambda asked: f"rotation: one angle from {_rate(asked)}, swung by forces fixed in space, undamped",
@@ -266,7 +253,7 @@ FREE_SYMMETRIC = closed_form(
     rate_states=3,
     holds=lambda start: not start.is_driven and start.is_symmetric,
     rests_on=lambda asked: asked.would_turn | asked.shape,
-    drops=TORQUES | FORCES | WEIGHTS,
+    drops=quantities.TORQUES | quantities.FORCES | quantities.WEIGHTS,
     conditioning=lost_by_symmetry,
     costs={"": 46.0, "attitude": 14.0},
     reason=lambda asked: f"rotation: no torque, two equal moments ({moments_of(asked)} kg m2): elementary functions",
@@ -294,7 +281,7 @@ FREE_TRIAXIAL = closed_form(
     rate_states=3,
     holds=lambda start: not start.is_driven,
     rests_on=lambda asked: asked.would_turn,
-    drops=TORQUES | FORCES | WEIGHTS,
+    drops=quantities.TORQUES | quantities.FORCES | quantities.WEIGHTS,
     conditioning=lost_near_separatrix,
     costs={"": 90.0},
     reason=lambda asked: f"rotation: no torque, moments {moments_of(asked)} kg m2: elliptic functions",
@@ -348,7 +335,7 @@ FREE_BODY_FORCE = ModelSpec(
 LOADED_SPLITTING = ModelSpec(
     "symmetric top",
     "loaded.LOADED_SPLITTING",
-    holds=lambda start: start.is_symmetric and not start.is_damped and not start.has_unknown_load,
+    holds=lambda start: start.is_symmetric and not any(start.body.damping_b) and not start.has_unknown_load,
     costs={"": 72.0},
     integrates_path=True,
 )

@@ -65,7 +65,7 @@ def variation_of(scene: Scene, columns: Sequence[Column], z: Array) -> Variation
         elif column.block in BLOCKS:
             numbers[BLOCKS[column.block].start + column.at] += one
         else:
-            own[elements(column.block, _size(scene, column.block))[column.at]] = one.gradient
+            own[elements(column.block, scene.own_parameters[column.block].size)[column.at]] = one.gradient
     body = {name: tuple(numbers[block]) for name, block in BLOCKS.items()}
     q = interpreted(compose_quaternions)(body["q"], (1.0, *(0.5 * u for u in turned)))
     mass, arm, omega, pivot = body["mass"][0], body["r_oc_b"], body["omega_b_0"], bool(numbers[BLOCKS["pivot"].start])
@@ -91,11 +91,6 @@ def variation_of(scene: Scene, columns: Sequence[Column], z: Array) -> Variation
         {element: row for element, row in by_row(given | derived) if row.any()}
         | {n: x for n, x in own.items() if n.startswith(CONSTANT)},
     )
-
-
-def _size(scene: Scene, block: str) -> int:
-    name = block.partition(".")[2]
-    return len(scene.constants[name].value if block.startswith(CONSTANT) else scene.states[name].start)
 
 
 def by_row(values: Mapping[str, Array]) -> list[tuple[str, Array]]:

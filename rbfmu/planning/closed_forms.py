@@ -10,19 +10,19 @@ from dataclasses import replace
 import numpy as np
 
 from rbfmu.models import registry
-from rbfmu.models.disturbances import GROWTH, growth_rate
-from rbfmu.models.question import GROWING, Question
+from rbfmu.models.question import GROWING, GROWTH, Question, growth_rate
 from rbfmu.models.registry import ModelSpec
-from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import EXACT
+from rbfmu.runs.inputs import communication_steps, thinned_steps
 from rbfmu.runs.motion import largest_error, least_sizes, lost_to_cancellation, motion_of
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
+from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators.substeps import ROUND_OFF
-from rbfmu_kernels.quantities import OUTPUTS
+from rbfmu_kernels.quantities import FORCES, OUTPUTS
+from rbfmu_kernels.rotations.quaternion import rotate
 
 CONDITIONED = 0.1
 """The part of the accuracy that a model may lose by its conditioning where another one serves as well."""
@@ -36,6 +36,7 @@ DERIVED = 1e-9
 """The accuracy below which these are compared even where the state is exact."""
 SHARE = 0.8
 """The part of the accuracy that the error of a model that leaves something out may be, if no closed form judges it."""
+PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for rates held over a step"
 
 
 def _refuse_below(asked: Question, error: float) -> None:
@@ -60,7 +61,7 @@ def prescribed_plan(asked: Question) -> Plan:
     """Return the plan of rates that a port prescribes."""
     spec, error = registry.PRESCRIBED_RATES, prescribed_rates_error(asked.scene)
     _refuse_below(asked, error)
-    return Plan(spec.key, spec.method, spec.states, error=error, reasons=(say.PRESCRIBED,))
+    return Plan(spec.key, spec.method, spec.states, error=error, reasons=(PRESCRIBED,))
 
 
 # Closed forms that are exact
@@ -88,7 +89,16 @@ def exact_plan(asked: Question, judge: Judge) -> Plan | None:
     if delicate and "alpha_b" in delicate:
         found = replace(found, pinned=asked.pinned)
     _refuse_below(asked, error)
-    return replace(found, error=error, reasons=say.why_exact(asked, spec))
+    return replace(found, error=error, reasons=why_exact(asked, spec))
+
+
+def why_exact(asked: Question, spec: ModelSpec) -> tuple[str, ...]:
+    """Return what makes a closed form exact."""
+    if not asked.rotation:
+        return ()
+    growth = growth_rate(asked) if spec.may_be_unstable else 0.0
+    unstable = (f"unstable: a disturbance would grow e-fold in {1.0 / growth:.3g} s",) if growth > 0.0 else ()
+    return (spec.reason(asked), *unstable)
 
 
 def _coarse_motion(asked: Question, found: Plan) -> Motion:
@@ -167,3 +177,34 @@ def _stays(asked: Question, truth: Motion, names: tuple[str, ...]) -> bool:
     names = tuple(n for n in names if n not in (*TRANSLATION, "kinetic_energy"))
     still = {n: truth[n][:1] + 0.0 * truth[n] for n in names}
     return largest_error(still, truth, names, least_sizes(asked, truth)) <= asked.accuracy
+
+
+# What is not modelled
+
+
+def what_is_left_out(asked: Question, steady: bool) -> tuple[str, ...]:
+    """Return what is not modelled, or is in closed form; steady: whether the model's force_b keeps its direction."""
+    lines = [_translation(asked, steady)]
+    if not asked.rotation:
+        lines.append("rotation: 0 of 7 states, no output shows it and no force depends on it")
+    elif not asked.attitude:
+        lines.append("attitude: 0 of 4 states, no output shows it and no load depends on it")
+    return tuple(lines)
+
+
+def _translation(asked: Question, steady: bool) -> str:
+    scene, body = asked.scene, asked.body
+    loads, initial = scene.loads, scene.initial
+    if not asked.translation:
+        return "translation: 0 of 6 states, " + ("the pivot holds o" if body.pivot else "no output shows it")
+    ports = [p for p in scene.inputs.ports if p in FORCES]
+    if not steady and (any(loads.force_b) or "force_b" in ports):
+        return f"translation: 6 states, force_b turns with the body of {body.mass:.6g} kg"
+    push = np.array(loads.force_a) + np.array(interpreted(rotate)(initial.quaternion, loads.force_b))
+    a = np.array(loads.gravity_a) + push / body.mass
+    if ports:
+        return f"translation: 6 states in closed form, {ports[0]} held over steps of {scene.run.step:g} s"
+    if np.any(a):
+        return f"translation: 6 states in closed form, constant acceleration {np.linalg.norm(a):.6g} m/s2"
+    speed = float(np.linalg.norm(initial.velocity))
+    return f"translation: 6 states in closed form, constant velocity {speed:.6g} m/s of the centre of mass"

@@ -18,10 +18,9 @@ from typing import NamedTuple
 from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import FREE_BODY_FORCE, LOADED_TAYLOR, ONE_AXIS_TAYLOR, moments_of
 from rbfmu.planning import methods
-from rbfmu.planning import reasons as say
 from rbfmu.planning.judge import Judge
+from rbfmu.runs.inputs import communication_steps
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import SceneError
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
@@ -152,10 +151,7 @@ class _Search:
             found = self._cheapest_over(tolerance).plan
             if found.error <= REACHED * self.accuracy:
                 break
-        magnified, reasons = (
-            magnified_round_off(growth),
-            say.why_held_whatever(self.asked, found, self.judge.arithmetic),
-        )
+        magnified, reasons = magnified_round_off(growth), why_held_whatever(self.asked, found, self.judge.arithmetic)
         if magnified > self.accuracy and (self.asked.scene.inputs.ports or found.error <= AT_REST * self.accuracy):
             grown = f"with inputs at zero the motion magnifies an error {growth:.1e} times"
             reasons += (f"{grown}, round-off beyond the accuracy: only the errors of substeps are held to it",)
@@ -177,7 +173,7 @@ class _Search:
         found = replace(best.plan, error=self.judge.try_all_steps(best.plan))
         if found.error > self.accuracy:
             raise refuse_accuracy(self.asked, found.error)
-        reasons = [say.why_fitted(found, self.judge.arithmetic)]
+        reasons = [why_fitted(found, self.judge.arithmetic)]
         if best.other > self.accuracy:
             reasons.append(f"in other communication steps than the scene's the error is up to {best.other:.1e}")
         return replace(found, reasons=tuple(reasons))
@@ -344,3 +340,23 @@ def cheapest_quadrature(asked: Question, judge: Judge) -> Plan | None:
             if panels * order * communication_steps(asked.scene) > MAX_POINTS:
                 break
     return best
+
+
+# Why
+
+
+def why_fitted(plan: Plan, arithmetic: str) -> str:
+    """Return what a plan's setting came to in a pilot run; arithmetic: of the judge."""
+    how = f"at tolerance {plan.tolerance:.1e}" if plan.tolerance else f"in steps of {plan.substep:.3g} s"
+    return f"{plan.method} {how}: error {plan.error:.1e} in a pilot run, judged in {arithmetic}"
+
+
+def held_over_a_run(plan: Plan) -> str:
+    """Return what a tolerance of the whole run means."""
+    return f"{plan.method}: estimated errors of a run add up to at most {plan.tolerance:.1e}"
+
+
+def why_held_whatever(asked: Question, plan: Plan, arithmetic: str) -> tuple[str, ...]:
+    """Return how a plan serves inputs and parameters that no pilot run has seen."""
+    held = f"{held_over_a_run(plan)}, whatever {' and '.join(sorted(asked.varying))} may be"
+    return held, f"error {plan.error:.1e} in a pilot run with inputs at zero, judged in {arithmetic}"

@@ -9,17 +9,13 @@ from functools import partial
 
 from rbfmu.formulas.graph import numbers_of
 from rbfmu.formulas.motion import STATE
-from rbfmu.models.formulas import FormulaModel
-from rbfmu.models.over_closed_form import OverClosedForm
+from rbfmu.models.formulas import FormulaModel, OverClosedForm
 from rbfmu.models.question import Question
-from rbfmu.planning import methods
-from rbfmu.planning import reasons as say
-from rbfmu.planning.closed_forms import exact_closed_form, exact_plan
-from rbfmu.planning.fitting import AIM, REACHED, magnified_round_off, refuse_accuracy, tolerance_of_varying
+from rbfmu.planning import fitting, methods
+from rbfmu.planning.closed_forms import exact_closed_form, exact_plan, what_is_left_out
 from rbfmu.planning.judge import Judge
-from rbfmu.planning.methods import with_cost
+from rbfmu.runs.inputs import communication_steps
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import PARAMETERS, SECTIONS, Scene, SceneError
 from rbfmu_kernels.models.formula_events import MOST_LISTED
 
@@ -51,24 +47,23 @@ def formula_plan(asked: Question, judge: Judge) -> Plan:
     tried = list[Plan]()
 
     def error_at(order: int, tolerance: float) -> float | None:
-        plan = methods.series_plan(general, order, tolerance)
-        error, substeps = judge.try_out(plan)
-        if asked.scene.events and error == math.inf:
+        plan = _tried(asked, judge, methods.series_plan(general, order, tolerance))
+        if asked.scene.events and plan.error == math.inf:
             step = f"{asked.scene.run.step:g} s"
             expected = f"at most {MOST_LISTED:,} in a communication step of {step}, and a motion that can be followed"
             raise SceneError(f"events: expected {expected}", asked.scene.name)
-        tried.append(replace(plan, error=error, cost=_cost(asked, plan, substeps)))
-        return error if plan.tolerance == tolerance else None
+        tried.append(plan)
+        return plan.error if plan.tolerance == tolerance else None
 
-    general, aim = _general(asked), AIM * asked.accuracy
+    general, aim = _general(asked), fitting.AIM * asked.accuracy
     for order in ORDERS:  # the error goes with the tolerance, and the cost with its root of that order
         at_order = partial(error_at, order)
         methods.climb(asked.accuracy / 8.0, at_order, (0.1 * aim, aim), aim, (1e-4, 1e4), tries=TRIES, caution=3.0)
-    met = [plan for plan in tried if plan.error <= REACHED * asked.accuracy]
+    met = [plan for plan in tried if plan.error <= fitting.REACHED * asked.accuracy]
     if not met:
-        raise refuse_accuracy(asked, min(plan.error for plan in tried))
+        raise fitting.refuse_accuracy(asked, min(plan.error for plan in tried))
     best = min(met, key=lambda plan: plan.cost)
-    reasons = (*what_formulas_read(asked, best), say.why_fitted(best, judge.arithmetic))
+    reasons = (*what_formulas_read(asked, best), fitting.why_fitted(best, judge.arithmetic))
     return replace(best, pinned=asked.pinned, reasons=reasons)
 
 
@@ -86,14 +81,14 @@ def closed_plan(asked: Question, judge: Judge) -> Plan | None:
     except SceneError:  # beyond round-off: series have the same, and say so of what is asked
         return None
     assert found is not None
-    found = with_cost(plain, found)
+    found = methods.with_cost(plain, found)
     over = OverClosedForm(formulas, found.spec.module)
     cost = found.cost + NS_AN_OPERATION * len(over.motion.graph.reached(over.program.wanted.values()))
     found = replace(found, cost=cost, formulas=over)
     error = judge.error_if_soon(found, otherwise=math.inf)
     if error > asked.accuracy:
         return None
-    reasons = (*say.what_is_left_out(plain, found.spec.force_keeps_direction), *found.reasons)
+    reasons = (*what_is_left_out(plain, found.spec.force_keeps_direction), *found.reasons)
     if formulas.plain_loads:
         acting = {name: load for name in formulas.plain_loads if any(load := getattr(plain.scene.loads, name))}
         came = (f"{name} = [{', '.join(f'{x:.6g}' for x in load)}]" for name, load in acting.items())
@@ -123,26 +118,27 @@ def _without_formulas(scene: Scene, formulas: FormulaModel) -> Question | None:
         return None
 
 
-def _cost(asked: Question, plan: Plan, substeps: float) -> float:
-    """Return ns a communication step."""
+def _tried(asked: Question, judge: Judge, plan: Plan) -> Plan:
+    """Return a plan with its error in a pilot run, and its cost, ns a communication step."""
+    error, substeps = judge.try_out(plan)
     formulas = _known(plan.formulas)
     n, slots, states = plan.order, 4 * len(formulas.layout.groups), len(formulas.rates)
     of_an_order = len(formulas.program.varying) * NS_AN_OPERATION + states * NS_A_STATE
     series = 0.5 * n * n * slots * NS_A_TERM + n * of_an_order
-    return series * substeps / communication_steps(asked.scene) + states * NS_SHOWN
+    cost = series * substeps / communication_steps(asked.scene) + states * NS_SHOWN
+    return replace(plan, error=error, cost=cost)
 
 
 def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
     """Return a plan whose tolerance is one of the whole run, as no pilot run has seen what ports supply."""
     growth = judge.growth()
-    tolerance = tolerance_of_varying(asked, growth)
+    tolerance = fitting.tolerance_of_varying(asked, growth)
     order = max(methods.likely_order(tolerance), 12)
     plan = replace(methods.series_plan(_general(asked), order, tolerance), span=asked.span, pinned=asked.pinned)
-    error, substeps = judge.try_out(plan)
-    plan = replace(plan, error=error, cost=_cost(asked, plan, substeps))
-    if (worst := max(error, magnified_round_off(growth))) > asked.accuracy:
-        raise refuse_accuracy(asked, worst)
-    why = say.why_held_whatever(asked, plan, judge.arithmetic)
+    plan = _tried(asked, judge, plan)
+    if (worst := max(plan.error, fitting.magnified_round_off(growth))) > asked.accuracy:
+        raise fitting.refuse_accuracy(asked, worst)
+    why = fitting.why_held_whatever(asked, plan, judge.arithmetic)
     return replace(plan, reasons=(*what_formulas_read(asked, plan), *why))
 
 

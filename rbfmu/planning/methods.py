@@ -186,11 +186,6 @@ def work_of(substeps: float, steps: float) -> float:
     return substeps if substeps >= steps else min(KEPT_SERIES_COST * substeps, steps)
 
 
-def serves_many_steps(plan: Plan, shares: tuple[float, float]) -> bool:
-    """Return whether the plan, whose cost is that of its substeps alone, makes less than a series a step."""
-    return plan.model == LOADED_TAYLOR.key and 0.0 < plan.cost < series_cost(plan.order, shares)
-
-
 MACHINE = "an Intel Xeon of 2026"
 """The machine whose ns all costs are, in a compiled loop over the library's own models on one idle core."""
 ATTITUDE, CHANGING, TURNING_LOADS, EVALUATED = "attitude", "changing", "loads that turn", "evaluated"
@@ -231,14 +226,16 @@ def terms(asked: Question, plan: Plan) -> list[str]:
     spec = plan.spec
     if spec.computes_all_outputs:
         return [spec.key]
-    start, evaluated = asked.start, serves_many_steps(plan, asked.load_shares)
+    start, shares = asked.start, asked.load_shares
+    # The plan's cost is that of its substeps alone: less than a series a step, where one serves many.
+    evaluated = plan.model == LOADED_TAYLOR.key and 0.0 < plan.cost < series_cost(plan.order, shares)
     changing = start.needs_translation or start.shows_loads
     if CHANGING in spec.costs and not changing:
         return [spec.key]  # its outputs never change
     parts = {
         term(spec.key, CHANGING): changing,
         term(spec.key, ATTITUDE): start.needs_attitude,
-        term(spec.key, TURNING_LOADS): any(asked.load_shares) and not evaluated,
+        term(spec.key, TURNING_LOADS): any(shares) and not evaluated,
         "path": start.needs_translation and not start.has_pivot and not spec.integrates_path,
         "accelerations": start.shows_loads,
         **{name: name in asked.quantities for name in OUTPUT},

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu.formulas.graph import Symbol, cosine, sine
-from rbfmu.formulas.motion import STATE, by_element, closure
+from rbfmu.formulas.motion import STATE, by_element, closure, groups_of
 from rbfmu.formulas.program import with_pairs
 from rbfmu.models.formulas import FormulaModel, equations_of
 from rbfmu.models.question import Question
@@ -101,7 +101,7 @@ class Listed:
         self.found = with_pairs(self.graph, [*wanted, *leaves, *slopes])
         place = {i: n for n, i in enumerate(self.found)}
         self.operations = self._rows(place)
-        groups = formulas.groups_of(names)
+        groups = groups_of(names)
         group_of = {name: g for g, group in enumerate(groups) for name in group.states}
         ends = zip(leaves, slopes, names, strict=True)
         rows = [(place[leaf.index], place[slope.index], group_of[name]) for leaf, slope, name in ends]

@@ -15,8 +15,7 @@ import numpy as np
 from rbfmu.models import registry
 from rbfmu.models.question import Question
 from rbfmu.planning import methods
-from rbfmu.planning import reasons as say
-from rbfmu.planning.closed_forms import exact_plan, plan_within_accuracy, prescribed_plan
+from rbfmu.planning.closed_forms import exact_plan, plan_within_accuracy, prescribed_plan, what_is_left_out
 from rbfmu.planning.fitting import cheapest_fit, of_one_angle, of_path_alone
 from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, refuse_unfinished
 from rbfmu.runs.inputs import Drive
@@ -26,6 +25,7 @@ from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Motion
 from rbfmu_kernels.compile.said import PATIENCE, said_after
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
+from rbfmu_kernels.quantities import FORCES, TORQUES
 
 MOST_UNDER_INPUTS = 1e7
 """The number of substeps of a trial under known inputs."""
@@ -50,7 +50,7 @@ def plan(
     found = cheapest(judged, Judge(judged, progress, asked), full)
     if driven:  # which close no loop
         return plan_for_inputs(asked, found, driven)
-    return replace(found, reasons=(*found.reasons, *say.what_inputs_cost(judged, found)))
+    return replace(found, reasons=(*found.reasons, *what_inputs_cost(judged, found)))
 
 
 def with_all_outputs(scene: Scene) -> Scene:
@@ -82,7 +82,7 @@ def cheapest(asked: Question, judge: Judge, full: bool = False) -> Plan:
             return methods.with_cost(asked, prescribed_plan(asked))
         found = (None if full else next(filter(None, _smaller(asked, judge)), None)) or cheapest_fit(asked, judge, full)
         pinned = found.pinned if found.spec.closed_form else asked.pinned  # a pilot run rests on their values
-        left_out = () if full else say.what_is_left_out(asked, found.spec.force_keeps_direction)
+        left_out = () if full else what_is_left_out(asked, found.spec.force_keeps_direction)
         return methods.with_cost(asked, replace(found, pinned=pinned, reasons=(*left_out, *found.reasons)))
 
 
@@ -152,7 +152,7 @@ def _run_under(drive: Drive, scene: Scene, plan: Plan, names: tuple[str, ...], m
 
 def without_loops(asked: Question, found: Plan) -> Plan:
     """Return a plan without what it says of loops closed through inputs: inputs that are known close none."""
-    of_loops = say.what_inputs_cost(asked, found)
+    of_loops = what_inputs_cost(asked, found)
     return replace(found, reasons=tuple(reason for reason in found.reasons if reason not in of_loops))
 
 
@@ -172,3 +172,49 @@ def _cost_under(asked: Question, plan: Plan, found: Plan, substeps: float, drive
         return found.cost * pieces / steps
     ns = methods.series_cost(plan.order, asked.load_shares) * methods.work_of(substeps, float(pieces))
     return methods.with_cost(asked, replace(plan, cost=ns / steps)).cost
+
+
+# What inputs cost
+
+
+def what_inputs_cost(asked: Question, plan: Plan) -> tuple[str, ...]:
+    """Return what a zero-order hold of the inputs over a communication step does to a loop closed through them.
+
+    No loop can be closed where no output shows what the ports do; the energy alone tells of no direction.
+    A spring's energy grows each step by k h^2 / (2 m) of it, or with first derivatives of the inputs by
+    (k h^2 / m)^2 / 12. With a damper beside it the loop is stable where k h / 2 < d < 2 m / h, as the products of its
+    eigenvalues show.
+    """
+    scene, shown = asked.scene, asked.quantities - {"kinetic_energy"}
+    ports, h, body = scene.inputs.ports, scene.run.step, scene.body
+    if not ports:
+        return ()
+    derivatives = all(f"{port}_rate" in plan.kernels.BLOCKS for port in ports)
+    remedy = "input derivatives, with which it is of second or third order, or " if derivatives else ""
+    held = (
+        f"inputs are held over each step of {h:g} s: a loop closed through them is of first order in it, whatever the "
+        f"accuracy asked; remedy: {remedy}a shorter step"
+    )
+    if "omega_b" in ports or body is None:
+        return held, f"a feedback of the angle on omega_b is unstable where its gain is beyond {2.0 / h:.3g} 1/s"
+    lines: tuple[str, ...] = ()
+    moved = shown & {"position", "velocity", "acceleration"}
+    pushed, twisted = moved and set(ports) & set(FORCES), shown - moved and set(ports) & set(TORQUES)
+    has_arm = any(body.r_oc_b) or "r_oc_b" in scene.inputs.parameters
+    if not (pushed or twisted or (shown and has_arm) or scene.inputs.own):
+        return ()
+    if pushed and not body.pivot:
+        lines = _held_loop(h, "forces", body.mass, "kg", "N/m", "N s/m")
+    if twisted:
+        moments = asked.start.principal_axes[0].tolist()
+        least = next(moment for moment in moments if moment > 1e-12 * sum(moments))  # a beam's first is 0
+        lines += _held_loop(h, "torques", least, "kg m2", "N m/rad", "N m s/rad")
+    return held, *lines
+
+
+def _held_loop(h: float, loads: str, m: float, inertia: str, spring: str, damper: str) -> tuple[str, ...]:
+    gain, enough = f"gains {0.5 * h * h / m:.3g} k of its energy each step", f"{0.5 * h:.3g} k {damper}"
+    return (
+        f"a spring of k {spring} through {loads} on {m:.3g} {inertia} {gain}, unless a damper of {enough} is beside it",
+        f"a damper beyond {2.0 * m / h:.3g} {damper} through {loads} is unstable",
+    )

@@ -9,7 +9,7 @@ from rbfmu.models.model_buffer import aligned_zeros, put_scene, refusal
 from rbfmu.models.registry import FORMULAS, MODELS, ModelSpec
 from rbfmu.notebook import table
 from rbfmu.scene.scene import PARAMETERS, Scene, SceneError
-from rbfmu.scene.section import as_toml, fault
+from rbfmu.scene.section import as_toml, fault, plain
 from rbfmu.types import Buffer
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.tiered import tiered
@@ -93,8 +93,7 @@ class Plan:
         """Return the plan with the kernels of the scene's formulas, if it has any: a file of a plan holds none."""
         if self.formulas is not None or not scene.has_formulas:
             return self
-        from rbfmu.models.formulas import equations_of  # what has none starts sooner
-        from rbfmu.models.over_closed_form import OverClosedForm
+        from rbfmu.models.formulas import OverClosedForm, equations_of  # what has none starts sooner
 
         formulas = equations_of(scene)
         own_outputs_alone = self.model != FORMULAS.key
@@ -171,7 +170,7 @@ def with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> 
             meant = next((key for key in (whole, f"{whole}_0") if key in keys and key != name), "")
             expected = f"{meant}, with all of its numbers" if meant else f"one of {', '.join(keys)}"
             raise SceneError(f"parameter {name!r}: expected {expected}", scene.name)
-    changed = scene.replace({keys[name]: _plain(value) for name, value in parameters.items()})
+    changed = scene.replace({keys[name]: plain(value) for name, value in parameters.items()})
     blocks, old, new = planned.kernels.BLOCKS, filled_buffer(scene, planned), filled_buffer(changed, planned)
     for name in parameters:
         place = blocks[block_of[name]]
@@ -181,7 +180,3 @@ def with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> 
             expected = f"{made_for}; list {name!r} in inputs.parameters to vary it"
             raise SceneError(fault(name, parameters[name], expected), scene.name)
     return changed
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else value

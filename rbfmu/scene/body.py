@@ -5,19 +5,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from rbfmu.scene.section import (
-    FLAG,
-    POSITIVE,
-    Numbers,
-    Rule,
-    SceneError,
-    Section,
-    fault,
-    flattened,
-    numbers,
-    one_word,
-    plain,
-)
+from rbfmu.scene import section as rules
+from rbfmu.scene.section import SceneError, Section, fault, flattened, plain
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.quantities import BY_NAME
@@ -29,7 +18,7 @@ TRIANGLE = tuple((int(row) - 1, int(column) - 1) for row, column in (e.split(","
 """Row and column of each of the six numbers of an inertia, in their order."""
 
 
-class Inertia(Numbers):
+class Inertia(rules.Numbers):
     """The rule of an inertia: principal moments or a matrix, stored as a symmetric and physically possible matrix."""
 
     def __init__(self) -> None:
@@ -97,7 +86,7 @@ _KINDS = " or ".join(f'"{kind}"' for kind in KINDS)
 class Shape(Section, path="body.shape"):
     """The table of a homogeneous body's shape: its kind, and sizes in the order in which the kernel takes them."""
 
-    kind: Annotated[str, one_word(KINDS, _KINDS)]
+    kind: Annotated[str, rules.one_word(KINDS, _KINDS)]
 
     @classmethod
     def sizes(cls) -> list[str]:
@@ -110,7 +99,7 @@ class Shape(Section, path="body.shape"):
         return evaluated(kernel, mass, *(getattr(self, key) for key in self.sizes()))
 
 
-_SIZE, _SIZES = Numbers((), "m", *POSITIVE), Numbers((3,), "m", *POSITIVE)
+_SIZE, _SIZES = rules.Numbers((), "m", *rules.POSITIVE), rules.Numbers((3,), "m", *rules.POSITIVE)
 
 
 class _Beam(Shape):
@@ -143,7 +132,7 @@ def _read_shape(value: object) -> Shape:
     return SHAPES[Shape._rules["kind"].read(value["kind"], "body.shape.kind")].read(value)
 
 
-_SHAPE = Rule("a table", _read_shape).means("a table in place of inertia: that of a homogeneous body")
+_SHAPE = rules.Rule("a table", _read_shape).means("a table in place of inertia: that of a homogeneous body")
 
 
 class Body(Section, path="body"):
@@ -151,10 +140,10 @@ class Body(Section, path="body"):
 
     _instead: ClassVar = {"shape": ("inertia", _SHAPE)}
 
-    mass: Annotated[float, numbers("mass")]
+    mass: Annotated[float, rules.numbers("mass")]
     inertia: Annotated[Matrix, Inertia().means(BY_NAME["inertia"].meaning)]
-    r_oc_b: Annotated[Vec3, numbers("r_oc_b")] = ZERO
-    pivot: Annotated[bool, FLAG.means("whether o is fixed in space")] = False
+    r_oc_b: Annotated[Vec3, rules.numbers("r_oc_b")] = ZERO
+    pivot: Annotated[bool, rules.FLAG.means("whether o is fixed in space")] = False
 
     if TYPE_CHECKING:
 

@@ -6,9 +6,10 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
+from rbfmu.scene import section as rules
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
 from rbfmu.scene.own import PARAMETER_END, is_own, parameter_of
-from rbfmu.scene.section import Numbers, Rule, Section, as_toml, fault, joined, names, one_word, plain, texts, whole
+from rbfmu.scene.section import Section, as_toml, fault, joined, plain
 from rbfmu.scene.variations import (
     ATTITUDE,
     AXES,
@@ -38,7 +39,7 @@ number is the root of the first.
 
 
 def _component_names(value: object) -> tuple[str, ...] | None:
-    given = texts(value) or ()
+    given = rules.texts(value) or ()
     return given if 2 <= len(given) == len(set(given)) else None
 
 
@@ -47,7 +48,7 @@ def _square(value: object) -> Rows | None:
     value = plain(value)
     if not isinstance(value, list | tuple) or not value:
         return None
-    rows: Rows = tuple(Numbers((len(value),))(row) for row in value)
+    rows: Rows = tuple(rules.Numbers((len(value),))(row) for row in value)
     sizes = [abs(x) for row in rows for x in row]
     for i, j in np.argwhere(np.tri(len(rows), k=-1)).tolist():
         if not math.isclose(rows[i][j], rows[j][i], abs_tol=1e-12 * max(sizes)):
@@ -55,10 +56,10 @@ def _square(value: object) -> Rows | None:
     return rows
 
 
-_COMPONENTS = Rule(
+_COMPONENTS = rules.Rule(
     'a list of at least two distinct numbers that vary, such as ["body.mass", "loads.torque_b[2]"]', _component_names
 )
-_SQUARE = Rule("a symmetric matrix: a list of rows of finite numbers", _square)
+_SQUARE = rules.Rule("a symmetric matrix: a list of rows of finite numbers", _square)
 
 
 class Correlation(Section, path="ensemble.correlation"):
@@ -128,10 +129,10 @@ MOST_RUNS = 1_000_000_000
 
 
 _PARTS = ("final", "statistics", "all")
-_KEEP = names(_PARTS, least=1).means(
+_KEEP = rules.names(_PARTS, least=1).means(
     'what is kept: of each run its end ("final") or all of it, and statistics over time'
 )
-_VARY = Rule(
+_VARY = rules.Rule(
     'a table: keys of the scene, each with a distribution, such as "body.mass" = { normal = [50.0, 0.5] }',
     read_variations,
 )
@@ -140,9 +141,9 @@ _VARY = Rule(
 class Ensemble(Section, path="ensemble"):
     """Runs of one scene in which some of its numbers vary."""
 
-    runs: Annotated[int, whole(1, MOST_RUNS).means("number of runs; of a grid: that of its points")] = 1000
-    seed: Annotated[int, whole(0, 2**63 - 1).means("run i depends on seed and i alone")] = 0
-    design: Annotated[str, one_word(DESIGNS, CHOICE).means("how values are drawn: " + CHOICE)] = RANDOM
+    runs: Annotated[int, rules.whole(1, MOST_RUNS).means("number of runs; of a grid: that of its points")] = 1000
+    seed: Annotated[int, rules.whole(0, 2**63 - 1).means("run i depends on seed and i alone")] = 0
+    design: Annotated[str, rules.one_word(DESIGNS, CHOICE).means("how values are drawn: " + CHOICE)] = RANDOM
     keep: Annotated[tuple[str, ...], _KEEP] = ("final", "statistics")
     vary: Annotated[tuple[Variation, ...], _VARY.means("what varies: keys of the scene, each a distribution")]
     correlation: Correlation | None = None

@@ -72,17 +72,11 @@ def scene_keys() -> Iterator[Key]:
         yield from (_key(section, key) for key in section._keys if (section._path, key) != HIDDEN)
         yield from (key for key in OF_FORMULAS if key.table == section._path)
         if section is Body:
-            yield from _shape_keys()
+            yield Key("body.shape", "kind", "", REQUIRED, " or ".join(f'"{kind}"' for kind in SHAPES))
+            yield from (_key(shape, key) for shape in SHAPES.values() for key in shape.sizes())
         if inside := INSIDE.get(section):
             yield from (_key(inside, key)._replace(default="") for key in inside._keys)
     yield from (Key(table, "NAME", "", "", Scene._rules[table].meaning) for table in OWN)
-
-
-def _shape_keys() -> Iterator[Key]:
-    kinds = " or ".join(f'"{kind}"' for kind in SHAPES)
-    yield Key("body.shape", "kind", "", REQUIRED, kinds)
-    for shape in SHAPES.values():
-        yield from (_key(shape, key) for key in shape.sizes())
 
 
 def _key(section: type[Section], name: str) -> Key:

@@ -8,22 +8,8 @@ from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Self, TypeVar
 
-from rbfmu.scene.section import (
-    FLAG,
-    Apart,
-    Numbers,
-    Readable,
-    Rule,
-    SceneError,
-    Section,
-    checked,
-    fault,
-    joined,
-    line,
-    one_word,
-    plain,
-    texts,
-)
+from rbfmu.scene import section as rules
+from rbfmu.scene.section import Apart, SceneError, Section, fault, plain, read_each
 from rbfmu_kernels.quantities import Parameter
 
 T = TypeVar("T")
@@ -38,8 +24,8 @@ PARAMETER_END = {"constants": "", "states": "_0"}
 """The tables whose names are parameters, by what follows the name: of a state that is its start."""
 DIRECTIONS = {"rising": 1.0, "falling": -1.0, "any": 0.0}
 MOST_ROWS = 64
-_UNIT, _ABOUT = line("a unit, such as N m", 40), line("at most 200 printable characters", 200)
-_SCALAR, _VECTOR = Numbers(()), Numbers((3,))
+_UNIT, _ABOUT = rules.line("a unit, such as N m", 40), rules.line("at most 200 printable characters", 200)
+_SCALAR, _VECTOR = rules.Numbers(()), rules.Numbers((3,))
 
 
 def _one_or_three(value: object) -> object:
@@ -58,7 +44,7 @@ def _row(value: object) -> tuple[float, ...] | None:
 
 def _text(value: object) -> str | None:
     """Return a formula; of a list of them the sum."""
-    if items := texts(value):
+    if items := rules.texts(value):
         return " + ".join(f"({item})" for item in items)
     return value if isinstance(value, str) and value.strip() else None
 
@@ -67,10 +53,10 @@ def _is_name(value: object) -> bool:
     return isinstance(value, str) and value.isidentifier() and value.isascii() and not keyword.iskeyword(value)
 
 
-NUMBERS = Rule("a number, or 3 numbers", _one_or_three)
-TEXT = Rule("a formula, such as 2*k*sin(t)", _text)
-_NAME = Rule("letters, digits and _", lambda value: value if _is_name(value) else None)
-_ROW = Rule("a list of numbers", _row)
+NUMBERS = rules.Rule("a number, or 3 numbers", _one_or_three)
+TEXT = rules.Rule("a formula, such as 2*k*sin(t)", _text)
+_NAME = rules.Rule("letters, digits and _", lambda value: value if _is_name(value) else None)
+_ROW = rules.Rule("a list of numbers", _row)
 
 
 class Named(dict[str, T]):
@@ -78,6 +64,9 @@ class Named(dict[str, T]):
 
     def __hash__(self) -> int:  # type: ignore[override]
         return hash(tuple(self.items()))
+
+
+NOTHING: Mapping[str, Any] = Named()
 
 
 class Entry(Section):
@@ -129,8 +118,8 @@ class Event(Entry):
     """An event: when a formula comes to zero, in which direction, and whether the run ends there."""
 
     when: Annotated[str, TEXT]
-    direction: Annotated[str, one_word(DIRECTIONS, "rising, falling or any")] = "any"
-    stop: Annotated[bool, FLAG] = False
+    direction: Annotated[str, rules.one_word(DIRECTIONS, "rising, falling or any")] = "any"
+    stop: Annotated[bool, rules.FLAG] = False
     about: Annotated[str, _ABOUT] = ""
 
 
@@ -139,7 +128,7 @@ class Port(Entry):
 
     name: Annotated[str, _NAME]
     start: Annotated[tuple[float, ...], NUMBERS]
-    size: Annotated[int, Rule("1 or 3", lambda n: int(n) if plain(n) in (1, 3) and n is not True else None)]
+    size: Annotated[int, rules.Rule("1 or 3", lambda n: int(n) if plain(n) in (1, 3) and n is not True else None)]
     unit: Annotated[str, _UNIT] = ""
     about: Annotated[str, _ABOUT] = ""
 
@@ -158,7 +147,7 @@ class Table(Entry):
 
     x: Annotated[tuple[float, ...], _ROW]
     y: Annotated[tuple[float, ...], _ROW]
-    method: Annotated[str, one_word(("linear", "cubic"), "linear or cubic")] = "linear"
+    method: Annotated[str, rules.one_word(("linear", "cubic"), "linear or cubic")] = "linear"
     about: Annotated[str, _ABOUT] = ""
 
     def _contradictions(self) -> Iterator[str]:
@@ -169,10 +158,10 @@ class Table(Entry):
             yield fault(f"{self._path}.x", self.x, "numbers that increase")
 
 
-class NamedTable(Rule):
+class NamedTable(rules.Rule):
     """The rule of a table with names of one's own, each of which has an entry."""
 
-    def __init__(self, entry: Readable, words: str, meaning: str = "") -> None:
+    def __init__(self, entry: type[Section] | rules.Rule, words: str, meaning: str) -> None:
         super().__init__(words, lambda value: value)
         self.entry, self.meaning = entry, meaning
 
@@ -182,15 +171,12 @@ class NamedTable(Rule):
             return value
         if not isinstance(value, Mapping):
             raise SceneError(fault(path, value, self.words))
-        found, faults = Named[Any](), list[str]()
-        for name, item in value.items():
-            if _is_name(name):
-                found[name] = checked(self.entry, item, joined(path, name), faults)
-            else:
-                faults.append(fault(joined(path, str(name)), item, f"a name of {_NAME.words}"))
-        if faults:
-            raise SceneError(faults)
-        return found
+        return Named(read_each(value, path, self._named))
+
+    def _named(self, name: str, value: object, path: str) -> Any:
+        if not _is_name(name):
+            raise SceneError(fault(path, value, f"a name of {_NAME.words}"))
+        return self.entry.read(value, path)
 
 
 CONSTANTS = NamedTable(Constant, "a table of numbers", "numbers of one's own: NAME = value, or { value, unit, about }")
@@ -244,4 +230,4 @@ def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str
 
 def is_formula(name: str, value: object) -> bool:
     """Return whether a load is given as a formula, or as several that add up."""
-    return name in LOADS and (isinstance(value, str) or bool(texts(value)))
+    return name in LOADS and (isinstance(value, str) or bool(rules.texts(value)))

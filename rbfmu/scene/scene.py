@@ -1,4 +1,4 @@
-"""The scene: its tables together, from a file or from Python, changes of it, and what in it looks like a slip.
+"""The scene: its tables together, from a file or from Python, what contradicts between them, what looks like a slip.
 
 Such doubts are warnings: a wrong unit, or too long a communication step.
 """
@@ -20,24 +20,12 @@ from rbfmu.scene import own as named
 from rbfmu.scene.body import ZERO, Body
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
 from rbfmu.scene.section import Apart, SceneError, Section, as_lists, as_toml, checked, fault, line, names
-from rbfmu.scene.tables import (
-    NOTHING,
-    PARAMETERS,
-    QUANTITIES,
-    About,
-    Initial,
-    Inputs,
-    Loads,
-    Outputs,
-    Run,
-    default_quantities,
-    faults_between,
-)
+from rbfmu.scene.tables import PARAMETERS, QUANTITIES, About, Initial, Inputs, Loads, Outputs, Run
 from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia
-from rbfmu_kernels.quantities import ANGLE, OUTPUTS, PORTS, Parameter
+from rbfmu_kernels.quantities import ANGLE, LOADS, OUTPUTS, PORTS, TORQUES, Parameter
 
 __all__ = ["PARAMETERS", "PORTS", "QUANTITIES", "About", "Body", "Initial", "Inputs", "Loads", "Outputs", "Run",
            "Scene", "SceneError", "load_scene"]  # fmt: skip
@@ -57,11 +45,11 @@ class Scene(Section):
     run: Run = Run()
     about: About = About()
     ensemble: Ensemble | None = None
-    constants: Annotated[Mapping[str, named.Constant], named.CONSTANTS] = NOTHING
-    formulas: Annotated[Mapping[str, str], named.FORMULAS] = NOTHING
-    states: Annotated[Mapping[str, named.State], named.STATES] = NOTHING
-    tables: Annotated[Mapping[str, named.Table], named.TABLES] = NOTHING
-    events: Annotated[Mapping[str, named.Event], named.EVENTS] = NOTHING
+    constants: Annotated[Mapping[str, named.Constant], named.CONSTANTS] = named.NOTHING
+    formulas: Annotated[Mapping[str, str], named.FORMULAS] = named.NOTHING
+    states: Annotated[Mapping[str, named.State], named.STATES] = named.NOTHING
+    tables: Annotated[Mapping[str, named.Table], named.TABLES] = named.NOTHING
+    events: Annotated[Mapping[str, named.Event], named.EVENTS] = named.NOTHING
 
     @property
     def load_formulas(self) -> Mapping[str, str]:
@@ -96,7 +84,7 @@ class Scene(Section):
         if {"inputs", "constants", "states"} <= good.keys():
             known = (*PARAMETERS, *(row.name for row in self.own_parameters.values()))
             faults: list[str] = []
-            checked(names(known), self.inputs.parameters, "inputs.parameters", faults)
+            checked(names(known).read, self.inputs.parameters, "inputs.parameters", faults)
             yield from faults
         if good.get("ensemble") is not None:
             yield from faults_with(good["ensemble"], good)
@@ -195,6 +183,98 @@ def load_scene(path: str | Path) -> Scene:
     """Read a scene file (TOML). Raises SceneError with all that is wrong with it."""
     path = Path(path)
     return Scene.from_dict(with_description(*read_file(path), path.name), source=str(path))
+
+
+# What contradicts between tables, each valid by itself
+
+PRESCRIBED = tuple(row.name for row in OUTPUTS if row.kinematic)
+"""Quantities that follow from prescribed rates."""
+NEGLIGIBLE = 1e-12
+"""The relative size up to which a part of a vector counts as round-off, as in the kernels."""
+
+
+def default_quantities(body: Body | None, inputs: Inputs | None) -> tuple[str, ...]:
+    """Return the default outputs: all quantities that this motion has."""
+    if inputs is not None and "omega_b" in inputs.ports:
+        return PRESCRIBED
+    return tuple(row.name for row in OUTPUTS if not (body is not None and body.pivot and row.of_origin))
+
+
+def faults_between(good: Mapping[str, Any]) -> Iterator[str]:
+    """Yield all contradictions between those sections that are valid by themselves; a missing body is None."""
+    inputs, body, initial = good.get("inputs"), good.get("body"), good.get("initial")
+    if inputs is not None:
+        prescribed = "omega_b" in inputs.ports
+        if "body" in good and body is None and not prescribed:
+            yield 'body is missing: expected a table [body] with mass and inertia (or shape), or ports = ["omega_b"]'
+        for name in inputs.parameters:
+            if name in inputs.ports:
+                yield fault("inputs.parameters", inputs.parameters, f"no {name}: it is an input, by inputs.ports")
+        if prescribed:
+            yield from _faults_of_prescribed_rates(good)
+            return
+    if body is not None and body.pivot:
+        if initial is not None and any(initial.velocity):
+            yield fault("initial.velocity", initial.velocity, "zero: the pivot holds o (m/s)")
+        if inputs is not None and "velocity_0" in inputs.parameters:
+            yield fault("inputs.parameters", inputs.parameters, "no velocity_0: the pivot holds o")
+    if body is not None and (axis := body.axis_without_inertia) is not None:
+        yield from _faults_of_beam(body, np.array(axis), good)
+
+
+def _faults_of_prescribed_rates(good: Mapping[str, Any]) -> Iterator[str]:
+    inputs, outputs, initial = good["inputs"], good.get("outputs"), good.get("initial")
+    if len(inputs.ports) > 1:
+        yield fault("inputs.ports", inputs.ports, "omega_b alone: it prescribes the rates, so loads have no effect")
+    why = "the port omega_b prescribes the rates, and nothing else is modelled"
+    if good.get("body") is not None:
+        yield f"a table [body] is given: expected none, as {why}"
+    if set(inputs.parameters) - {"quaternion_0", "omega_b"}:
+        yield fault("inputs.parameters", inputs.parameters, f"quaternion_0 at most: {why}")
+    if outputs is not None and set(outputs.quantities) - set(PRESCRIBED):
+        yield fault("outputs.quantities", outputs.quantities, f"names out of {', '.join(PRESCRIBED)}: {why}")
+    if initial is not None and any(initial.omega_b):
+        key, rates = initial.rates_said
+        yield fault(key, rates, "zero, or no such key: the port omega_b prescribes the rates")
+
+
+def _faults_of_beam(body: Body, axis: Array, good: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the faults of a body without inertia about `axis`: a torque about that axis makes the rate unbounded."""
+    initial, loads, inputs = (good.get(key) for key in ("initial", "loads", "inputs"))
+    about = f"about ({', '.join(f'{x + 0.0:.4g}' for x in axis)}), where inertia is zero to {NEGLIGIBLE:g} of its trace"
+    # A force at o has the moment -r x F about the centre of mass of a free body, and no moment about a pivot.
+    lever = np.zeros(3) if body.pivot else -np.cross(body.r_oc_b, axis)
+    levered = not _small(lever, np.array(body.r_oc_b))
+    if initial is not None and not _small(axis @ np.array(initial.omega_b), np.array(initial.omega_b)):
+        key, rates = initial.rates_said
+        yield fault(key, rates, f"no rate {about} ({'deg/s' if key.endswith('_deg') else 'rad/s'})")
+    if loads is not None:
+        yield from _faults_of_loads(loads, axis, lever, levered, about)
+    if inputs is not None:
+        for port in inputs.ports:
+            if port in TORQUES or levered:
+                yield fault("inputs.ports", inputs.ports, f"no {port}: it can act {about}")
+
+
+def _faults_of_loads(loads: Loads, axis: Array, lever: Array, levered: bool, about: str) -> Iterator[str]:
+    if not _small(axis @ np.array(loads.torque_b), np.array(loads.torque_b)):
+        yield fault("loads.torque_b", loads.torque_b, f"no torque {about} (N m)")
+    if any(loads.torque_a):
+        yield fault("loads.torque_a", loads.torque_a, f"zero, or torque_b: this one can come to act {about} (N m)")
+    if levered and not _small(lever @ np.array(loads.force_b), np.array(loads.force_b) * np.linalg.norm(lever)):
+        yield fault("loads.force_b", loads.force_b, f"a force at o without moment {about} (N)")
+    if levered and any(loads.force_a):
+        yield fault("loads.force_a", loads.force_a, f"zero, or force_b: this one can come to act {about} (N)")
+    for load in (row for row in LOADS if row.dissipates):
+        coefficients = getattr(loads, load.name)
+        damped = np.array(coefficients) * axis
+        if not _small(np.cross(damped, axis), damped):
+            yield fault(f"loads.{load.name}", coefficients, f"one that makes no torque {about} ({load.unit})")
+
+
+def _small(part: Array, whole: Array) -> bool:
+    """Return whether a part of a vector is round-off."""
+    return bool(np.linalg.norm(part) <= NEGLIGIBLE * np.linalg.norm(whole))
 
 
 # What looks like a slip

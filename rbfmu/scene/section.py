@@ -7,9 +7,10 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import copy
 from datetime import date, time
+from functools import partial
 from inspect import get_annotations
 from numbers import Real
-from typing import Any, ClassVar, Protocol, Self, TypeVar, dataclass_transform, get_args
+from typing import Any, ClassVar, Self, TypeVar, dataclass_transform, get_args
 
 from rbfmu.exceptions import SceneError as SceneError
 from rbfmu_kernels.quantities import BY_NAME
@@ -65,20 +66,22 @@ def joined(path: str, key: str) -> str:
 Apart = tuple[Mapping[str, object], dict[str, object]]
 
 
-class Readable(Protocol):
-    """What makes what is stored of a value: the rule of a key, or a table of them."""
-
-    def read(self, value: object, path: str) -> Any:
-        """Return what is stored; raise SceneError where the value at this path is refused."""
-
-
-def checked(rule: Readable, value: object, path: str, faults: list[str]) -> Any:
-    """Return what a rule stores of a value, or None of one that is refused, whose faults are added."""
+def checked(read: Callable[[object, str], Any], value: object, path: str, faults: list[str]) -> Any:
+    """Return what is read of a value at a path, or None of one that is refused, whose faults are added."""
     try:
-        return rule.read(value, path)
+        return read(value, path)
     except SceneError as error:
         faults += error.faults
         return None
+
+
+def read_each(table: Mapping[str, object], path: str, read: Callable[[str, object, str], T]) -> dict[str, T]:
+    """Return what is read of a table's values, each with its key and its path; raise SceneError with all faults."""
+    faults: list[str] = []
+    found = {k: checked(partial(read, str(k)), x, joined(path, str(k)), faults) for k, x in table.items()}
+    if faults:
+        raise SceneError(faults)
+    return found
 
 
 class Rule:
@@ -184,8 +187,8 @@ def numbers(name: str) -> Numbers:
     """Return the rule of a parameter, a load or an initial value, given its name in the table of quantities."""
     row = BY_NAME[name]
     bound = () if row.bounds != NO_LESS_THAN_ZERO else POSITIVE if getattr(row, "positive", False) else NOT_NEGATIVE
-    rule = Numbers(() if row.size == 1 else (row.size,), "" if row.unit == "1" else row.unit, *bound)
-    return rule.means(row.meaning)
+    shape = () if row.size == 1 else (row.size,)
+    return Numbers(shape, "" if row.unit == "1" else row.unit, *bound).means(row.meaning)
 
 
 def whole(least: int, most: int) -> Rule:
@@ -302,7 +305,7 @@ class Section:
                 continue
             given[name] = key, None if key == name else value
             absent = value is None and isinstance(rule, type) and getattr(type(self), name, ...) is None
-            stored = None if absent else checked(rule, value, here, faults)
+            stored = None if absent else checked(rule.read, value, here, faults)
             own |= {name: stored} if len(faults) == known else {}
         for name, rule in self._rules.items():
             if name not in given and hasattr(type(self), name):

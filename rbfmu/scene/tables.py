@@ -1,4 +1,4 @@
-"""The tables of a scene beside its body, its ensemble and names of its own, and what contradicts between tables."""
+"""The tables of a scene beside its body, its ensemble and names of its own."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -7,25 +7,11 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from rbfmu.scene import own as named
-from rbfmu.scene.body import ZERO, Body
-from rbfmu.scene.section import (
-    POSITIVE,
-    Apart,
-    Numbers,
-    Rule,
-    Section,
-    as_lists,
-    checked,
-    fault,
-    line,
-    names,
-    numbers,
-    one_word,
-    texts,
-)
-from rbfmu.types import Array
+from rbfmu.scene import section as rules
+from rbfmu.scene.body import ZERO
+from rbfmu.scene.section import Apart, Section, as_lists, checked, fault
 from rbfmu_kernels.compile.tiered import evaluated
-from rbfmu_kernels.quantities import IN_BUFFER_ORDER, LOADS, OUTPUT, OUTPUTS, PORTS, TORQUES
+from rbfmu_kernels.quantities import IN_BUFFER_ORDER, OUTPUT, PORTS
 from rbfmu_kernels.rotations import euler_angles, quaternion
 from rbfmu_kernels.rotations import matrix as rotation
 from rbfmu_kernels.rotations import rotation_vector as rotvec
@@ -35,7 +21,6 @@ PARAMETERS = tuple(row.name for row in IN_BUFFER_ORDER)
 QUANTITIES = tuple(OUTPUT)
 MAX_STEPS = 1e8
 """The largest number of communication steps of a run; their results take some 20 GB."""
-NOTHING: Mapping[str, Any] = named.Named()
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -76,15 +61,15 @@ def rotation_matrix(R: Matrix) -> Matrix:
     return R
 
 
-def _angles(unit: str, meaning: str) -> Numbers:
-    return Numbers((3,), unit, " from -1e9 to 1e9", lambda angle: abs(angle) <= LARGEST_ANGLE).means(meaning)
+def _angles(unit: str, meaning: str) -> rules.Numbers:
+    return rules.Numbers((3,), unit, " from -1e9 to 1e9", lambda angle: abs(angle) <= LARGEST_ANGLE).means(meaning)
 
 
-_EULER = one_word(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or "xyz"').means(
+_EULER = rules.one_word(tuple(euler_angles.NAMES), 'an Euler sequence such as "ZYX" or "xyz"').means(
     'Euler sequence such as "ZYX" (intrinsic) or "xyz" (extrinsic), with angles_deg or angles'
 )
-_QUATERNION = Numbers((4,), bound=": eta, eps_1, eps_2, eps_3", then=unit_quaternion)
-_MATRIX = Numbers((3, 3), then=rotation_matrix)
+_QUATERNION = rules.Numbers((4,), bound=": eta, eps_1, eps_2, eps_3", then=unit_quaternion)
+_MATRIX = rules.Numbers((3, 3), then=rotation_matrix)
 _IN_ORDER = "Euler angles in the sequence's order"
 
 
@@ -125,23 +110,23 @@ class Attitude(Section, path="initial.attitude"):
 
 # Other tables
 
-_DEGREES = Numbers((3,), "deg/s", then=lambda rates: tuple(map(math.radians, rates))).means("in place of omega_b")
-_ATTITUDE = Rule("a table", lambda value: Attitude.read(value).q_ab()).means(
+_DEGREES = rules.Numbers((3,), "deg/s", then=lambda rates: tuple(map(math.radians, rates))).means("in place of omega_b")
+_ATTITUDE = rules.Rule("a table", lambda value: Attitude.read(value).q_ab()).means(
     "a table: initial attitude of the body (b) in space (a)"
 )
-_PORTS = names(PORTS).means(
+_PORTS = rules.names(PORTS).means(
     "loads that another unit supplies, added to the known ones; omega_b alone (prescribed rates); inputs of one's own "
     "that formulas read, { name, size, unit, start }"
 )
-_KNOWN = names(PARAMETERS)
-_PARAMETERS = Rule(_KNOWN.words, texts, _KNOWN.choice).means(
+_KNOWN = rules.names(PARAMETERS)
+_PARAMETERS = rules.Rule(_KNOWN.words, rules.texts, _KNOWN.choice).means(
     "FMU parameters that an importer will change, so that the plan holds for every value"
 )
-_ACCURACY = Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
+_ACCURACY = rules.Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
     "largest error over the run: attitude in rad, rates relative to their largest, position and velocity relative to "
     "theirs, at least 1 m and 1 m/s"
 )
-_TEXT = line("at most 1000 printable characters", 1000)
+_TEXT = rules.line("at most 1000 printable characters", 1000)
 
 
 class Initial(Section, path="initial"):
@@ -150,10 +135,10 @@ class Initial(Section, path="initial"):
     _hidden: ClassVar = ("quaternion",)
     _instead: ClassVar = {"attitude": ("quaternion", _ATTITUDE), "omega_b_deg": ("omega_b", _DEGREES)}
 
-    position: Annotated[Vec3, numbers("position_0")] = ZERO
-    velocity: Annotated[Vec3, numbers("velocity_0")] = ZERO
-    quaternion: Annotated[Quaternion, numbers("quaternion_0")] = _IDENTITY
-    omega_b: Annotated[Vec3, numbers("omega_b_0")] = ZERO
+    position: Annotated[Vec3, rules.numbers("position_0")] = ZERO
+    velocity: Annotated[Vec3, rules.numbers("velocity_0")] = ZERO
+    quaternion: Annotated[Quaternion, rules.numbers("quaternion_0")] = _IDENTITY
+    omega_b: Annotated[Vec3, rules.numbers("omega_b_0")] = ZERO
 
     @property
     def rates_said(self) -> tuple[str, object]:
@@ -175,13 +160,13 @@ class Loads(Section, path="loads"):
 
     _hidden: ClassVar = ("formulas",)
 
-    gravity_a: Annotated[Vec3, numbers("gravity_a")] = (0.0, 0.0, -9.81)
-    force_a: Annotated[Vec3, numbers("force_a")] = ZERO
-    force_b: Annotated[Vec3, numbers("force_b")] = ZERO
-    torque_a: Annotated[Vec3, numbers("torque_a")] = ZERO
-    torque_b: Annotated[Vec3, numbers("torque_b")] = ZERO
-    damping_b: Annotated[Vec3, numbers("damping_b")] = ZERO
-    formulas: Annotated[Mapping[str, str], named.LOAD_FORMULAS] = NOTHING
+    gravity_a: Annotated[Vec3, rules.numbers("gravity_a")] = (0.0, 0.0, -9.81)
+    force_a: Annotated[Vec3, rules.numbers("force_a")] = ZERO
+    force_b: Annotated[Vec3, rules.numbers("force_b")] = ZERO
+    torque_a: Annotated[Vec3, rules.numbers("torque_a")] = ZERO
+    torque_b: Annotated[Vec3, rules.numbers("torque_b")] = ZERO
+    damping_b: Annotated[Vec3, rules.numbers("damping_b")] = ZERO
+    formulas: Annotated[Mapping[str, str], named.LOAD_FORMULAS] = named.NOTHING
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         texts = {name: value for name, value in data.items() if named.is_formula(name, value)}
@@ -195,13 +180,13 @@ class Inputs(Section, path="inputs"):
 
     ports: Annotated[tuple[str, ...], _PORTS] = ()
     parameters: Annotated[tuple[str, ...], _PARAMETERS] = ()
-    own: Annotated[Mapping[str, named.Port], named.PORTS] = NOTHING
+    own: Annotated[Mapping[str, named.Port], named.PORTS] = named.NOTHING
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         ports = data.get("ports")
         if not isinstance(ports, list | tuple) or not (rows := [x for x in ports if isinstance(x, Mapping)]):
             return data, {}
-        own = [one for row in rows if (one := checked(named.Port, row, "inputs.ports", faults))]
+        own = [one for row in rows if (one := checked(named.Port.read, row, "inputs.ports", faults))]
         found = named.Named({one.name: one for one in own})
         if twice := [one.name for one in own if one is not found[one.name]]:
             faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")
@@ -223,8 +208,8 @@ class Outputs(Section, path="outputs"):
     """The requested output quantities, and those of one's own, which are always shown."""
 
     _hidden: ClassVar = ("own",)
-    quantities: Annotated[tuple[str, ...], names(QUANTITIES).means("what someone will look at")] = QUANTITIES
-    own: Annotated[Mapping[str, named.Shown], named.OUTPUTS] = NOTHING
+    quantities: Annotated[tuple[str, ...], rules.names(QUANTITIES).means("what someone will look at")] = QUANTITIES
+    own: Annotated[Mapping[str, named.Shown], named.OUTPUTS] = named.NOTHING
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         """Return whatever is a table or a text as an output of one's own, and energies that are asked for."""
@@ -253,9 +238,9 @@ class Outputs(Section, path="outputs"):
 class Run(Section, path="run"):
     """The run: from start to stop in communication steps."""
 
-    start: Annotated[float, Numbers((), "s").means("time at the start")] = 0.0
-    stop: Annotated[float, Numbers((), "s").means("time at the end")] = 10.0
-    step: Annotated[float, Numbers((), "s", *POSITIVE).means("communication step")] = 0.01
+    start: Annotated[float, rules.Numbers((), "s").means("time at the start")] = 0.0
+    stop: Annotated[float, rules.Numbers((), "s").means("time at the end")] = 10.0
+    step: Annotated[float, rules.Numbers((), "s", *rules.POSITIVE).means("communication step")] = 0.01
     accuracy: Annotated[float, _ACCURACY] = 1e-6
 
     def _contradictions(self) -> Iterator[str]:
@@ -279,99 +264,3 @@ class About(Section, path="about"):
     author: Annotated[str, _TEXT.means("who made the scene")] = ""
     version: Annotated[str, _TEXT.means("version of the scene")] = ""
     license: Annotated[str, _TEXT.means("terms under which the scene may be used")] = ""
-
-
-# What contradicts between tables, each valid by itself
-
-PRESCRIBED = tuple(row.name for row in OUTPUTS if row.kinematic)
-"""Quantities that follow from prescribed rates."""
-NEGLIGIBLE = 1e-12
-"""The relative size up to which a part of a vector counts as round-off, as in the kernels."""
-
-
-def default_quantities(body: Body | None, inputs: Inputs | None) -> tuple[str, ...]:
-    """Return the default outputs: all quantities that this motion has."""
-    if inputs is not None and "omega_b" in inputs.ports:
-        return PRESCRIBED
-    return tuple(row.name for row in OUTPUTS if not (body is not None and body.pivot and row.of_origin))
-
-
-def faults_between(good: Mapping[str, Any]) -> Iterator[str]:
-    """Yield all contradictions between those sections that are valid by themselves; a missing body is None."""
-    inputs, body, initial = good.get("inputs"), good.get("body"), good.get("initial")
-    if inputs is not None:
-        prescribed = "omega_b" in inputs.ports
-        if "body" in good and body is None and not prescribed:
-            yield 'body is missing: expected a table [body] with mass and inertia (or shape), or ports = ["omega_b"]'
-        for name in inputs.parameters:
-            if name in inputs.ports:
-                yield fault("inputs.parameters", inputs.parameters, f"no {name}: it is an input, by inputs.ports")
-        if prescribed:
-            yield from _faults_of_prescribed_rates(good)
-            return
-    if body is not None and body.pivot:
-        if initial is not None and any(initial.velocity):
-            yield fault("initial.velocity", initial.velocity, "zero: the pivot holds o (m/s)")
-        if inputs is not None and "velocity_0" in inputs.parameters:
-            yield fault("inputs.parameters", inputs.parameters, "no velocity_0: the pivot holds o")
-    if body is not None and (axis := body.axis_without_inertia) is not None:
-        yield from _faults_of_beam(body, np.array(axis), good)
-
-
-def _faults_of_prescribed_rates(good: Mapping[str, Any]) -> Iterator[str]:
-    inputs, outputs, initial = good["inputs"], good.get("outputs"), good.get("initial")
-    if len(inputs.ports) > 1:
-        yield fault("inputs.ports", inputs.ports, "omega_b alone: it prescribes the rates, so loads have no effect")
-    why = "the port omega_b prescribes the rates, and nothing else is modelled"
-    if good.get("body") is not None:
-        yield f"a table [body] is given: expected none, as {why}"
-    if set(inputs.parameters) - {"quaternion_0", "omega_b"}:
-        yield fault("inputs.parameters", inputs.parameters, f"quaternion_0 at most: {why}")
-    if outputs is not None and set(outputs.quantities) - set(PRESCRIBED):
-        yield fault("outputs.quantities", outputs.quantities, f"names out of {', '.join(PRESCRIBED)}: {why}")
-    if initial is not None and any(initial.omega_b):
-        key, rates = initial.rates_said
-        yield fault(key, rates, "zero, or no such key: the port omega_b prescribes the rates")
-
-
-def _faults_of_beam(body: Body, axis: Array, good: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the faults of a body without inertia about `axis`: a torque about that axis makes the rate unbounded."""
-    initial, loads, inputs = (good.get(key) for key in ("initial", "loads", "inputs"))
-    about = f"about {_direction(axis)}, where inertia is zero to {NEGLIGIBLE:g} of its trace"
-    # A force at o has the moment -r x F about the centre of mass of a free body, and no moment about a pivot.
-    lever = np.zeros(3) if body.pivot else -np.cross(body.r_oc_b, axis)
-    levered = not _small(lever, np.array(body.r_oc_b))
-    if initial is not None and not _small(axis @ np.array(initial.omega_b), np.array(initial.omega_b)):
-        key, rates = initial.rates_said
-        yield fault(key, rates, f"no rate {about} ({'deg/s' if key.endswith('_deg') else 'rad/s'})")
-    if loads is not None:
-        yield from _faults_of_loads(loads, axis, lever, levered, about)
-    if inputs is not None:
-        for port in inputs.ports:
-            if port in TORQUES or levered:
-                yield fault("inputs.ports", inputs.ports, f"no {port}: it can act {about}")
-
-
-def _faults_of_loads(loads: Loads, axis: Array, lever: Array, levered: bool, about: str) -> Iterator[str]:
-    if not _small(axis @ np.array(loads.torque_b), np.array(loads.torque_b)):
-        yield fault("loads.torque_b", loads.torque_b, f"no torque {about} (N m)")
-    if any(loads.torque_a):
-        yield fault("loads.torque_a", loads.torque_a, f"zero, or torque_b: this one can come to act {about} (N m)")
-    if levered and not _small(lever @ np.array(loads.force_b), np.array(loads.force_b) * np.linalg.norm(lever)):
-        yield fault("loads.force_b", loads.force_b, f"a force at o without moment {about} (N)")
-    if levered and any(loads.force_a):
-        yield fault("loads.force_a", loads.force_a, f"zero, or force_b: this one can come to act {about} (N)")
-    for load in (row for row in LOADS if row.dissipates):
-        coefficients = getattr(loads, load.name)
-        damped = np.array(coefficients) * axis
-        if not _small(np.cross(damped, axis), damped):
-            yield fault(f"loads.{load.name}", coefficients, f"one that makes no torque {about} ({load.unit})")
-
-
-def _small(part: Array, whole: Array) -> bool:
-    """Return whether a part of a vector is round-off."""
-    return bool(np.linalg.norm(part) <= NEGLIGIBLE * np.linalg.norm(whole))
-
-
-def _direction(axis: Array) -> str:
-    return "(" + ", ".join(f"{x + 0.0:.4g}" for x in axis) + ")"

@@ -5,27 +5,15 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from rbfmu.scene import section as rules
 from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
 from rbfmu.scene.own import is_own
-from rbfmu.scene.section import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    Numbers,
-    Rule,
-    SceneError,
-    as_toml,
-    checked,
-    closest,
-    fault,
-    flattened,
-    joined,
-    numbers,
-    plain,
-)
+from rbfmu.scene.section import SceneError, as_toml, checked, closest, fault, flattened, joined, plain, read_each
 from rbfmu.scene.tables import Attitude
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, PARAMETERS, Load, Parameter, indices
 
@@ -42,34 +30,34 @@ class Distribution(NamedTuple):
     """
 
     expected: str
-    rules: tuple[Callable[[Numbers], Numbers], ...]
+    arguments: tuple[Callable[[rules.Numbers], rules.Numbers], ...]
     ascending: bool = False
 
 
-class Alike(Numbers):
+class Alike(rules.Numbers):
     """The rule of numbers of which one stands for a vector of equal ones."""
 
     def _made(self, value: object) -> object:
         value = plain(value)
         if self.shape and not isinstance(value, list | tuple):
-            value = np.full(self.shape, Numbers((), self.unit, self.bound, self.holds)(value))
+            value = np.full(self.shape, rules.Numbers((), self.unit, self.bound, self.holds)(value))
         return super()._made(value)
 
 
-def _location(rule: Numbers) -> Numbers:
+def _location(rule: rules.Numbers) -> rules.Numbers:
     return rule
 
 
-def _median(rule: Numbers) -> Numbers:
-    return Numbers(rule.shape, rule.unit, *POSITIVE)
+def _median(rule: rules.Numbers) -> rules.Numbers:
+    return rules.Numbers(rule.shape, rule.unit, *rules.POSITIVE)
 
 
-def _spread(rule: Numbers) -> Numbers:
-    return Alike(rule.shape, rule.unit, *NOT_NEGATIVE)
+def _spread(rule: rules.Numbers) -> rules.Numbers:
+    return Alike(rule.shape, rule.unit, *rules.NOT_NEGATIVE)
 
 
-def _share(rule: Numbers) -> Numbers:
-    return Alike(rule.shape, "", *NOT_NEGATIVE)
+def _share(rule: rules.Numbers) -> rules.Numbers:
+    return Alike(rule.shape, "", *rules.NOT_NEGATIVE)
 
 
 DISTRIBUTIONS: Mapping[str, Distribution] = {
@@ -164,8 +152,8 @@ QUANTITY_OF: Mapping[str, Parameter | Load] = (
     | {ATTITUDE: _BY_NAME["quaternion_0"], SHAPE: _BY_NAME["inertia"]}
 )
 """The quantity that each key sets which may vary."""
-RULES: Mapping[str, Numbers] = {
-    key: Numbers((3,), "deg/s") if key == DEGREES else numbers(row.name)
+RULES: Mapping[str, rules.Numbers] = {
+    key: rules.Numbers((3,), "deg/s") if key == DEGREES else rules.numbers(row.name)
     for key, row in QUANTITY_OF.items()
     if key not in (INERTIA, ATTITUDE, SHAPE)
 }
@@ -177,27 +165,15 @@ def read_variations(vary: object) -> tuple[Variation, ...] | None:
     """Return the keys that vary, of the table `ensemble.vary`. Raises SceneError."""
     if not isinstance(vary, Mapping) or not vary:
         return None
-    found, faults = list[Variation](), list[str]()
-    for key, value in vary.items():
-        try:
-            found.append(_variation(str(key), value, joined("ensemble.vary", str(key))))
-        except SceneError as error:
-            faults += error.faults
-    if faults:
-        raise SceneError(faults)
-    return tuple(found)
+    return tuple(read_each(vary, "ensemble.vary", _variation).values())
 
 
 def _variation(key: str, value: object, path: str) -> Variation:
     marginals, form = _READERS.get(key, partial(_numbers, key))(value, path)
     if not any(m.varies for m in marginals) and key != SHAPE:
         raise SceneError(fault(path, value, "a distribution in which something varies"))
-    return Variation(key, form, marginals, json.dumps(value, default=_for_json))
-
-
-def _for_json(value: object) -> object:
-    """Return what JSON does not know as what it knows."""
-    return dict(value) if isinstance(value, Mapping) else plain(value)
+    text = json.dumps(value, default=lambda x: dict(x) if isinstance(x, Mapping) else plain(x))
+    return Variation(key, form, marginals, text)
 
 
 Marginals = tuple[Marginal, ...]
@@ -205,58 +181,57 @@ Found = tuple[Marginals, str]
 """The marginals of a key, and the form in which they are given."""
 
 
-class Distributed:
-    """The rule of a number or a vector that varies; rule: of its values."""
+def _distributed(name: str, rule: rules.Numbers, value: object, path: str, relative: bool = True) -> Marginals:
+    """Return the marginals of a number or a vector that varies; rule: of its values. Raises SceneError."""
+    kinds = {kind: row for kind, row in DISTRIBUTIONS.items() if relative or kind != RELATIVE}
+    given = [key for key in value if key in kinds] if isinstance(value, Mapping) else []
+    if not isinstance(value, Mapping) or len(given) != 1 or set(value) - {*given, "points"}:
+        ways = ", ".join(f"{kind} = {row.expected}" for kind, row in kinds.items())
+        raise SceneError(fault(path, value, f"a table with one of {ways}"))
+    kind, each, faults = given[0], component_names(name, rule.shape), list[str]()
+    rows = checked(_arguments(kind, rule).read, value[kind], f"{path}.{kind}", faults)
+    points = checked(_points(len(each)).read, value.get("points", 0), f"{path}.points", faults)
+    if faults:
+        raise SceneError(faults)
+    return tuple(Marginal(n, kind, x, p) for n, x, p in zip(each, zip(*rows, strict=True), points, strict=True))
 
-    def __init__(self, name: str, rule: Numbers, relative: bool = True) -> None:
-        self.names, self.rule = component_names(name, rule.shape), rule
-        self.kinds = {kind: row for kind, row in DISTRIBUTIONS.items() if relative or kind != RELATIVE}
 
-    def read(self, value: object, path: str) -> Marginals:
-        """Return the marginals. Raises SceneError."""
-        given = [key for key in value if key in self.kinds] if isinstance(value, Mapping) else []
-        if not isinstance(value, Mapping) or len(given) != 1 or set(value) - {*given, "points"}:
-            ways = ", ".join(f"{kind} = {row.expected}" for kind, row in self.kinds.items())
-            raise SceneError(fault(path, value, f"a table with one of {ways}"))
-        kind, faults = given[0], list[str]()
-        rows = checked(self._arguments(kind), value[kind], f"{path}.{kind}", faults)
-        several = f", or {len(self.names)} of them" if len(self.names) > 1 else ""
-        points_rule = Rule(f"a number of points of the grid{several}", self._points)
-        points = checked(points_rule, value.get("points", 0), f"{path}.points", faults)
-        if faults:
-            raise SceneError(faults)
-        each = zip(self.names, zip(*rows, strict=True), points, strict=True)
-        return tuple(Marginal(name, kind, arguments, n) for name, arguments, n in each)
+def _arguments(kind: str, rule: rules.Numbers) -> rules.Rule:
+    """Return the rule of the numbers of each argument, flattened to the key's components."""
+    expected, makers, ascending = DISTRIBUTIONS[kind]
+    each = [make(rule) for make in makers]
 
-    def _arguments(self, kind: str) -> Rule:
-        """Return the rule of the numbers of each argument, flattened to the key's components."""
-        expected, makers, ascending = self.kinds[kind]
-        rules = [make(self.rule) for make in makers]
+    def made(value: object) -> list[list[float]] | None:
+        values = [value] if kind == RELATIVE else value
+        if not isinstance(values, list | tuple) or len(values) != len(each):
+            return None
+        try:
+            rows = [components(one(x), rule.shape) for one, x in zip(each, values, strict=True)]
+        except ValueError as error:
+            raise ValueError(f"{expected}: {error}") from None
+        if ascending and any(list(column) != sorted(column) for column in zip(*rows, strict=True)):
+            raise ValueError(f"{expected} in ascending order")
+        return rows
 
-        def made(value: object) -> list[list[float]] | None:
-            values = [value] if kind == RELATIVE else value
-            if not isinstance(values, list | tuple) or len(values) != len(rules):
-                return None
-            try:
-                rows = [components(rule(one), self.rule.shape) for rule, one in zip(rules, values, strict=True)]
-            except ValueError as error:
-                raise ValueError(f"{expected}: {error}") from None
-            if ascending and any(list(column) != sorted(column) for column in zip(*rows, strict=True)):
-                raise ValueError(f"{expected} in ascending order")
-            return rows
+    return rules.Rule(f"{expected}, each {each[0].words}", made)
 
-        return Rule(f"{expected}, each {rules[0].words}", made)
 
-    def _points(self, value: object) -> list[int] | None:
-        each = list(value) if isinstance(value, list | tuple) else [value] * len(self.names)
+def _points(count: int) -> rules.Rule:
+    """Return the rule of the numbers of points of a key with so many components."""
+
+    def made(value: object) -> list[int] | None:
+        each = list(value) if isinstance(value, list | tuple) else [value] * count
         found = [n for n in each if isinstance(n, int) and not isinstance(n, bool) and 0 <= n <= 10**6]
-        return found if len(found) == len(each) == len(self.names) else None
+        return found if len(found) == len(each) == count else None
+
+    several = f", or {count} of them" if count > 1 else ""
+    return rules.Rule(f"a number of points of the grid{several}", made)
 
 
-def _about_zero(name: str, unit: str) -> Numbers:
+def _about_zero(name: str, unit: str) -> rules.Numbers:
     """Return the rule of a rotation vector's standard deviations, of which it makes marginals."""
     names = component_names(name, (3,))
-    bound = " >= 0: standard deviations, or one for all", NOT_NEGATIVE[1]
+    bound = " >= 0: standard deviations, or one for all", rules.NOT_NEGATIVE[1]
     return Alike(
         (3,), unit, *bound, lambda s: tuple(Marginal(n, NORMAL, (0.0, x)) for n, x in zip(names, s, strict=True))
     )
@@ -276,14 +251,14 @@ def _numbers(key: str, value: object, path: str) -> Found:
         rule = RULES[key]
     elif is_own(key):
         given = value.items() if isinstance(value, Mapping) else ()
-        rule = Numbers((3,) if any(_nested(x, 1 if kind == RELATIVE else 2) for kind, x in given) else ())
+        rule = rules.Numbers((3,) if any(_nested(x, 1 if kind == RELATIVE else 2) for kind, x in given) else ())
     elif expected := next((said for begin, said in _REFUSED.items() if key.startswith(begin)), ""):
         raise SceneError(fault(path, value, expected))
     else:
         near = closest(key, KEYS)
         expected = f"did you mean {near}?" if near else f"keys out of {', '.join(KEYS)}"
         raise SceneError(f"{path} = {as_toml(value)}: unknown key; {expected}")
-    marginals = Distributed(key, rule).read(value, path)
+    marginals = _distributed(key, rule, value, path)
     return marginals, marginals[0].kind
 
 
@@ -292,14 +267,15 @@ def _inertia(value: object, path: str) -> Found:
     found, axes = (), ()
     if isinstance(value, Mapping) and AXES in value:
         moments = {key: item for key, item in value.items() if key != AXES}
-        axes = checked(_about_zero(f"{INERTIA}.{AXES}", "deg"), value[AXES], f"{path}.{AXES}", faults)
+        axes = checked(_about_zero(f"{INERTIA}.{AXES}", "deg").read, value[AXES], f"{path}.{AXES}", faults)
     if moments or moments is value:
         matrix = isinstance(moments, Mapping) and any(
             _nested(moments[kind], 3) for kind in DISTRIBUTIONS if kind in moments
         )
         if matrix and axes:
             faults.append(fault(path, value, f"principal moments, or no {AXES}: a matrix has its axes"))
-        found = checked(Distributed(INERTIA, Numbers((3, 3) if matrix else (3,), "kg m2")), moments, path, faults)
+        rule = rules.Numbers((3, 3) if matrix else (3,), "kg m2")
+        found = checked(partial(_distributed, INERTIA, rule), moments, path, faults)
     if faults:
         raise SceneError(faults)
     return (*found, *axes), found[0].kind if found else ""
@@ -319,25 +295,25 @@ def _attitude(value: object, path: str) -> Found:
     if "euler" in value:
         Attitude._rules["euler"].read(value["euler"], f"{path}.euler")
     rule = Attitude._rules[name if name in VARYING_ANGLES else "rotvec"]
-    return Distributed(f"{ATTITUDE}.{name}", rule, relative=False).read(angles, here), name
+    return _distributed(f"{ATTITUDE}.{name}", rule, angles, here, relative=False), name
 
 
 def _shape(value: object, path: str) -> Found:
     if not isinstance(value, Mapping) or not isinstance(kind := value.get("kind"), str) or kind not in SHAPES:
         raise SceneError(fault(path, value, f"a table with kind out of {', '.join(SHAPES)}, and its sizes"))
-    keys, faults, found = SHAPES[kind].sizes(), list[str](), list[Marginal]()
+    shape, keys = SHAPES[kind], SHAPES[kind].sizes()
     if set(value) != {"kind", *keys}:
         raise SceneError(fault(path, value, f"a {kind} with {' and '.join(keys)}"))
-    for key in keys:
-        name, rule, size = f"{SHAPE}.{key}", SHAPES[kind]._rules[key], value[key]
-        if isinstance(size, Mapping):
-            found += checked(Distributed(name, rule, relative=False), size, f"{path}.{key}", faults) or ()
-        else:
-            row = components(checked(rule, size, f"{path}.{key}", faults), rule.shape)
-            found += (Marginal(n, FIXED, (x,)) for n, x in zip(component_names(name, rule.shape), row, strict=False))
-    if faults:
-        raise SceneError(faults)
-    return tuple(found), kind
+
+    def size(key: str, value: object, path: str) -> Marginals:
+        name, rule = f"{SHAPE}.{key}", shape._rules[key]
+        if isinstance(value, Mapping):
+            return _distributed(name, rule, value, path, relative=False)
+        row = components(rule.read(value, path), rule.shape)
+        return tuple(Marginal(n, FIXED, (x,)) for n, x in zip(component_names(name, rule.shape), row, strict=True))
+
+    found = read_each({key: value[key] for key in keys}, path, size)
+    return tuple(chain(*found.values())), kind
 
 
 _READERS: Mapping[str, Callable[[object, str], Found]] = {INERTIA: _inertia, ATTITUDE: _attitude, SHAPE: _shape}

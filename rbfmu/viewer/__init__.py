@@ -19,8 +19,7 @@ from rbfmu.arrays import angle_between, quaternion_from_euler, rotate
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
 from rbfmu.result import FORMATS, Result
-from rbfmu.scene.scene import QUANTITIES, Scene, faults_of, load_scene
-from rbfmu.scene.tables import default_quantities
+from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, faults_of, load_scene
 from rbfmu.scene.toml_file import read_file
 from rbfmu.simulation import plan, simulate
 from rbfmu.types import Array
