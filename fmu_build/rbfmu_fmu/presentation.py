@@ -23,7 +23,7 @@ from rbfmu.viewer.motion import Shape, shape_of
 from rbfmu_fmu.description import Description, Variable, blocks, scalars
 from rbfmu_fmu.fmi_version import FmiVersion
 from rbfmu_fmu.model_description import STATUS_MEANING, osp_description, osp_place, terminals, unit_of, xml_bytes
-from rbfmu_fmu.native.linking import FMI_HEADERS
+from rbfmu_fmu.native.platforms import FMI_HEADERS
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 
