@@ -4,24 +4,29 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from rbfmu.arrays.from_kernel import array_function, checked_function, sequence_function, set_threads
-from rbfmu.arrays.inertia import check_inertia, inertia_of_points
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.mechanics import kinematics as _kinematics
 from rbfmu_kernels.mechanics import newton_euler as _rigid_body
 from rbfmu_kernels.mechanics import shape_inertia as _shapes
+from rbfmu_kernels.mechanics import spatial as _spatial
+from rbfmu_kernels.rotations import attitude_error as _error
 from rbfmu_kernels.rotations import euler_angles as _euler
 from rbfmu_kernels.rotations import matrix as _rotation
 from rbfmu_kernels.rotations import quaternion as _quaternion
+from rbfmu_kernels.rotations import rodrigues as _rodrigues
 from rbfmu_kernels.rotations import rotation_vector as _rotvec
 from rbfmu_kernels.rotations import vec3 as _vec3
 
 if TYPE_CHECKING:
-    from rbfmu.arrays.free_body import free_rotation as free_rotation
-    from rbfmu.arrays.on_demand import *  # noqa: F403
+    from rbfmu.arrays.bodies import check_inertia as check_inertia
+    from rbfmu.arrays.bodies import free_rotation as free_rotation
+    from rbfmu.arrays.bodies import inertia_of_points as inertia_of_points
 
 REFLECTION = "some of these matrices are no rotations (det <= 0, as of a reflection), which gives NaN"
 NO_DIRECTION = "some of these axes have no direction (zero, or beyond 1e150), which gives NaN"
 NEGATIVE = "some of these masses or sizes are negative, which gives NaN"
+HALF_TURN = "some of these rotations are half a turn (|eta| < 4 eps |q|), which gives NaN"
+NO_SHADOW = "some of these parameters are 0, whose shadow set is a full turn, which gives NaN"
 FULL_TURN = "some of these rotation vectors are full turns (|u| = 2 pi n, n >= 1), where they have no rates"
 
 
@@ -105,6 +110,21 @@ axis_angle_from_matrix = checked_function(_rotvec.axis_angle_from_matrix, _rotat
 rotvec_rate_a = checked_function(_rotvec.rotvec_rate_a, _rotvec.rotvec_rate_is_singular, FULL_TURN)
 rotvec_rate_b = checked_function(_rotvec.rotvec_rate_b, _rotvec.rotvec_rate_is_singular, FULL_TURN)
 
+# Gibbs (Rodrigues) parameters and modified ones
+gibbs_from_quaternion = checked_function(_rodrigues.gibbs_from_quaternion, _rodrigues.gibbs_is_singular, HALF_TURN)
+quaternion_from_gibbs = array_function(_rodrigues.quaternion_from_gibbs)
+gibbs_rate_a = array_function(_rodrigues.gibbs_rate_a)
+gibbs_rate_b = array_function(_rodrigues.gibbs_rate_b)
+mrp_from_quaternion = array_function(_rodrigues.mrp_from_quaternion)
+quaternion_from_mrp = array_function(_rodrigues.quaternion_from_mrp)
+mrp_shadow = checked_function(_rodrigues.mrp_shadow, _rodrigues.mrp_is_singular, NO_SHADOW)
+mrp_rate_a = array_function(_rodrigues.mrp_rate_a)
+mrp_rate_b = array_function(_rodrigues.mrp_rate_b)
+
+# The error of an attitude
+attitude_error = array_function(_error.attitude_error)
+attitude_error_rate = array_function(_error.attitude_error_rate)
+
 # Velocities and accelerations
 compose_omega = array_function(_kinematics.compose_omega)
 vector_rate = array_function(_kinematics.vector_rate)
@@ -132,25 +152,24 @@ angular_momentum = array_function(_rigid_body.angular_momentum)
 angular_momentum_o = array_function(_rigid_body.angular_momentum_o)
 kinetic_energy = array_function(_rigid_body.kinetic_energy)
 
-_LATER = {
-    "free_body": ("free_rotation",),
-    "on_demand": (
-        "attitude_error", "attitude_error_rate", "gibbs_from_quaternion", "gibbs_rate_a", "gibbs_rate_b",
-        "mrp_from_quaternion", "mrp_rate_a", "mrp_rate_b", "mrp_shadow", "quaternion_from_gibbs", "quaternion_from_mrp",
-        "spatial_inertia", "transform_compose", "transform_from_matrix", "transform_invert", "transform_point",
-        "twist_at", "wrench_at",
-    ),
-}  # fmt: skip
-_HOMES = {name: module for module, names in _LATER.items() for name in names}
+# Homogeneous transforms, twists, wrenches
+transform_from_matrix = array_function(_spatial.transform_from_matrix)
+transform_compose = array_function(_spatial.transform_compose)
+transform_invert = array_function(_spatial.transform_invert)
+transform_point = array_function(_spatial.transform_point)
+twist_at = array_function(_spatial.twist_at)
+wrench_at = array_function(_spatial.wrench_at)
+spatial_inertia = array_function(_spatial.spatial_inertia)
 
-__all__ = ["check_inertia", "inertia_of_points", "set_threads"]
+_LATER = ("check_inertia", "free_rotation", "inertia_of_points")
+
+__all__ = ["set_threads", *_LATER]
 __all__ += [name for name, value in globals().items() if hasattr(value, "__wrapped__")]
-__all__ += _HOMES
 
 
 def __getattr__(name: str) -> Any:
-    """Load what is seldom needed when it is first used: free rotation alone takes as long as all others."""
-    if name not in _HOMES:
+    """Load what is more than a kernel when it is first used: free rotation alone takes as long as all others."""
+    if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module(f"rbfmu.arrays.{_HOMES[name]}"), name)
+    value = globals()[name] = getattr(import_module("rbfmu.arrays.bodies"), name)
     return value
