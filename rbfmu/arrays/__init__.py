@@ -28,31 +28,11 @@ NEGATIVE = "some of these masses or sizes are negative, which gives NaN"
 HALF_TURN = "some of these rotations are half a turn (|eta| < 4 eps |q|), which gives NaN"
 NO_SHADOW = "some of these parameters are 0, whose shadow set is a full turn, which gives NaN"
 FULL_TURN = "some of these rotation vectors are full turns (|u| = 2 pi n, n >= 1), where they have no rates"
-
-
-def gimbal_lock(seq: str) -> str:
-    """Return what is said of rates of Euler angles."""
-    return (
-        f"some of these Euler angles {seq} are in gimbal lock (|det E| < 4 eps: the middle angle is {_poles(seq)} "
-        "deg), where they have no rates"
-    )
-
-
-def at_pole(seq: str) -> str:
-    """Return what is said of Euler angles of rotations."""
-    return (
-        f"some of these rotations are at a pole of {seq} (middle angle {_poles(seq)} deg): the third angle is set to 0"
-    )
-
-
-def at_pole_or_reflection(seq: str) -> str:
-    """Return what is said of Euler angles of matrices."""
-    return f"{at_pole(seq)}; or {REFLECTION}"
-
-
-def _poles(seq: str) -> str:
-    return "0 or 180" if seq[0] == seq[2] else "-90 or 90"
-
+GIMBAL_LOCK = (
+    "some of these Euler angles {seq} are in gimbal lock (|det E| < 4 eps: the middle angle is {poles} deg), "
+    "where they have no rates"
+)
+AT_POLE = "some of these rotations are at a pole of {seq} (middle angle {poles} deg): the third angle is set to 0"
 
 # Vectors and rotation matrices
 cross = array_function(_vec3.cross)
@@ -88,13 +68,13 @@ omega_b_from_quaternion_rate = array_function(_quaternion.omega_b_from_quaternio
 matrix_from_euler = sequence_function(_euler.matrix_from_euler)
 quaternion_from_euler = sequence_function(_euler.quaternion_from_euler)
 euler_from_matrix = sequence_function(
-    _euler.euler_from_matrix, _euler.matrix_has_no_three_angles, at_pole_or_reflection
+    _euler.euler_from_matrix, _euler.matrix_has_no_three_angles, f"{AT_POLE}; or {REFLECTION}"
 )
-euler_from_quaternion = sequence_function(_euler.euler_from_quaternion, _euler.quaternion_is_at_pole, at_pole)
+euler_from_quaternion = sequence_function(_euler.euler_from_quaternion, _euler.quaternion_is_at_pole, AT_POLE)
 euler_rate_matrix_a = sequence_function(_euler.euler_rate_matrix_a)
 euler_rate_matrix_b = sequence_function(_euler.euler_rate_matrix_b)
-euler_rate_a = sequence_function(_euler.euler_rate_a, _euler.euler_rate_is_singular, gimbal_lock)
-euler_rate_b = sequence_function(_euler.euler_rate_b, _euler.euler_rate_is_singular, gimbal_lock)
+euler_rate_a = sequence_function(_euler.euler_rate_a, _euler.euler_rate_is_singular, GIMBAL_LOCK)
+euler_rate_b = sequence_function(_euler.euler_rate_b, _euler.euler_rate_is_singular, GIMBAL_LOCK)
 
 # Rotation vectors, axis and angle
 quaternion_from_rotvec = array_function(_rotvec.quaternion_from_rotvec)
