@@ -126,7 +126,8 @@ def sensitivity(
     shifts in time, and the last row of a run that an event stops is that at the event, which shifts as well.
     Raises SceneError, SimulationError, ValueError for a key without a number or where a corner is grazed.
     """
-    return Varied(scene, by).along(scene, planned, covariance, inputs, interpolate)
+    varied, tables = Varied(scene, by), {} if inputs is None else input_tables(scene, inputs, interpolate)
+    return varied.along(scene, drive_of(scene, tables, interpolate), planned, covariance)
 
 
 class Varied:
@@ -143,18 +144,8 @@ class Varied:
         self.model = VariedModel(scene, self.columns, rows)
         self.numbers = tuple(column.name for column in self.columns)
 
-    def along(
-        self, scene: Scene, planned: Plan | None = None, covariance: Any = None, inputs: Any = None,
-        interpolate: str = HOLD,
-    ) -> Sensitivity:  # fmt: skip
-        """Return the derivatives along the run of a scene that differs from the first in the numbers alone."""
-        tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
-        return self.along_drive(scene, drive_of(scene, tables, interpolate), planned, covariance)
-
-    def along_drive(
-        self, scene: Scene, drive: Drive, planned: Plan | None = None, covariance: Any = None
-    ) -> Sensitivity:
-        """Return the derivatives at the communication points of a drive."""
+    def along(self, scene: Scene, drive: Drive, planned: Plan | None = None, covariance: Any = None) -> Sensitivity:
+        """Return the derivatives at the communication points of a drive; scene: as the first, but for the numbers."""
         try:
             run = _Run(self, scene, *self._plan(scene, planned), drive)
         except ZeroDivisionError:  # of kernels that run as plain Python; where compiled, the number is not finite
