@@ -13,7 +13,7 @@ import numpy as np
 
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
-from rbfmu.runs.inputs import HOLD, Drive, Inputs, drive_of, input_tables, size_of
+from rbfmu.runs.inputs import HOLD, Inputs, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.motion import Driven, Events
 from rbfmu.runs.plan import Plan, start_run, with_parameters
 from rbfmu.runs.time_grid import last_time, steps_until
@@ -41,17 +41,16 @@ def plan(
     where the accuracy asked cannot be met.
     """
     tables = None if inputs is None else input_tables(scene, inputs, interpolate)
-    return _plan(scene, full, progress, None if tables is None else partial(drive_of, scene, tables, interpolate))
+    return _plan(scene, tables, interpolate, full, progress)
 
 
 def _plan(
-    scene: Scene,
-    full: bool = False,
+    scene: Scene, tables: InputTables | None, interpolate: str, full: bool = False,
     progress: Callable[[float], object] | None = None,
-    driven: Callable[[int], Drive] | None = None,
-) -> Plan:
+) -> Plan:  # fmt: skip
     from rbfmu.planning import plan as planned  # a run whose plan is known does without
 
+    driven = None if tables is None else partial(drive_of, scene, tables, interpolate)
     return planned(scene, full, progress, driven=driven)
 
 
@@ -75,9 +74,8 @@ def simulate(
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
     tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
-    driven = partial(drive_of, scene, tables, interpolate)
-    planned = (planned or _plan(scene, driven=driven if tables else None)).of_scene(scene)
-    drive = driven(1)
+    planned = (planned or _plan(scene, tables or None, interpolate)).of_scene(scene)
+    drive = drive_of(scene, tables, interpolate)
     run = Driven(scene, planned, drive)
     time, shown = course(scene, run, drive.time, scene.outputs.names, progress)
     quantities = {name: (rows[:, 0] if rows.shape[1] == 1 else rows).copy() for name, rows in shown.items()}
