@@ -22,8 +22,7 @@ from rbfmu.on_disk import write_whole
 from rbfmu.planning.select import plan
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe
-from rbfmu_fmu.fmi_version import FMI2, FmiVersion, version_of
-from rbfmu_fmu.model_description import model_description, xml_bytes
+from rbfmu_fmu.model_description import FMI2, FmiVersion, model_description, version_of, xml_bytes
 from rbfmu_fmu.native.headers import headers, scene_header
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import (

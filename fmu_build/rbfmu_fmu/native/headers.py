@@ -13,7 +13,7 @@ from rbfmu.formulas.motion import STATE, Motion, by_element, product, rotation_o
 from rbfmu.formulas.source import VALUES, lines_of
 from rbfmu.models.formulas import texts_of
 from rbfmu_fmu.description import Description
-from rbfmu_fmu.fmi_version import FmiVersion
+from rbfmu_fmu.model_description import FmiVersion
 from rbfmu_fmu.python.call_rules import CALLS, LOG_CATEGORIES, PHASES, SET_REFUSAL, SETTABLE
 from rbfmu_fmu.python.slave_access import HELD, TO_VARY
 from rbfmu_kernels.buffer import CHANGED, FAULTS, OK, PAST_STOP, STEP_REJECTED

@@ -15,7 +15,7 @@ import pytest
 
 import rbfmu_fmu
 from rbfmu_fmu import VerificationError, builder, verify
-from rbfmu_fmu.fmi_version import FMI2
+from rbfmu_fmu.model_description import FMI2
 from rbfmu_fmu.native import object_code, platforms
 from rbfmu_fmu.native.platforms import PLATFORMS, BuildError, NoLinkerError, platforms_named, this_platform, universal
 from tests.support.command_line import call

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.fmi_version import FMI2
+from rbfmu_fmu.model_description import FMI2
 from rbfmu_fmu.native import headers, platforms
 from rbfmu_fmu.native.platforms import this_platform
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
