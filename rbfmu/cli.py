@@ -304,8 +304,7 @@ def build(
     """Build a scene's FMU for co-simulation (FMI 2.0, pythonfmu or native; FMI 3.0, native)."""
     import rbfmu_fmu
     from rbfmu_fmu.description import file_name
-    from rbfmu_fmu.native.linking import takes_minutes
-    from rbfmu_fmu.native.platforms import platforms_named
+    from rbfmu_fmu.native.platforms import platforms_named, takes_minutes
 
     platforms, kind = [name.strip() for name in platform.split(",") if name.strip()], "native" if native else "python"
     for is_alone, option, needs in (

@@ -14,7 +14,6 @@ from typing import Any, TypedDict
 import click
 
 import rbfmu
-from rbfmu._interrupt import interruptible
 from rbfmu.exceptions import SceneError, SceneWarning, SimulationError
 
 MOST_TIMES = 5
@@ -24,12 +23,7 @@ MOST_FAILED = 5
 
 
 class Commands(click.Group):
-    """Commands that turn users' errors into a message and exit status 2, warnings into lines, Ctrl-C into 130."""
-
-    def main(self, *args: Any, **kwargs: Any) -> Any:
-        """Run a command, which Ctrl-C ends at once."""
-        with interruptible():
-            return super().main(*args, **kwargs)
+    """Commands that turn users' errors into a message and exit status 2, warnings into lines."""
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command, and turn its errors into a message."""

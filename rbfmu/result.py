@@ -7,7 +7,6 @@ import csv
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -31,8 +30,6 @@ EVENTS, TOUCHES = "events.", "touches."
 """Before the names of events in an .npz."""
 AXES = {"quaternion": "parameter", "rpy": "angle"}
 """What the components of a quantity are, if they are not along axes x, y, z."""
-NONE: Mapping[str, Output] = MappingProxyType({})
-NO_EVENTS: Mapping[str, ArrayLike] = MappingProxyType({})
 CHUNK = 1024
 """Rows that a CSV's writer holds as text."""
 
@@ -53,17 +50,17 @@ class Result:
         self,
         time: ArrayLike,
         quantities: Mapping[str, ArrayLike],
-        own: Mapping[str, Output] = NONE,
-        events: Mapping[str, ArrayLike] = NO_EVENTS,
-        touches: Mapping[str, ArrayLike] = NO_EVENTS,
+        own: Mapping[str, Output] | None = None,
+        events: Mapping[str, ArrayLike] | None = None,
+        touches: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         """own: the rows of quantities of one's own, by name; events, touches: their times (n,) by name, s.
 
         An event is where a formula came to zero and went on; where it went back, that is a touch.
         """
         self.time: Array = np.asarray(time, dtype=np.float64)
-        self.events, self.touches, self.quantities = map(_arrays, (events, touches, quantities))
-        known = {**OUTPUT, **own}
+        self.events, self.touches, self.quantities = map(_arrays, (events or {}, touches or {}, quantities))
+        known = {**OUTPUT, **(own or {})}
         if unknown := [name for name in self.quantities if name not in known]:
             raise ValueError(f"quantity {unknown[0]!r}: expected some of {', '.join(known)}")
         self.rows = {name: known[name] for name in self.quantities}
@@ -182,7 +179,7 @@ class Result:
             {name.removeprefix(kind): times for name, times in columns.items() if name.startswith(kind)}
             for kind in (EVENTS, TOUCHES)
         )
-        return cls(time, quantities, NONE, events, touches)
+        return cls(time, quantities, None, events, touches)
 
     def save(self, path: str | Path) -> None:
         """Write `.csv` (FMU variable names, every digit), `.npz` (arrays by quantity) or `.aem` (CCSDS, the attitude).

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from rbfmu import arrays
 from rbfmu.exceptions import named
-from rbfmu.formulas.motion import STATE
+from rbfmu.formulas.motion import CONSTANT, STATE
 from rbfmu.models.formulas import EVENT
 from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
 from rbfmu.models.question import Question
@@ -22,7 +22,7 @@ from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.motion import Driven
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan
 from rbfmu.scene.scene import Scene, of_scene_or_path
-from rbfmu.simulation import refused_step
+from rbfmu.simulation import course
 from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import BY_NAME, OUTPUT, elements
@@ -33,7 +33,6 @@ SHARE = 1e-4
 """What of the tolerance is left for one substep, of a run that has hundreds: what sets the order of least cost."""
 ATTITUDE = "initial.attitude"
 PERCENT, ENDINGS = 0.01, (".csv", ".npz")
-_BLOCKS = {key: (BLOCK_OF[name], name) for name, key in KEYS.items() if name != "quaternion_0"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -127,7 +126,8 @@ def sensitivity(
     shifts in time, and the last row of a run that an event stops is that at the event, which shifts as well.
     Raises SceneError, SimulationError, ValueError for a key without a number or where a corner is grazed.
     """
-    return Varied(scene, by).along(scene, planned, covariance, inputs, interpolate)
+    varied, tables = Varied(scene, by), {} if inputs is None else input_tables(scene, inputs, interpolate)
+    return varied.along(scene, drive_of(scene, tables, interpolate), planned, covariance)
 
 
 class Varied:
@@ -144,18 +144,8 @@ class Varied:
         self.model = VariedModel(scene, self.columns, rows)
         self.numbers = tuple(column.name for column in self.columns)
 
-    def along(
-        self, scene: Scene, planned: Plan | None = None, covariance: Any = None, inputs: Any = None,
-        interpolate: str = HOLD,
-    ) -> Sensitivity:  # fmt: skip
-        """Return the derivatives along the run of a scene that differs from the first in the numbers alone."""
-        tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
-        return self.along_drive(scene, drive_of(scene, tables, interpolate), planned, covariance)
-
-    def along_drive(
-        self, scene: Scene, drive: Drive, planned: Plan | None = None, covariance: Any = None
-    ) -> Sensitivity:
-        """Return the derivatives at the communication points of a drive."""
+    def along(self, scene: Scene, drive: Drive, planned: Plan | None = None, covariance: Any = None) -> Sensitivity:
+        """Return the derivatives at the communication points of a drive; scene: as the first, but for the numbers."""
         try:
             run = _Run(self, scene, *self._plan(scene, planned), drive)
         except ZeroDivisionError:  # of kernels that run as plain Python; where compiled, the number is not finite
@@ -187,29 +177,33 @@ class Varied:
         return own, True
 
 
+def _names_of_numbers(scene: Scene) -> dict[str, tuple[str, list[str]]]:
+    """Return for each key with numbers the block that has them, and their names."""
+    found = {ATTITUDE: ("rotvec_b", elements(ATTITUDE, 3))}
+    for name, key in KEYS.items():
+        if name != "quaternion_0":
+            row = BY_NAME[name]
+            found[key] = BLOCK_OF[name], [f"{key}[{e}]" for e in row.elements] or elements(key, row.size)
+    own = {f"{CONSTANT}{name}": len(row.value) for name, row in scene.constants.items()}
+    own |= {f"{STATE}{name}": len(row.start) for name, row in scene.states.items()}
+    return found | {key: (key, elements(key, size)) for key, size in own.items()}
+
+
 def columns_of(scene: Scene, key: str) -> list[Column]:
     """Return the numbers that a key names. Raises ValueError."""
-    whole, bracket, _ = key.partition("[")
-    if whole == ATTITUDE:
-        block, names = "rotvec_b", elements(ATTITUDE, 3)
-    elif whole in _BLOCKS:
-        block, parameter = _BLOCKS[whole]
-        row = BY_NAME[parameter]
-        names = [f"{whole}[{e}]" for e in getattr(row, "elements", ())] or elements(whole, row.size)
-    elif whole in scene.own_parameters:
-        block, names = whole, elements(whole, scene.own_parameters[whole].size)
-    else:
-        known = (ATTITUDE, *_BLOCKS, *scene.own_parameters)
+    whole, known = key.partition("[")[0], _names_of_numbers(scene)
+    if whole not in known:
         raise ValueError(f"by = {key!r}: expected one of {', '.join(known)}")
+    block, names = known[whole]
     found = [Column(n, block, i) for i, n in enumerate(names)]
-    if bracket:
+    if whole != key:
         found = [column for column in found if column.name == key]
         if not found:
             raise ValueError(f"by = {key!r}: expected one of {', '.join(names)}")
     elif whole == "body.inertia" and scene.body is not None:
         M = scene.body.M_c
         found = found[:3] if not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2))) else found
-    if whole.startswith("loads.") and whole.removeprefix("loads.") in scene.load_formulas:
+    if whole in {f"loads.{name}" for name in scene.load_formulas}:
         raise ValueError(f"by = {key!r}: expected a load of numbers; this one is a formula, whose constants may vary")
     if block in ("inertia", "r_oc_b") and BodyAtStart(scene).principal_axes[0][0] <= 0.0:
         raise ValueError(f"by = {key!r}: expected another; a slender beam has no inertia about its axis to begin with")
@@ -237,27 +231,17 @@ class _Run:
     def __init__(self, varied: Varied, scene: Scene, plan: Plan, bounded: bool, drive: Drive) -> None:
         self._model, self._scene, self._count = varied.model, scene, len(varied.columns)
         run = Driven(scene, plan, drive, [name for name in self._model.shown if name in OUTPUT])
-        blocks, z, self.time, self._event = plan.kernels.BLOCKS, run.z, drive.time, ""
+        blocks, z = plan.kernels.BLOCKS, run.z
         z[blocks["bounded"]] = bounded
         for name, row in self._model.numbers(variation_of(scene, varied.columns, z)).items():
             z[blocks[name]] = row
         tiered(plan.kernels.outputs)(z)
         at = [-1 if c.block == "rotvec_b" else blocks[block_of(c)].start + c.at for c in varied.columns]
         self.sizes = np.array([abs(z[i]) if i >= 0 else 0.0 for i in at])
-        names = (*self._model.shown, "errors", "slopes")
-        places = [np.arange(blocks[name].start, blocks[name].stop) for name in names]
-        at_all, ends = np.concatenate(places), np.cumsum([len(row) for row in places])
-        recorded = np.empty((len(drive.time), len(at_all)))
-        for k in range(len(drive.time)):
-            if k and not run.advance(k):
-                raise refused_step(scene, drive.time[k - 1])
-            recorded[k] = z[at_all]
-            if run.ended is not None and run.events is not None:
-                self.time, self._event = np.append(drive.time[:k], run.ended), run.events.taken[-1].name
-                break
-        *values, errors, self._slopes = np.split(recorded[: len(self.time)], ends[:-1], axis=1)
-        self._errors = errors.reshape(len(self.time), -1, self._model.columns)
-        self.values = dict(zip(self._model.shown, values, strict=True))
+        self.time, self.values = course(scene, run, drive.time, (*self._model.shown, "errors", "slopes"))
+        self._event = run.events.taken[-1].name if run.events and run.ended is not None else ""
+        self._slopes = self.values.pop("slopes")
+        self._errors = self.values.pop("errors").reshape(len(self.time), -1, self._model.columns)
 
     def slopes(self) -> dict[str, Array]:
         """Return the derivatives of each output."""

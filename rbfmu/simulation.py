@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 import struct
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
 from numbers import Real
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
-from rbfmu.runs.inputs import HOLD, Drive, Inputs, drive_of, input_tables, last_time, size_of, steps_until
+from rbfmu.runs.inputs import HOLD, Inputs, InputTables, drive_of, input_tables, last_time, size_of, steps_until
 from rbfmu.runs.motion import Driven, Events
 from rbfmu.runs.plan import Plan, start_run, with_parameters
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
@@ -40,17 +40,16 @@ def plan(
     where the accuracy asked cannot be met.
     """
     tables = None if inputs is None else input_tables(scene, inputs, interpolate)
-    return _plan(scene, full, progress, None if tables is None else partial(drive_of, scene, tables, interpolate))
+    return _plan(scene, tables, interpolate, full, progress)
 
 
 def _plan(
-    scene: Scene,
-    full: bool = False,
+    scene: Scene, tables: InputTables | None, interpolate: str, full: bool = False,
     progress: Callable[[float], object] | None = None,
-    driven: Callable[[int], Drive] | None = None,
-) -> Plan:
+) -> Plan:  # fmt: skip
     from rbfmu.planning import plan as planned  # a run whose plan is known does without
 
+    driven = None if tables is None else partial(drive_of, scene, tables, interpolate)
     return planned(scene, full, progress, driven=driven)
 
 
@@ -74,49 +73,47 @@ def simulate(
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
     tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
-    driven = partial(drive_of, scene, tables, interpolate)
-    planned = (planned or _plan(scene, driven=driven if tables else None)).of_scene(scene)
-    drive = driven(1)
-    run, time = Driven(scene, planned, drive), drive.time
-    blocks, asked = planned.kernels.BLOCKS, (scene.outputs.quantities, scene.outputs.own)
-    shown = [_Rows(run.z, blocks, names, len(time)) for names in asked if names]
-    numbers = range(1, len(time))
-    for k in numbers if progress is None else progress(numbers):
-        if not run.advance(k):
-            raise refused_step(scene, time[k - 1])
-        for one in shown:
-            one.rows[k] = one.numbers
-        if run.ended is not None:
-            before = run.ended <= time[k - 1]  # the event may be at the communication point before
-            time = time[:k] if before else np.append(time[:k], run.ended)
-            break
-    quantities = {name: values for one in shown for name, values in one.quantities(len(time)).items()}
+    planned = (planned or _plan(scene, tables or None, interpolate)).of_scene(scene)
+    drive = drive_of(scene, tables, interpolate)
+    run = Driven(scene, planned, drive)
+    time, shown = course(scene, run, drive.time, scene.outputs.names, progress)
+    quantities = {name: (rows[:, 0] if rows.shape[1] == 1 else rows).copy() for name, rows in shown.items()}
     happened = [run.events.times(run.events.taken, touched) for touched in (False, True)] if run.events else ()
     result = Result(time, quantities, planned.formulas.own_rows if planned.formulas else {}, *happened)
     warn(scene, doubts_after(scene, result.quantities), stacklevel=4)
     return result
 
 
+def course(
+    scene: Scene,
+    run: Driven,
+    time: Array,
+    names: Collection[str],
+    progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
+) -> tuple[Array, dict[str, Array]]:
+    """Return the times (n,) of a run, up to the event that ends it, and the rows of blocks at these by name, (n, k).
+
+    Raises SimulationError where a step is refused.
+    """
+    places = [np.r_[run.kernels.BLOCKS[name]] for name in names]
+    at, numbers = np.concatenate(places), range(1, len(time))
+    rows = np.empty((len(time), len(at)))
+    rows[0] = run.z[at]
+    for k in numbers if progress is None else progress(numbers):
+        if not run.advance(k):
+            raise refused_step(scene, time[k - 1])
+        rows[k] = run.z[at]
+        if run.ended is not None:
+            before = run.ended <= time[k - 1]  # the event may be at the communication point before
+            time = time[:k] if before else np.append(time[:k], run.ended)
+            break
+    ends = np.cumsum([len(place) for place in places])[:-1]
+    return time, dict(zip(names, np.split(rows[: len(time)], ends, axis=1), strict=True))
+
+
 def refused_step(scene: Scene, begin: float) -> SimulationError:
     """Return the error for a step of a run that was refused; begin: s."""
     return SimulationError(f"{scene.name}: the step from t = {float(begin)!r} s was refused: not finite")
-
-
-class _Rows:
-    """Rows of numbers that stand side by side in a buffer, the first of them filled."""
-
-    def __init__(self, z: Array, blocks: Mapping[str, slice], names: Collection[str], count: int) -> None:
-        self._blocks = {name: blocks[name] for name in names}
-        self._first = min(block.start for block in self._blocks.values())
-        self.numbers = z[self._first : max(block.stop for block in self._blocks.values())]
-        self.rows = np.empty((count, len(self.numbers)))
-        self.rows[0] = self.numbers
-
-    def quantities(self, count: int) -> dict[str, Array]:
-        """Return a copy of the first rows of each quantity."""
-        rows, first = self.rows[:count], self._first
-        found = {n: rows[:, block.start - first : block.stop - first].copy() for n, block in self._blocks.items()}
-        return {name: values[:, 0] if values.shape[1] == 1 else values for name, values in found.items()}
 
 
 _CLOCK = struct.Struct("dq")

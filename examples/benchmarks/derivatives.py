@@ -15,6 +15,7 @@ import numpy as np
 
 import rbfmu
 from rbfmu.extras import needed
+from rbfmu.runs.inputs import HOLD, drive_of
 from rbfmu.sensitivities import Varied
 from rbfmu.studies.chart.cases import Case
 from rbfmu.studies.chart.solvers import equations
@@ -59,7 +60,9 @@ def main() -> None:
         planned, varied = rbfmu.plan(scene), Varied(scene, BY)
         for model in (planned.kernels, varied.model.model):
             model.step(np.zeros(model.SIZE), 0.0)  # compiled, as after some runs
-        runs = [lambda s=scene, p=planned: rbfmu.simulate(s, planned=p), lambda v=varied, s=scene: v.along(s)]
+        drive = drive_of(scene, {}, HOLD)
+        runs = [lambda s=scene, p=planned: rbfmu.simulate(s, planned=p)]
+        runs.append(lambda v=varied, s=scene, d=drive: v.along(s, d))
         runs.append(of_heyoka(scene))
         for run in runs * 2:
             run()

@@ -26,11 +26,10 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu_fmu.builder import build_native_fmu, build_python_fmu, c_sources
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.fmi_version import FMI2
+from rbfmu_fmu.model_description import FMI2
 from rbfmu_fmu.native.headers import headers
-from rbfmu_fmu.native.linking import FLAGS, compiler, link, source
 from rbfmu_fmu.native.object_code import ENTRIES, object_files
-from rbfmu_fmu.native.platforms import this_platform
+from rbfmu_fmu.native.platforms import FLAGS, compiler, link, source, this_platform
 
 FOLDER = Path(__file__).parent
 GOALS = {"numba loop": 1.2, "by hand": 1.0, "pythonfmu": 1.0, "first step": 1.1}

@@ -4,7 +4,7 @@
 - dop853: a body under loads by DOP853, which no plan chooses, against plans of the same accuracy;
 - free: the exact motion of a torque-free body, against Taylor series of the same accuracy;
 - rates: the series of prescribed rates that change within a step, against rates held in ever shorter steps;
-- interrupt: Ctrl-C at any moment of a run, with and without `rbfmu._interrupt`.
+- interrupt: Ctrl-C at any moment of a run, with and without `rbfmu.__main__.interruptible`.
 Times are of one run, taken in turn; below 1 the part is faster than what is left without it.
 """
 
@@ -113,17 +113,13 @@ def rates() -> dict[str, float]:
 
 PROGRAM = """
 import contextlib, sys
-import rbfmu._interrupt
-
-def raise_again():
-    raise
+import rbfmu.__main__ as entry
 
 if {without}:
-    rbfmu._interrupt.interruptible, rbfmu._interrupt.leave = contextlib.nullcontext, raise_again
-from rbfmu.__main__ import main
+    entry.interruptible = contextlib.nullcontext
 print("started", flush=True)
 sys.argv[1:] = ["run", {scene!r}, "--stop", "2000"]
-main()
+entry.main()
 """
 
 
@@ -147,7 +143,7 @@ def interrupt() -> dict[str, float]:
     found: dict[str, float] = {}
     for k in range(30):
         for without in (False, True):
-            ending = f"{'without' if without else 'with'} _interrupt: {struck(without, 0.1 * k)}"
+            ending = f"{'without' if without else 'with'} interruptible: {struck(without, 0.1 * k)}"
             found[ending] = found.get(ending, 0.0) + 1.0
     return dict(sorted(found.items()))
 

@@ -22,12 +22,21 @@ from rbfmu.on_disk import write_whole
 from rbfmu.planning.select import plan
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe
-from rbfmu_fmu.fmi_version import FMI2, FmiVersion, version_of
-from rbfmu_fmu.model_description import model_description, xml_bytes
+from rbfmu_fmu.model_description import FMI2, FmiVersion, model_description, version_of, xml_bytes
 from rbfmu_fmu.native.headers import headers, scene_header
-from rbfmu_fmu.native.linking import ANY_VERSION, EXPORTS, FLAGS, HEADERS, NoLinkerError, link, source, universal
 from rbfmu_fmu.native.object_code import object_files
-from rbfmu_fmu.native.platforms import Platform, platforms_named, this_platform
+from rbfmu_fmu.native.platforms import (
+    ANY_VERSION,
+    FLAGS,
+    HEADERS,
+    NoLinkerError,
+    Platform,
+    link,
+    platforms_named,
+    source,
+    this_platform,
+    universal,
+)
 from rbfmu_fmu.presentation import presentation_files
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
@@ -175,7 +184,7 @@ def _shipped_code(plan: Plan) -> tuple[str, bytes]:
     platform = this_platform()
     objects = object_files(plan.kernels, platform)
     try:
-        return CODE + LIBRARY, link(EXPORTS, objects, platform, "model")
+        return CODE + LIBRARY, link(["exports.c"], objects, platform, "model")
     except NoLinkerError:
         return CODE + OBJECT, objects["model.o"]
 

@@ -1,20 +1,125 @@
-"""Writes modelDescription.xml of a description, for any version of FMI, and files beside it that group its variables.
+"""modelDescription.xml of a description, for any version of FMI; in what these differ is one row of facts a version.
 
-Attributes stand in a fixed order, so that the same scene gives the same bytes. Terminals are FMI 3.0's, and FMI 2.0.4
-has them as well. An OspModelDescription is that by which libcosim connects groups (OSP-IS 1.0.1); it looks for it
-beside the FMU or the system file, not in the FMU, which has it to be taken out.
+Attributes stand in a fixed order, so that the same scene gives the same bytes. A version's C functions are in the file
+that its row names.
 """
 
-import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import rbfmu
-from rbfmu_fmu.description import AXES, Description, Variable, blocks
-from rbfmu_fmu.fmi_version import FmiVersion
+from rbfmu_fmu.description import Count, Description, FmiVariable, Variable, arrays, scalars
 from rbfmu_fmu.python.call_rules import LOG_CATEGORIES
 from rbfmu_fmu.python.slave_access import TO_VARY
-from rbfmu_kernels.quantities import PORTS, TIME, UNITS, Unit
+from rbfmu_kernels.quantities import TIME, UNITS, Unit
+
+
+@dataclass(frozen=True, kw_only=True)
+class FmiVersion:
+    """One version of FMI; `VERSIONS` lists all."""
+
+    name: str
+    """The attribute fmiVersion of modelDescription.xml."""
+    identity: str
+    """The attribute of modelDescription.xml that identifies an FMU."""
+    signatures: str
+    """The C source of the version's functions, in `native/`."""
+    folders: dict[str, str]
+    """The folder of `binaries` for each of `native.platforms.PLATFORMS`."""
+    second_folders: dict[str, str] = field(default_factory=dict)
+    """A second folder for a platform, where no other platform of an FMU has it: importers there look into it."""
+    icon: str = "terminalsAndIcons/icon.png"
+    """The place of an FMU's picture."""
+    abilities: dict[str, str]
+    """What FMUs of either kind can do, as attributes of the element CoSimulation."""
+    native_abilities: dict[str, str]
+    """What a native FMU can do besides."""
+    with_input_rates: dict[str, str]
+    """And where all of its inputs may change within a step."""
+    references: Callable[[Description], list[FmiVariable]]
+    """What has a value reference."""
+    real: str
+    """What the version calls the type of floating-point variables."""
+    integer: str
+    """The same of `status`."""
+    has_time: bool
+    """Whether the time is a variable: the one after those that have a value reference."""
+    course_of_inputs: str
+    """How an importer gives inputs that change within a step."""
+    nested: bool
+    """Whether a variable is an element that holds another for its type, and knowns and unknowns stand in lists that
+    count variables from 1 (FMI 2), or an element of its type, and go by value references (FMI 3)."""
+
+    def abilities_of(self, d: Description) -> dict[str, str]:
+        """Return what a native FMU can do besides that of either kind."""
+        said = self.native_abilities | (self.with_input_rates if d.interpolates_inputs else {})
+        return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
+
+    def status_reference(self, d: Description) -> int:
+        """Return the value reference of the integer output `status`, which all Reals come before."""
+        return len(self.references(d)) + self.has_time
+
+    def counted(self, d: Description) -> list[tuple[int, Count]]:
+        """Return the counts of events with their value references, which are the last of all."""
+        return [*enumerate(d.counts, self.status_reference(d) + 1)]
+
+
+FMI2 = FmiVersion(
+    name="2.0",
+    identity="guid",
+    signatures="fmi2.c",
+    # One folder for macOS and none for Linux on aarch64: the first takes both processors in one file, the second has
+    # the name that FMI 3.0 gave it, as FMI 2.0.5 says.
+    folders={"linux64": "linux64", "win64": "win64", "linux-aarch64": "aarch64-linux", "darwin64": "darwin64",
+             "darwin-aarch64": "darwin64"},
+    second_folders={"linux-aarch64": "linux64"},  # FMPy, for one, looks into this folder on any Linux
+    icon="model.png",
+    abilities={"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
+               "canBeInstantiatedOnlyOncePerProcess": "false"},
+    native_abilities={"needsExecutionTool": "false", "canNotUseMemoryManagementFunctions": "false",
+                      "canInterpolateInputs": "false", "providesDirectionalDerivative": "true"},
+    with_input_rates={"canInterpolateInputs": "true"},
+    references=scalars,
+    real="Real",
+    integer="Integer",
+    has_time=False,
+    course_of_inputs="gives their derivatives with respect to time",
+    nested=True,
+)  # fmt: skip
+FMI3 = FmiVersion(
+    name="3.0",
+    identity="instantiationToken",
+    signatures="fmi3.c",
+    folders={"linux64": "x86_64-linux", "win64": "x86_64-windows", "linux-aarch64": "aarch64-linux",
+             "darwin64": "x86_64-darwin", "darwin-aarch64": "aarch64-darwin"},
+    abilities={"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"},
+    native_abilities={"providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true"},
+    with_input_rates={"providesIntermediateUpdate": "true", "mightReturnEarlyFromDoStep": "true",
+                      "canReturnEarlyAfterIntermediateUpdate": "true"},
+    references=arrays,
+    real="Float64",
+    integer="Int32",
+    has_time=True,
+    course_of_inputs="sets them in intermediate updates",
+    nested=False,
+)  # fmt: skip
+FMI3_SCALARS = replace(FMI3, references=scalars)
+"""For importers that take no arrays."""
+VERSIONS = {(2, False): FMI2, (3, False): FMI3, (3, True): FMI3_SCALARS}
+"""What FMUs are built for: by the version of FMI, and by whether scalars are asked for in place of arrays."""
+
+
+def version_of(fmi: int, scalars: bool) -> FmiVersion:
+    """Return a version of FMI, with arrays as variables or without. Raises ValueError where there is none."""
+    if fmi not in (2, 3):
+        raise ValueError(f"fmi = {fmi!r}: expected 2 or 3")
+    if (fmi, scalars) not in VERSIONS:
+        raise ValueError("scalars = True: expected fmi = 3 with it, as FMI 2 has no arrays")
+    return VERSIONS[fmi, scalars]
+
+
+# --- the file
 
 LICENSE = "MIT; see documentation/licenses"
 """The terms of the code in an FMU, which a scene's own stand beside."""
@@ -33,7 +138,7 @@ UNSET = "{}"
 def model_description(version: FmiVersion, d: Description, co_simulation: dict[str, str]) -> Element:
     """Return modelDescription.xml, without identity; `co_simulation` has attributes in which kinds of FMU differ."""
     about = {"generationTool": f"rbfmu {rbfmu.__version__}", "description": "One rigid body", "license": LICENSE}
-    about |= _said(**d.about)
+    about |= stated(**d.about)
     root = Element("fmiModelDescription", {
         "fmiVersion": version.name, "modelName": d.scene.name, version.identity: UNSET, **about,
         "variableNamingConvention": "structured",
@@ -53,7 +158,7 @@ def model_description(version: FmiVersion, d: Description, co_simulation: dict[s
     return root
 
 
-def _said(**attributes: str) -> dict[str, str]:
+def stated(**attributes: str) -> dict[str, str]:
     """Return attributes in their order, without those of which nothing is said."""
     return {name: text for name, text in attributes.items() if text}
 
@@ -80,7 +185,7 @@ def _type_definitions(version: FmiVersion, d: Description) -> list[Element]:
 def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
     """Yield all variables in the order of their value references."""
     named = version.references(d)
-    updated = _said(intermediateUpdate="true" if d.interpolates_inputs and not version.nested else "")
+    updated = stated(intermediateUpdate="true" if d.interpolates_inputs and not version.nested else "")
     for reference, one in enumerate(named):
         members = [d.variables[k] for k in one.elements]
         first = members[0]
@@ -90,9 +195,9 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
         if first.pinned:
             about_it += f"; cannot be changed here: {TO_VARY % first.block}"
         said = {"name": one.name, "valueReference": str(reference), "causality": first.causality}
-        said |= _said(variability=variability, description=about_it, initial=initial)
+        said |= stated(variability=variability, description=about_it, initial=initial)
         said |= updated if first.causality != "parameter" else {}
-        typed = _said(declaredType=_unit(first.unit).quantity) | _limits_of_all(members)
+        typed = stated(declaredType=_unit(first.unit).quantity) | _limits_of_all(members)
         element = _element(version, "ScalarVariable", version.real, said, typed)
         element.extend(Element("Dimension", start=str(size)) for size in one.dimensions)
         yield element
@@ -162,7 +267,7 @@ def _of_unit(name: str) -> dict[str, str]:
     """Return the attributes quantity, unit and displayUnit, as far as there are any."""
     unit = _unit(name)
     display = unit.display[0][0] if unit.display else ""
-    return _said(quantity=unit.quantity, unit=_fmi_name(name), displayUnit=display)
+    return stated(quantity=unit.quantity, unit=_fmi_name(name), displayUnit=display)
 
 
 def _fmi_name(unit: str) -> str:
@@ -188,89 +293,3 @@ def xml_bytes(xml: Element) -> bytes:
     """Return XML as the bytes of a file."""
     indent(xml)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{tostring(xml, "unicode")}\n'.encode()
-
-
-# --- files that group variables which belong and connect together
-
-GROUPS = {
-    "loads": ("forces and torques that another unit supplies", tuple(name for name in PORTS if name != "omega_b")),
-    "pose": ("position and attitude", ("position", "quaternion", "rpy")),
-    "rates": ("velocity and angular velocity", ("velocity", "omega_b", "omega_a")),
-    "accelerations": ("acceleration and angular acceleration", ("acceleration", "alpha_b")),
-    "conserved": ("angular momentum and kinetic energy", ("angular_momentum_a", "kinetic_energy")),
-}
-"""By the name of a terminal: what it is, and the blocks that it has where an FMU has them."""
-QUATERNION = ("eta", "epsilon_x", "epsilon_y", "epsilon_z")
-TERMINALS_VERSION = "3.0"
-"""The version of FMI that defines the file, also in an FMU of another version."""
-
-OSP_NAMESPACE = "https://open-simulation-platform.com/OspModelDescription/1.0.1"
-OSP_FOLDER = "extra/com.open-simulation-platform"
-
-KINDS = {
-    "quaternion": "Generic", "angular_momentum_a": "Generic", "kinetic_energy": "Generic",
-    "force_a": "Force", "force_b": "Force", "torque_a": "Torque", "torque_b": "Torque",
-    "velocity": "LinearVelocity", "omega_b": "AngularVelocity", "omega_a": "AngularVelocity",
-    "position": "LinearDisplacement", "rpy": "AngularDisplacement",
-    "acceleration": "LinearAcceleration", "alpha_b": "AngularAcceleration",
-}  # fmt: skip
-"""The element of each block, in the order that the schema has."""
-MECHANICAL_PORTS = {
-    "translation": ("LinearMechanicalPort", "force_a", "velocity"),
-    "rotation": ("AngularMechanicalPort", "torque_b", "omega_b"),
-    "rotation_a": ("AngularMechanicalPort", "torque_a", "omega_a"),
-}
-"""By name, two groups in the same axes of which one is put in and the other comes out; their product is a power."""
-
-
-def terminals(d: Description, arrays: bool = False) -> Element:
-    """Return terminalsAndIcons.xml; arrays: a variable is a whole block, not one of its numbers."""
-    root = Element("fmiTerminalsAndIcons", fmiVersion=TERMINALS_VERSION)
-    known, listed = blocks(d, "input", "output"), Element("Terminals")
-    for name, (meaning, members) in GROUPS.items():
-        terminal = Element("Terminal", name=name, matchingRule="bus", description=meaning)
-        for block in (one for one in members if one in known):
-            inner = SubElement(terminal, "Terminal", name=block, matchingRule="plug")
-            names = {"value": block} if arrays else _members(known[block])
-            for member, variable in names.items():
-                said = {"variableName": variable, "memberName": member, "variableKind": "signal"}
-                SubElement(inner, "TerminalMemberVariable", said)
-        listed.extend([terminal] if len(terminal) else [])
-    root.extend([listed] if len(listed) else [])
-    return root
-
-
-def _members(variables: list[Variable]) -> dict[str, str]:
-    """Return the variables of a block by the names that they have in a terminal."""
-    names = QUATERNION if len(variables) == 4 else [v.component or "value" for v in variables]
-    return {name: v.name for name, v in zip(names, variables, strict=True)}
-
-
-def osp_place(d: Description) -> str:
-    """Return where it lies in an FMU; its name is the one that libcosim looks for, where every system takes it."""
-    prefix = f"{d.scene.name}_" if re.fullmatch(r"[A-Za-z0-9_ .-]+", d.scene.name) else ""
-    return f"{OSP_FOLDER}/{prefix}OspModelDescription.xml"
-
-
-def osp_description(d: Description) -> Element:
-    """Return it, with the groups of all inputs and outputs. A group that is part of a port does not stand alone."""
-    root = Element("OspModelDescription", xmlns=OSP_NAMESPACE, version="1.0")
-    groups, known = SubElement(root, "VariableGroups"), blocks(d, "input", "output")
-    ports = {
-        name: (kind, both)
-        for name, (kind, *both) in MECHANICAL_PORTS.items()
-        if known.keys() >= {*both} and known[both[1]][0].causality == "output"
-    }
-    parts = {block for _, both in ports.values() for block in both}
-    groups.extend(_osp_group(block, known[block]) for block in KINDS if block in known and block not in parts)
-    for name, (kind, both) in ports.items():
-        SubElement(groups, kind, name=name).extend(_osp_group(block, known[block]) for block in both)
-    return root
-
-
-def _osp_group(block: str, variables: list[Variable]) -> Element:
-    group = Element(KINDS[block], name=block)
-    for k, v in enumerate(variables):
-        axis = AXES[k] if len(variables) == 3 else ""
-        SubElement(group, "Variable", _said(ref=v.name, unit=unit_of(v), axis=axis))
-    return group

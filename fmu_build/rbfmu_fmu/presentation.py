@@ -1,6 +1,8 @@
 """What an FMU has only to be shown: picture, page, licences, terminals and groups of variables, by place in it.
 
-None of it changes what an FMU computes, and its identity does not rest on it.
+None of it changes what an FMU computes, and its identity does not rest on it. Terminals are FMI 3.0's, and FMI 2.0.4
+has them as well. An OspModelDescription is that by which libcosim connects groups (OSP-IS 1.0.1); it looks for it
+beside the FMU or the system file, not in the FMU, which has it to be taken out.
 """
 
 import importlib.metadata
@@ -13,6 +15,7 @@ from itertools import product
 from pathlib import Path
 from string import Template
 from typing import Any
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
@@ -20,11 +23,11 @@ import rbfmu
 from rbfmu import Scene
 from rbfmu.types import Array
 from rbfmu.viewer import Shape, shape_of
-from rbfmu_fmu.description import Description, Variable, blocks, scalars
-from rbfmu_fmu.fmi_version import FmiVersion
-from rbfmu_fmu.model_description import STATUS_MEANING, osp_description, osp_place, terminals, unit_of, xml_bytes
-from rbfmu_fmu.native.linking import FMI_HEADERS
+from rbfmu_fmu.description import AXES, Description, Variable, blocks, scalars
+from rbfmu_fmu.model_description import STATUS_MEANING, FmiVersion, stated, unit_of, xml_bytes
+from rbfmu_fmu.native.platforms import FMI_HEADERS
 from rbfmu_kernels.compile.tiered import evaluated
+from rbfmu_kernels.quantities import PORTS
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 
 LICENSES = "documentation/licenses"
@@ -197,3 +200,89 @@ def _draw_axes(axes: Any, shape: Shape, R_bp: Array) -> None:
         axes.plot([0.0, 1.12 * x], [0.0, 1.12 * y], alpha=0.0)  # what the view must have in it
     x, y, _ = VIEW @ np.array(shape.centre)
     axes.plot([x], [y], marker="o", markersize=4.5, mfc="white", mec="black", mew=1.0)
+
+
+# --- files that group variables which belong and connect together
+
+GROUPS = {
+    "loads": ("forces and torques that another unit supplies", tuple(name for name in PORTS if name != "omega_b")),
+    "pose": ("position and attitude", ("position", "quaternion", "rpy")),
+    "rates": ("velocity and angular velocity", ("velocity", "omega_b", "omega_a")),
+    "accelerations": ("acceleration and angular acceleration", ("acceleration", "alpha_b")),
+    "conserved": ("angular momentum and kinetic energy", ("angular_momentum_a", "kinetic_energy")),
+}
+"""By the name of a terminal: what it is, and the blocks that it has where an FMU has them."""
+QUATERNION = ("eta", "epsilon_x", "epsilon_y", "epsilon_z")
+TERMINALS_VERSION = "3.0"
+"""The version of FMI that defines the file, also in an FMU of another version."""
+
+OSP_NAMESPACE = "https://open-simulation-platform.com/OspModelDescription/1.0.1"
+OSP_FOLDER = "extra/com.open-simulation-platform"
+
+KINDS = {
+    "quaternion": "Generic", "angular_momentum_a": "Generic", "kinetic_energy": "Generic",
+    "force_a": "Force", "force_b": "Force", "torque_a": "Torque", "torque_b": "Torque",
+    "velocity": "LinearVelocity", "omega_b": "AngularVelocity", "omega_a": "AngularVelocity",
+    "position": "LinearDisplacement", "rpy": "AngularDisplacement",
+    "acceleration": "LinearAcceleration", "alpha_b": "AngularAcceleration",
+}  # fmt: skip
+"""The element of each block, in the order that the schema has."""
+MECHANICAL_PORTS = {
+    "translation": ("LinearMechanicalPort", "force_a", "velocity"),
+    "rotation": ("AngularMechanicalPort", "torque_b", "omega_b"),
+    "rotation_a": ("AngularMechanicalPort", "torque_a", "omega_a"),
+}
+"""By name, two groups in the same axes of which one is put in and the other comes out; their product is a power."""
+
+
+def terminals(d: Description, arrays: bool = False) -> Element:
+    """Return terminalsAndIcons.xml; arrays: a variable is a whole block, not one of its numbers."""
+    root = Element("fmiTerminalsAndIcons", fmiVersion=TERMINALS_VERSION)
+    known, listed = blocks(d, "input", "output"), Element("Terminals")
+    for name, (meaning, members) in GROUPS.items():
+        terminal = Element("Terminal", name=name, matchingRule="bus", description=meaning)
+        for block in (one for one in members if one in known):
+            inner = SubElement(terminal, "Terminal", name=block, matchingRule="plug")
+            names = {"value": block} if arrays else _members(known[block])
+            for member, variable in names.items():
+                said = {"variableName": variable, "memberName": member, "variableKind": "signal"}
+                SubElement(inner, "TerminalMemberVariable", said)
+        listed.extend([terminal] if len(terminal) else [])
+    root.extend([listed] if len(listed) else [])
+    return root
+
+
+def _members(variables: list[Variable]) -> dict[str, str]:
+    """Return the variables of a block by the names that they have in a terminal."""
+    names = QUATERNION if len(variables) == 4 else [v.component or "value" for v in variables]
+    return {name: v.name for name, v in zip(names, variables, strict=True)}
+
+
+def osp_place(d: Description) -> str:
+    """Return where it lies in an FMU; its name is the one that libcosim looks for, where every system takes it."""
+    prefix = f"{d.scene.name}_" if re.fullmatch(r"[A-Za-z0-9_ .-]+", d.scene.name) else ""
+    return f"{OSP_FOLDER}/{prefix}OspModelDescription.xml"
+
+
+def osp_description(d: Description) -> Element:
+    """Return it, with the groups of all inputs and outputs. A group that is part of a port does not stand alone."""
+    root = Element("OspModelDescription", xmlns=OSP_NAMESPACE, version="1.0")
+    groups, known = SubElement(root, "VariableGroups"), blocks(d, "input", "output")
+    ports = {
+        name: (kind, both)
+        for name, (kind, *both) in MECHANICAL_PORTS.items()
+        if known.keys() >= {*both} and known[both[1]][0].causality == "output"
+    }
+    parts = {block for _, both in ports.values() for block in both}
+    groups.extend(_osp_group(block, known[block]) for block in KINDS if block in known and block not in parts)
+    for name, (kind, both) in ports.items():
+        SubElement(groups, kind, name=name).extend(_osp_group(block, known[block]) for block in both)
+    return root
+
+
+def _osp_group(block: str, variables: list[Variable]) -> Element:
+    group = Element(KINDS[block], name=block)
+    for k, v in enumerate(variables):
+        axis = AXES[k] if len(variables) == 3 else ""
+        SubElement(group, "Variable", stated(ref=v.name, unit=unit_of(v), axis=axis))
+    return group

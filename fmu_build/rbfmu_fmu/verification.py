@@ -22,7 +22,7 @@ from rbfmu.runs.plan import initialize
 from rbfmu.types import Array
 from rbfmu_fmu.builder import kernel_hash
 from rbfmu_fmu.description import Description, describe, input_sizes
-from rbfmu_fmu.fmi_version import FmiVersion, version_of
+from rbfmu_fmu.model_description import FmiVersion, version_of
 from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import evaluated, tiered

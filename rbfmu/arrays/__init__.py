@@ -4,7 +4,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from rbfmu.arrays.from_kernel import array_function, checked_function, sequence_function, set_threads
-from rbfmu.arrays.inertia import check_inertia, inertia_of_points
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.mechanics import rigid_body as _rigid_body
 from rbfmu_kernels.rotations import euler_angles as _euler
@@ -14,38 +13,21 @@ from rbfmu_kernels.rotations import rotation_vector as _rotvec
 from rbfmu_kernels.rotations import vec3 as _vec3
 
 if TYPE_CHECKING:
-    from rbfmu.arrays.free_body import free_rotation as free_rotation
-    from rbfmu.arrays.on_demand import *  # noqa: F403
+    from rbfmu.arrays.bodies import check_inertia as check_inertia
+    from rbfmu.arrays.bodies import free_rotation as free_rotation
+    from rbfmu.arrays.bodies import inertia_of_points as inertia_of_points
 
 REFLECTION = "some of these matrices are no rotations (det <= 0, as of a reflection), which gives NaN"
 NO_DIRECTION = "some of these axes have no direction (zero, or beyond 1e150), which gives NaN"
 NEGATIVE = "some of these masses or sizes are negative, which gives NaN"
+HALF_TURN = "some of these rotations are half a turn (|eta| < 4 eps |q|), which gives NaN"
+NO_SHADOW = "some of these parameters are 0, whose shadow set is a full turn, which gives NaN"
 FULL_TURN = "some of these rotation vectors are full turns (|u| = 2 pi n, n >= 1), where they have no rates"
-
-
-def gimbal_lock(seq: str) -> str:
-    """Return what is said of rates of Euler angles."""
-    return (
-        f"some of these Euler angles {seq} are in gimbal lock (|det E| < 4 eps: the middle angle is {_poles(seq)} "
-        "deg), where they have no rates"
-    )
-
-
-def at_pole(seq: str) -> str:
-    """Return what is said of Euler angles of rotations."""
-    return (
-        f"some of these rotations are at a pole of {seq} (middle angle {_poles(seq)} deg): the third angle is set to 0"
-    )
-
-
-def at_pole_or_reflection(seq: str) -> str:
-    """Return what is said of Euler angles of matrices."""
-    return f"{at_pole(seq)}; or {REFLECTION}"
-
-
-def _poles(seq: str) -> str:
-    return "0 or 180" if seq[0] == seq[2] else "-90 or 90"
-
+GIMBAL_LOCK = (
+    "some of these Euler angles {seq} are in gimbal lock (|det E| < 4 eps: the middle angle is {poles} deg), "
+    "where they have no rates"
+)
+AT_POLE = "some of these rotations are at a pole of {seq} (middle angle {poles} deg): the third angle is set to 0"
 
 # Vectors and rotation matrices
 cross = array_function(_vec3.cross)
@@ -81,13 +63,13 @@ omega_b_from_quaternion_rate = array_function(_quaternion.omega_b_from_quaternio
 matrix_from_euler = sequence_function(_euler.matrix_from_euler)
 quaternion_from_euler = sequence_function(_euler.quaternion_from_euler)
 euler_from_matrix = sequence_function(
-    _euler.euler_from_matrix, _euler.matrix_has_no_three_angles, at_pole_or_reflection
+    _euler.euler_from_matrix, _euler.matrix_has_no_three_angles, f"{AT_POLE}; or {REFLECTION}"
 )
-euler_from_quaternion = sequence_function(_euler.euler_from_quaternion, _euler.quaternion_is_at_pole, at_pole)
+euler_from_quaternion = sequence_function(_euler.euler_from_quaternion, _euler.quaternion_is_at_pole, AT_POLE)
 euler_rate_matrix_a = sequence_function(_euler.euler_rate_matrix_a)
 euler_rate_matrix_b = sequence_function(_euler.euler_rate_matrix_b)
-euler_rate_a = sequence_function(_euler.euler_rate_a, _euler.euler_rate_is_singular, gimbal_lock)
-euler_rate_b = sequence_function(_euler.euler_rate_b, _euler.euler_rate_is_singular, gimbal_lock)
+euler_rate_a = sequence_function(_euler.euler_rate_a, _euler.euler_rate_is_singular, GIMBAL_LOCK)
+euler_rate_b = sequence_function(_euler.euler_rate_b, _euler.euler_rate_is_singular, GIMBAL_LOCK)
 
 # Rotation vectors, axis and angle
 quaternion_from_rotvec = array_function(_rotvec.quaternion_from_rotvec)
@@ -102,6 +84,21 @@ axis_angle_from_quaternion = array_function(_rotvec.axis_angle_from_quaternion)
 axis_angle_from_matrix = checked_function(_rotvec.axis_angle_from_matrix, _rotation.is_no_rotation, REFLECTION)
 rotvec_rate_a = checked_function(_rotvec.rotvec_rate_a, _rotvec.rotvec_rate_is_singular, FULL_TURN)
 rotvec_rate_b = checked_function(_rotvec.rotvec_rate_b, _rotvec.rotvec_rate_is_singular, FULL_TURN)
+
+# Gibbs (Rodrigues) parameters and modified ones
+gibbs_from_quaternion = checked_function(_rotvec.gibbs_from_quaternion, _rotvec.gibbs_is_singular, HALF_TURN)
+quaternion_from_gibbs = array_function(_rotvec.quaternion_from_gibbs)
+gibbs_rate_a = array_function(_rotvec.gibbs_rate_a)
+gibbs_rate_b = array_function(_rotvec.gibbs_rate_b)
+mrp_from_quaternion = array_function(_rotvec.mrp_from_quaternion)
+quaternion_from_mrp = array_function(_rotvec.quaternion_from_mrp)
+mrp_shadow = checked_function(_rotvec.mrp_shadow, _rotvec.mrp_is_singular, NO_SHADOW)
+mrp_rate_a = array_function(_rotvec.mrp_rate_a)
+mrp_rate_b = array_function(_rotvec.mrp_rate_b)
+
+# The error of an attitude
+attitude_error = array_function(_quaternion.attitude_error)
+attitude_error_rate = array_function(_quaternion.attitude_error_rate)
 
 # Velocities and accelerations
 compose_omega = array_function(_rigid_body.compose_omega)
@@ -130,25 +127,24 @@ angular_momentum = array_function(_rigid_body.angular_momentum)
 angular_momentum_o = array_function(_rigid_body.angular_momentum_o)
 kinetic_energy = array_function(_rigid_body.kinetic_energy)
 
-_LATER = {
-    "free_body": ("free_rotation",),
-    "on_demand": (
-        "attitude_error", "attitude_error_rate", "gibbs_from_quaternion", "gibbs_rate_a", "gibbs_rate_b",
-        "mrp_from_quaternion", "mrp_rate_a", "mrp_rate_b", "mrp_shadow", "quaternion_from_gibbs", "quaternion_from_mrp",
-        "spatial_inertia", "transform_compose", "transform_from_matrix", "transform_invert", "transform_point",
-        "twist_at", "wrench_at",
-    ),
-}  # fmt: skip
-_HOMES = {name: module for module, names in _LATER.items() for name in names}
+# Homogeneous transforms, twists, wrenches
+transform_from_matrix = array_function(_rigid_body.transform_from_matrix)
+transform_compose = array_function(_rigid_body.transform_compose)
+transform_invert = array_function(_rigid_body.transform_invert)
+transform_point = array_function(_rigid_body.transform_point)
+twist_at = array_function(_rigid_body.twist_at)
+wrench_at = array_function(_rigid_body.wrench_at)
+spatial_inertia = array_function(_rigid_body.spatial_inertia)
 
-__all__ = ["check_inertia", "inertia_of_points", "set_threads"]
+_LATER = ("check_inertia", "free_rotation", "inertia_of_points")
+
+__all__ = ["set_threads", *_LATER]
 __all__ += [name for name, value in globals().items() if hasattr(value, "__wrapped__")]
-__all__ += _HOMES
 
 
 def __getattr__(name: str) -> Any:
-    """Load what is seldom needed when it is first used: free rotation alone takes as long as all others."""
-    if name not in _HOMES:
+    """Load what is more than a kernel when it is first used: free rotation alone takes as long as all others."""
+    if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module(f"rbfmu.arrays.{_HOMES[name]}"), name)
+    value = globals()[name] = getattr(import_module("rbfmu.arrays.bodies"), name)
     return value

@@ -81,17 +81,17 @@ def array_function(kernel: Function, *constants: int, singular: Singular | None 
     return call
 
 
-def checked_function(kernel: Function, singular: Singular, warning: str) -> Function:
+def checked_function(kernel: Function, singular: Singular | None, warning: str, *constants: int) -> Function:
     """Return the array function of a kernel, whose warning begins with its name."""
-    return array_function(kernel, singular=singular, warning=f"{python_function(kernel).__name__}: {warning}")
+    said = f"{python_function(kernel).__name__}: {warning}"
+    return array_function(kernel, *constants, singular=singular, warning=said)
 
 
-def sequence_function(
-    kernel: Function, singular: Singular | None = None, warning: Callable[[str], str] = str
-) -> Function:
+def sequence_function(kernel: Function, singular: Singular | None = None, warning: str = "") -> Function:
     """Return the array function of a kernel of Euler angles: it is compiled once for each sequence.
 
-    singular: as of `array_function`; warning: what is said then, by the sequence's name.
+    singular: as of `array_function`; warning: what is said then, with {seq} for the sequence's name, and {poles} for
+    the middle angles where its outer axes are one.
     """
     functions: dict[str, Function] = {}
 
@@ -101,8 +101,8 @@ def sequence_function(
             function = functions[seq]
         except (KeyError, TypeError):
             number = sequence(seq)
-            said = f"{call.__name__}: {warning(seq)}"
-            function = functions[seq] = array_function(kernel, number, singular=singular, warning=said)
+            said = warning.format(seq=seq, poles="0 or 180" if seq[0] == seq[2] else "-90 or 90")
+            function = functions[seq] = checked_function(kernel, singular, said, number)
         return function(*args, **kwargs)
 
     return call

@@ -252,7 +252,7 @@ class _Search:
         scene = self._asked.replace(changes(self._charts, p))
         tables, interpolate = ({} if self._inputs[0] is None else input_tables(scene, *self._inputs)), self._inputs[1]
         time = np.unique(np.append(scene.run.start, data.time))
-        found = self._varied.along_drive(scene, drive_of(scene, tables, interpolate, time=time))
+        found = self._varied.along(scene, drive_of(scene, tables, interpolate, time=time))
         rows = np.searchsorted(time, data.time)
         by_coordinate, left, slopes = self._slopes(p), dict[str, Array](), dict[str, Array]()
         for name, values in data.values.items():

@@ -9,8 +9,7 @@ import pytest
 import rbfmu
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.fmi_version import FMI2
-from rbfmu_fmu.model_description import model_description
+from rbfmu_fmu.model_description import FMI2, model_description
 from rbfmu_kernels.quantities import UNITS
 from tests.support.fmu.fmus import TABLES, built, planned, scene, unzipped
 

@@ -17,9 +17,9 @@ from lxml import etree
 import rbfmu
 import rbfmu_fmu
 from rbfmu.scene.scene import Scene
-from rbfmu_fmu import builder, model_description, presentation
+from rbfmu_fmu import builder, presentation
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.fmi_version import FMI2, FMI3, FMI3_SCALARS
+from rbfmu_fmu.model_description import FMI2, FMI3, FMI3_SCALARS
 from rbfmu_fmu.presentation import page, presentation_files
 from tests.support.fmu.fmus import TABLES, built, planned, scene, unzipped
 from tests.support.paths import ROOT
@@ -183,7 +183,7 @@ def test_licences_are_those_of_what_is_inside():
 @pytest.mark.parametrize("name", NAMES)
 def test_terminals_are_valid_and_hold_each_input_and_output_once(name, arrays):
     d = described(name)
-    root = etree.fromstring(ElementTree.tostring(model_description.terminals(d, arrays)))
+    root = etree.fromstring(ElementTree.tostring(presentation.terminals(d, arrays)))
     etree.XMLSchema(etree.parse(SCHEMA)).assertValid(root)
     members = [m.get("variableName") for m in root.iter("TerminalMemberVariable")]
     wanted = [v.block if arrays else v.name for v in d.variables if v.causality != "parameter"]
@@ -194,20 +194,20 @@ def test_terminals_are_valid_and_hold_each_input_and_output_once(name, arrays):
 
 
 def test_members_of_terminals_are_axes():
-    root = model_description.terminals(described("driven"))
+    root = presentation.terminals(described("driven"))
     found = {t.get("name"): [m.get("memberName") for m in t if "Member" in m.tag] for t in root.iter("Terminal")}
     assert found["torque_b"] == found["position"] == ["x", "y", "z"]
     assert found["quaternion"] == ["eta", "epsilon_x", "epsilon_y", "epsilon_z"]
     assert found["rpy"] == ["roll", "pitch", "yaw"]
     assert found["kinetic_energy"] == ["value"]
-    assert [t.get("name") for t in root.find("Terminals")] == list(model_description.GROUPS)
+    assert [t.get("name") for t in root.find("Terminals")] == list(presentation.GROUPS)
 
 
 # --- groups of libcosim's
 
 
 def groups(name):
-    return ElementTree.fromstring(ElementTree.tostring(model_description.osp_description(described(name)))).find(
+    return ElementTree.fromstring(ElementTree.tostring(presentation.osp_description(described(name)))).find(
         f"{OSP}VariableGroups"
     )
 
@@ -219,7 +219,7 @@ def test_groups_hold_each_input_and_output_once_in_the_schema_s_order(name):
     assert sorted(refs) == sorted(v.name for v in described(name).variables if v.causality != "parameter")
     names = [g.get("name") for g in found.iter() if g.get("name")]
     assert len(set(names)) == len(names)
-    kinds = [*dict.fromkeys(model_description.KINDS.values()), "LinearMechanicalPort", "AngularMechanicalPort"]
+    kinds = [*dict.fromkeys(presentation.KINDS.values()), "LinearMechanicalPort", "AngularMechanicalPort"]
     order = [kinds.index(group.tag.removeprefix(OSP)) for group in found]
     assert order == sorted(order)
 
@@ -237,7 +237,7 @@ def test_its_name_is_the_one_that_libcosim_looks_for():
     place = "extra/com.open-simulation-platform/driven_OspModelDescription.xml"
     assert (unzipped("driven") / place).exists()
     odd = rbfmu.Scene.from_dict(TABLES["default"] | {"name": "größe"})
-    assert model_description.osp_place(describe(odd, planned("default"))).endswith("/OspModelDescription.xml")
+    assert presentation.osp_place(describe(odd, planned("default"))).endswith("/OspModelDescription.xml")
 
 
 @pytest.mark.parametrize(("version", "member"), [(FMI3, "quaternion"), (FMI3_SCALARS, "quaternion[1]")])

@@ -146,3 +146,18 @@ def test_a_change_is_one_percent_of_the_largest_number_of_a_key():
     assert found.changes("attitude")["initial.attitude"][0] == pytest.approx(0.01 * np.sqrt(3.0))
     one = rbfmu.sensitivity(scene(), ["body.inertia[1,1]"])
     assert [*one.changes("omega_b")] == [*one.numbers] == ["body.inertia[1,1]"]
+
+
+def test_a_run_that_stops_at_a_communication_point_has_it_once():
+    """It falls 5 m in 1 s, two steps of 0.5 s."""
+    falls = {
+        "body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},
+        "initial": {"position": [0, 0, 5.0]},
+        "loads": {"gravity_a": [0, 0, -10.0]},
+        "outputs": {"quantities": ["position"]},
+        "events": {"hit": {"when": "position[3]", "direction": "falling", "stop": True}},
+        "run": {"stop": 3.0, "step": 0.5, "accuracy": 1e-9},
+    }
+    scene = rbfmu.Scene.from_dict(falls)
+    along = rbfmu.sensitivity(scene, ["initial.position"])
+    assert along.time.tolist() == rbfmu.simulate(scene).time.tolist() == [0.0, 0.5, 1.0]

@@ -1,13 +1,53 @@
-"""The platforms that a native FMU can be built for, by name."""
+"""The platforms that FMUs are compiled for, by name, and how C and object files are linked for each.
 
-import platform
+That is by the machine's own C compiler or, for any platform, by ziglang.
+"""
+
+import shutil
+import struct
+import subprocess
 import sys
-from collections.abc import Iterable
+import tempfile
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from platform import machine
+
+from rbfmu.extras import remedy
+
+FMI_HEADERS = Path(str(find_spec("fmpy").origin)).parent / "c-code"  # type: ignore[union-attr]
+"""FMI's own headers, as FMPy ships them; FMPy is not loaded for them."""
+
+HEADERS = ("cosimulation.h", "instance.h", "model.h")
+"""The headers of `native/`, which stand beside every C source when it is compiled."""
+
+ANY_VERSION = ("values.c", "steps.c", "derivatives.c", "messages.c", "saved_states.c")
+"""The C sources of an FMU that know no version of FMI."""
+
+# The C layer rounds as the kernels do: without -ffp-contract=off a compiler may fuse a * b + c, which rounds once where
+# two operations round twice, and a processor with fused products would give other bits than one without (C11 6.5,
+# paragraph 8). Hidden symbols keep two FMUs in one process apart: only the functions of FMI are found by name, so that
+# neither calls the other's `step`. No unwind tables, as nothing here throws.
+FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fno-asynchronous-unwind-tables"]
+FLAGS += ["-shared", "-s"]
+FORMAT_FLAGS = {
+    ".so": ["-fPIC", "-Wl,--build-id=none,--gc-sections,-z,defs"],
+    ".dylib": ["-fPIC"],
+    ".dll": ["-D__USE_MINGW_ANSI_STDIO=0"],  # else MinGW's own printf is linked in, 50 kB
+}
 
 
 class BuildError(ValueError):
     """An FMU that cannot be built here, and why."""
+
+
+class NoLinkerError(BuildError):
+    """There is no C compiler for a platform."""
+
+
+class LinkError(BuildError):
+    """The compiler failed; the message is what it said."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +102,74 @@ def is_this(one: Platform) -> bool:
 
 def _here() -> str:
     """Return processor and system, as ziglang names them."""
-    machine = platform.machine().lower()
-    processor = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
+    name = machine().lower()
+    processor = {"amd64": "x86_64", "arm64": "aarch64"}.get(name, name)
     return f"{processor}-{ {'darwin': 'macos', 'win32': 'windows'}.get(sys.platform, sys.platform) }"
+
+
+def link(
+    layer: Sequence[str],
+    objects: dict[str, bytes],
+    platform: Platform,
+    name: str,
+    includes: dict[str, str] | None = None,
+) -> bytes:
+    """Link object files and C sources of `native/` to a shared library, stripped, the same bytes each time.
+
+    layer: names of the C sources; objects: contents by file name; name: of the library, without its suffix;
+    includes: generated C headers by file name, or headers to be used in place of those of `native/`.
+    """
+    with tempfile.TemporaryDirectory(prefix="rbfmu_") as place:
+        folder, library = Path(place), f"{name}{platform.suffix}"
+        contents = {f: source(f) for f in (*layer, *HEADERS)} | objects
+        contents |= {include: text.encode("ascii") for include, text in (includes or {}).items()}
+        for file, content in contents.items():
+            (folder / file).write_bytes(content)
+        command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], f"-I{FMI_HEADERS}"]
+        command += [*layer, *objects, "-lm", "-o", library]
+        done = subprocess.run(command, capture_output=True, cwd=folder, check=False, encoding="utf-8", errors="replace")
+        if done.returncode:
+            raise LinkError(f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}")
+        return (folder / library).read_bytes()
+
+
+def source(name: str) -> bytes:
+    """Return the contents of a C source or header of `native/`."""
+    return Path(__file__).with_name(name).read_bytes()
+
+
+def compiler(platform: Platform) -> list[str]:
+    """Return the command that compiles C for a platform. Raises NoLinkerError.
+
+    ziglang comes first: it is the same compiler and C library on every machine, so that the bytes are the same too.
+    """
+    if find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
+    own = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+    if own and sys.platform != "win32" and is_this(platform):
+        return [own, "-Wl,-z,noseparate-code"] if platform.suffix == ".so" else [own]  # 8 kB less
+    own_remedy = ", or a C compiler on PATH (cc, gcc or clang)" if is_this(platform) else ""
+    raise NoLinkerError(
+        f"a native FMU for {platform.name} needs {remedy('native')} (ziglang, compiles for every platform){own_remedy}"
+    )
+
+
+def takes_minutes(platform: Platform) -> bool:
+    """Return whether ziglang compiles a C library first, which takes minutes once: for Linux it takes seconds."""
+    try:
+        return "ziglang" in compiler(platform) and platform.suffix != ".so"
+    except NoLinkerError:  # linking says so
+        return False
+
+
+def universal(libraries: list[bytes]) -> bytes:
+    """Join libraries for one or two processors of macOS into one (Mach-O, by <mach-o/fat.h>)."""
+    if len(libraries) == 1:
+        return libraries[0]
+    align, place, header, body = 14, 1 << 14, struct.pack(">II", 0xCAFEBABE, len(libraries)), b""
+    for library in libraries:
+        processor = library[4:12][::-1]  # subtype, type: big-endian here
+        body += bytes(-len(body) % place)
+        header += processor[4:] + processor[:4] + struct.pack(">III", place + len(body), len(library), align)
+        body += library
+    return header.ljust(place, b"\0") + body

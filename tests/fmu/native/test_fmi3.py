@@ -16,8 +16,7 @@ import rbfmu_fmu
 from rbfmu.cli import main
 from rbfmu.simulation import simulate
 from rbfmu_fmu import builder, verify
-from rbfmu_fmu.native.linking import FMI_HEADERS
-from rbfmu_fmu.native.platforms import PLATFORMS
+from rbfmu_fmu.native.platforms import FMI_HEADERS, PLATFORMS
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
 from tests.support.covering import some_of
 from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore

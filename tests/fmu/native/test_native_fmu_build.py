@@ -15,10 +15,9 @@ import pytest
 
 import rbfmu_fmu
 from rbfmu_fmu import VerificationError, builder, verify
-from rbfmu_fmu.fmi_version import FMI2
-from rbfmu_fmu.native import linking, object_code
-from rbfmu_fmu.native.linking import NoLinkerError, universal
-from rbfmu_fmu.native.platforms import PLATFORMS, BuildError, platforms_named, this_platform
+from rbfmu_fmu.model_description import FMI2
+from rbfmu_fmu.native import object_code, platforms
+from rbfmu_fmu.native.platforms import PLATFORMS, BuildError, NoLinkerError, platforms_named, this_platform, universal
 from tests.support.command_line import call
 from tests.support.fmu.builds import KILLED, build_elsewhere
 from tests.support.fmu.elf import elf
@@ -138,7 +137,7 @@ def test_five_processors_and_both_linkers_build_the_same_bytes(name, kind, tmp_p
         assert len(guids) == 1  # a hash of the object code and of the C sources
 
 
-WITHOUT_ZIGLANG = "from rbfmu_fmu.native import linking; linking.find_spec = lambda name: None"
+WITHOUT_ZIGLANG = "from rbfmu_fmu.native import platforms; platforms.find_spec = lambda name: None"
 
 
 # --- what is kept
@@ -207,7 +206,7 @@ def test_a_build_that_fails_leaves_nothing(tmp_path, monkeypatch):
 
 def test_without_any_compiler_one_message_names_both_remedies(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(linking, "find_spec", lambda name: None)
+    monkeypatch.setattr(platforms, "find_spec", lambda name: None)
     with pytest.raises(NoLinkerError, match=r'pip install "rbfmu\[native\]".*, or a C compiler on PATH'):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native")
     other = "win64" if this_platform().name != "win64" else "linux64"
@@ -231,9 +230,9 @@ def test_unknown_platforms_and_kinds_are_refused(tmp_path):
 def test_what_the_c_compiler_says_is_in_the_message(tmp_path, monkeypatch):
     exported = b'__attribute__((visibility("default")))'
     layer = b"int unknown(void); %s int f(void) { return unknown(); }" % exported
-    own = linking.source
-    monkeypatch.setattr(linking, "source", lambda name: layer if name == FMI2.signatures else own(name))
-    with pytest.raises(linking.LinkError, match="unknown"):
+    own = platforms.source
+    monkeypatch.setattr(platforms, "source", lambda name: layer if name == FMI2.signatures else own(name))
+    with pytest.raises(platforms.LinkError, match="unknown"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native")
 
 
@@ -316,7 +315,7 @@ def test_bad_usage_is_one_message_and_status_2(options, message, tmp_path):
 
 def test_a_machine_without_compilers_gets_one_message(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(linking, "find_spec", lambda name: None)
+    monkeypatch.setattr(platforms, "find_spec", lambda name: None)
     result = call("build", SCENES / "gyro_attitude.toml", "--native", "-o", tmp_path / "it.fmu")
     assert result.exit_code == 2
     assert 'pip install "rbfmu[native]"' in result.stderr

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.fmi_version import FMI2
-from rbfmu_fmu.native import headers, linking
+from rbfmu_fmu.model_description import FMI2
+from rbfmu_fmu.native import headers, platforms
 from rbfmu_fmu.native.platforms import this_platform
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
 from tests.support.fmu.beside_kernels import LOADED
@@ -360,9 +360,9 @@ __attribute__((visibility("default"))) const unsigned char *told_of(const char *
 
 def test_a_message_that_is_too_long_ends_with_its_buffer(tmp_path):
     probed = headers.headers(describe(scene("driven"), planned("driven")), FMI2, "{}")
-    probed["instance.h"] = f"#include <stdio.h>\n{linking.source('instance.h').decode()}{PROBE}"
+    probed["instance.h"] = f"#include <stdio.h>\n{platforms.source('instance.h').decode()}{PROBE}"
     library = tmp_path / "messages.so"
-    library.write_bytes(linking.link(["messages.c"], {}, this_platform(), "messages", probed))
+    library.write_bytes(platforms.link(["messages.c"], {}, this_platform(), "messages", probed))
     told_of = ctypes.CDLL(str(library)).told_of
     told_of.restype = ctypes.c_char_p
     for size in (0, 1, 1017, 1018, 3000):

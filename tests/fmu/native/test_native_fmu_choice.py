@@ -11,10 +11,9 @@ import pytest
 
 from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.native import linking
-from rbfmu_fmu.native.linking import link
+from rbfmu_fmu.native import platforms
 from rbfmu_fmu.native.object_code import object_files
-from rbfmu_fmu.native.platforms import PLATFORMS, this_platform
+from rbfmu_fmu.native.platforms import PLATFORMS, link, this_platform
 from tests.support.fmu.fmus import planned, scene, signal
 
 pytestmark = pytest.mark.skipif(
@@ -30,8 +29,8 @@ def loaded(layer, objects, folder, monkeypatch, choice=None):
     """The library of a C layer, of which tests may say what it uses."""
     said = "" if choice is None else f"#define USES_AVX2 {choice}\n"
     with monkeypatch.context() as patch:
-        own = linking.source
-        patch.setattr(linking, "source", lambda name: layer if name == "layer.c" else own(name))
+        own = platforms.source
+        patch.setattr(platforms, "source", lambda name: layer if name == "layer.c" else own(name))
         content = link(["layer.c"], objects, this_platform(), "model", {"model.h": said + own("model.h").decode()})
     path = folder / f"model {len(list(folder.iterdir()))}.so"
     path.write_bytes(content)
@@ -83,7 +82,7 @@ CASES = {
 def test_either_step_gives_the_kernels_bits(choice, case, tmp_path, monkeypatch):
     name = CASES[case]
     plan = planned(name)
-    layer = linking.source("exports.c")
+    layer = platforms.source("exports.c")
     library = loaded(layer, object_files(plan.kernels, this_platform()), tmp_path, monkeypatch, choice)
     if choice and "avx2" not in CPU:
         pytest.skip("no AVX2 here")

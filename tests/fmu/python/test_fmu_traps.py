@@ -16,7 +16,7 @@ import pytest
 import rbfmu_fmu
 from rbfmu_fmu import builder
 from rbfmu_fmu.builder import build_python_fmu
-from rbfmu_fmu.native import linking
+from rbfmu_fmu.native import platforms
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.python import pythonfmu_traps
 from rbfmu_fmu.python.slave import Slave
@@ -99,7 +99,7 @@ def test_shipped_code_needs_no_numba_and_no_numpy(name):
 @pytest.mark.parametrize("name", some_of(["brick", "driven"], 1))
 def test_built_without_a_linker_it_ships_an_object_file(name, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(linking, "find_spec", lambda module: None)
+    monkeypatch.setattr(platforms, "find_spec", lambda module: None)
     folder = unzipped_at(build_python_fmu(scene(name), planned(name), tmp_path / "it.fmu"), tmp_path / "it")
     assert [path.suffix for path in folder.glob("resources/*/model-*")] == [".o"]
     found, errors = run_case("rows_and_imports", folder)

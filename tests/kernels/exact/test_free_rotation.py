@@ -12,7 +12,7 @@ import pytest
 from numba import config, njit
 
 import rbfmu
-from rbfmu.arrays.free_body import free_rotation as free_rotation_array
+from rbfmu.arrays.bodies import free_rotation as free_rotation_array
 from rbfmu_kernels import compose_quaternions
 from rbfmu_kernels import free_rotation as body_at
 from rbfmu_kernels.exact import free_rotation as lanes

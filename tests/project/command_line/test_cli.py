@@ -250,7 +250,7 @@ def test_what_may_take_minutes_is_said_beforehand(
 
     monkeypatch.setattr("rbfmu_fmu.build", build_nothing)
     monkeypatch.setattr("rbfmu_fmu.native.platforms.this_platform", lambda: PLATFORMS["linux64"])
-    monkeypatch.setattr("rbfmu_fmu.native.linking.compiler", lambda p: ["ziglang"])
+    monkeypatch.setattr("rbfmu_fmu.native.platforms.compiler", lambda p: ["ziglang"])
     monkeypatch.setattr("click.echo", lambda text, err=False: said.append(str(text) if err else "printed"))
     assert call("build", short, "--native", "--platform", names, "-o", tmp_path / "it.fmu").exit_code == 0
     why = "the first time takes minutes, as ziglang builds the platform's C library"

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from rbfmu_fmu.builder import c_sources
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.fmi_version import FMI2, FMI3
+from rbfmu_fmu.model_description import FMI2, FMI3
 from rbfmu_fmu.native import headers as native_headers
-from rbfmu_fmu.native import linking
+from rbfmu_fmu.native import platforms
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import this_platform
 from tests.support.fmu.fmus import planned, scene
@@ -52,7 +52,7 @@ def compiled(name, folder, compiler, flags=(), spoilt=None, fmi="fmi2"):
     description = describe(scene(name), planned(name))
     headers = native_headers.headers(description, version, "{00000000-0000-0000-0000-000000000000}")
     objects = object_files(planned(name).kernels, this_platform())
-    sources = {file: linking.source(file).decode() for file in (*c_sources(version), *linking.HEADERS)}
+    sources = {file: platforms.source(file).decode() for file in (*c_sources(version), *platforms.HEADERS)}
     if spoilt:
         (file,) = (file for file, text in sources.items() if spoilt[0] in text)
         sources[file] = sources[file].replace(*spoilt)
@@ -61,7 +61,7 @@ def compiled(name, folder, compiler, flags=(), spoilt=None, fmi="fmi2"):
     for file, content in objects.items():
         (folder / file).write_bytes(content)
     program = folder / f"fuzz_{name}"
-    command = [compiler, *FLAGS, *flags, f"-I{folder}", f"-I{linking.FMI_HEADERS}", C_SOURCES / fuzzer]
+    command = [compiler, *FLAGS, *flags, f"-I{folder}", f"-I{platforms.FMI_HEADERS}", C_SOURCES / fuzzer]
     parts = [*objects, *(file for file in c_sources(version) if file != INCLUDED)]
     subprocess.run([*command, *[folder / part for part in parts], "-lm", "-o", program], check=True)
     return program

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.native.slopes import slopes_header
+from rbfmu_fmu.native.headers import slopes_header
 from rbfmu_fmu.python.call_rules import CALLS, INITIALIZING, INSTANTIATED, SETTABLE, STEPPING, TERMINATED
 from rbfmu_kernels.buffer import OK as STEP_OK
 from rbfmu_kernels.buffer import PAST_STOP, STEP_REJECTED

@@ -1,0 +1,138 @@
+"""Array functions of bodies that are more than a kernel over leading axes: their inertia, and exact free motion.
+
+Free motion takes one setup per body, however many times are asked for; several times of many bodies are computed for
+some bodies at once, in the lanes of a vector, to the same bits.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import config
+from numpy.typing import ArrayLike
+
+from rbfmu.arrays.from_kernel import array_function, as_floats, clear_error, documented_by, in_order, warn_of_singular
+from rbfmu.types import Array
+from rbfmu_kernels.compile.simd import widest
+from rbfmu_kernels.exact.free_rotation import (
+    SCRATCH,
+    free_rotation_at,
+    free_rotation_is_singular,
+    free_rotation_setup,
+    free_rotations_in_eight,
+    free_rotations_in_four,
+)
+from rbfmu_kernels.exact.free_rotation import free_rotation as _kernel
+from rbfmu_kernels.mechanics import inertia as _inertia
+from rbfmu_kernels.types import Shape
+
+_reasons = array_function(_inertia.check_inertia)
+_principal_axes = array_function(_inertia.principal_axes)
+
+
+def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, Array, Array]:
+    """Return (mass, r_oc, M_c) of particles: their mass, centre of mass, and inertia about that.
+
+    Shapes: masses (n), positions (n, 3) -> (), (3), (3, 3); leading axes broadcast.
+    Units: masses in kg, together above 0, positions in m, from o; M_c in kg m^2.  Frames: all in one frame.
+    Error <= 1 eps of the mass, of the largest position and of the trace, for any n: sums are compensated, and a cloud
+    far away loses no digits but those of its positions.
+    Singular: where the masses' sum is not above 0, a ValueError.  Source: E&G (7.30); lecture, "Inertia dyadic".
+    """
+    m, r = as_floats("inertia_of_points", "masses", masses), as_floats("inertia_of_points", "positions", positions)
+    if r.ndim < 2 or r.shape[-1] != 3:
+        raise ValueError(f"inertia_of_points: positions must have trailing shape (n, 3), got {r.shape}")
+    if m.ndim < 1 or m.shape[-1] != r.shape[-2]:
+        raise ValueError(f"inertia_of_points: masses must have trailing shape ({r.shape[-2]},), got {m.shape}")
+    leading, n = np.broadcast_shapes(m.shape[:-1], r.shape[:-2]), m.shape[-1]
+    clouds = math.prod(leading)
+    mass, r_oc, M_c = np.empty(clouds), np.empty((clouds, 3)), np.empty((clouds, 3, 3))
+    m = np.array(np.broadcast_to(m, (*leading, n))).reshape(clouds, n)  # copies: packed, as the kernel was compiled for
+    r = np.array(np.broadcast_to(r, (*leading, n, 3))).reshape(clouds, n, 3)
+    _inertia.inertia_of_clouds(m, r, mass, r_oc, M_c)
+    if np.any(mass <= 0.0):
+        raise ValueError("inertia_of_points: masses must have a sum above 0 (kg)")
+    return mass.reshape(leading)[()], r_oc.reshape(*leading, 3), M_c.reshape(*leading, 3, 3)
+
+
+def check_inertia(M: ArrayLike) -> None:
+    """Raise a ValueError that says why M is no inertia matrix of a rigid body, where it is none.
+
+    It is none where it is not finite, not symmetric, or a principal moment is negative or above the sum of the other
+    two. One zero moment is a slender beam and allowed, all three are a particle.
+    Shapes: M (3, 3), with any leading axes.
+    Units: any, commonly kg m^2.  Frames: any.
+    Error: each condition may be broken by 1e-12 of the trace.  Singular: nowhere.  Source: lecture, "Inertia dyadic".
+    """
+    M = as_floats("check_inertia", "M", M)
+    reasons = np.asarray(_reasons(M))
+    if not reasons.any():
+        return
+    index = np.unravel_index(np.flatnonzero(reasons)[0], reasons.shape)
+    where = "M" + (f"[{', '.join(map(str, index))}]" if index else "")
+    raise ValueError(f"check_inertia: {where} {_said(int(reasons[index]), M[index])}")
+
+
+def _said(reason: int, M: Array) -> str:
+    if reason == _inertia.NOT_FINITE:
+        return f"is not finite: {M.tolist()}"
+    if reason == _inertia.NOT_SYMMETRIC:
+        return f"is not symmetric: {M.tolist()}"
+    low, middle, high = _principal_axes(M)[0]
+    if reason == _inertia.NEGATIVE:
+        return f"has a negative principal moment: {low:.6g}, {middle:.6g}, {high:.6g} kg m2"
+    return f"breaks the triangle inequality: {high:.6g} kg m2 is above {low:.6g} + {middle:.6g}"
+
+
+# Exact free motion
+
+_FEW = 8
+"""Bodies from which on lanes pay."""
+_impossible = "free_rotation: some of these moments are of no body (negative, infinite, or 0 beside two that differ)"
+_one_time_per_body = array_function(_kernel, singular=free_rotation_is_singular, warning=_impossible)
+_setup = array_function(free_rotation_setup, singular=free_rotation_is_singular, warning=_impossible)
+_at = array_function(free_rotation_at)
+
+
+@documented_by(_kernel)
+def free_rotation(*args: Any, **kwargs: Any) -> Any:
+    args, kwargs = in_order(_kernel, args, kwargs)
+    try:
+        if not kwargs and (found := _in_lanes(*args)):
+            return found
+        if len(args) < 4 or np.ndim(args[3]) == 0 or not _times_exceed_bodies(*args[:4]):
+            return _one_time_per_body(*args, **kwargs)
+        return _at(_setup(*args[:3]), *args[3:], **kwargs)
+    except (TypeError, ValueError) as error:
+        raise clear_error(_kernel, args, kwargs, error) from None
+
+
+def _times_exceed_bodies(moments: ArrayLike, q_0: ArrayLike, omega_b_0: ArrayLike, t: ArrayLike) -> bool:
+    bodies = np.broadcast_shapes(*(np.shape(a)[:-1] for a in (moments, q_0, omega_b_0)))
+    return math.prod(np.broadcast_shapes(bodies, np.shape(t))) > math.prod(bodies)
+
+
+def _in_lanes(*args: ArrayLike) -> tuple[Array, Array] | None:
+    """Return the motions (..., n, 4) and (..., n, 3) of bodies (..., 1) at n times; None where they are not such."""
+    arrays = [np.asarray(a) for a in args]
+    if config.DISABLE_JIT or len(arrays) != 4 or any(a.dtype.kind not in "iuf" for a in arrays):
+        return None
+    if any(a.shape[-1:] != (n,) for a, n in zip(arrays, (3, 4, 3), strict=False)):
+        return None
+    bodies, t = np.broadcast_shapes(*(a.shape[:-1] for a in arrays[:3])), arrays[3]
+    shape = np.broadcast_shapes(bodies, t.shape)
+    if bodies[-1:] != (1,) or len(shape) != len(bodies) or math.prod(bodies) < _FEW or shape[-1:] < (2,):
+        return None
+    moments, q_0, omega_b_0 = (_flat(a, (*shape[:-1], 1, a.shape[-1]), a.shape[-1]) for a in arrays[:3])
+    t = _flat(t, t.shape if math.prod(t.shape) == shape[-1] else shape, shape[-1])
+    q, omega = np.empty((len(moments), t.shape[-1], 4)), np.empty((len(moments), t.shape[-1], 3))
+    motions = free_rotations_in_eight if widest() == 8 else free_rotations_in_four
+    if motions(moments, q_0, omega_b_0, t, np.zeros(SCRATCH), q, omega):
+        warn_of_singular(_impossible)
+    return q.reshape(*shape, 4), omega.reshape(*shape, 3)
+
+
+def _flat(a: Array, shape: Shape, width: int) -> Array:
+    """Return an array broadcast to a shape as rows of `width` numbers."""
+    rows = np.broadcast_to(a, shape).reshape(-1, width)
+    return np.require(rows, float, ("C", "W"))
