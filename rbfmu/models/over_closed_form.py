@@ -4,7 +4,7 @@ from functools import cached_property
 from typing import Any
 
 from rbfmu.formulas.motion import CONSTANT, by_element
-from rbfmu.formulas.program import program
+from rbfmu.formulas.program import Program
 from rbfmu.formulas.source import source_over
 from rbfmu.models.formulas import FormulaModel
 from rbfmu.models.model_buffer import size_of_block
@@ -22,7 +22,7 @@ class OverClosedForm(FormulaModel):
     def __init__(self, formulas: FormulaModel, base: str) -> None:
         super().__init__(formulas.scene, formulas.given, formulas.texts)
         self._base, self._closed_form = base, model_named(base)
-        self.program = program(self.motion.graph, {}, dict(by_element(self.texts.own)))
+        self.program = Program(self.motion.graph, {}, dict(by_element(self.texts.own)))
 
     @cached_property
     def blocks(self) -> buffer.Layout:
@@ -37,10 +37,7 @@ class OverClosedForm(FormulaModel):
     def source(self) -> str:
         """Return the text of the generated kernels."""
         loads = {n if n == "damping_b" else f"constant_{n}": x for n, x in (self.plain_loads or {}).items()}
-        targets = {element: self.place(element) for element, _ in by_element(loads)}
-        layout = self._placed
-        placed = layout._replace(targets={**layout.targets, **targets})
-        return source_over(self.program, placed, self._changes, dict(by_element(loads)))
+        return source_over(self.program, self.place, self._changes, dict(by_element(loads)))
 
     @property
     def _places(self) -> dict[str, Any]:

@@ -126,7 +126,7 @@ def _without_formulas(scene: Scene, formulas: FormulaModel) -> Question | None:
 def _cost(asked: Question, plan: Plan, substeps: float) -> float:
     """Return ns a communication step."""
     formulas = _known(plan.formulas)
-    n, slots, states = plan.order, 4 * len(formulas.layout.groups), len(formulas.rates)
+    n, slots, states = plan.order, 4 * len(formulas.program.groups), len(formulas.rates)
     of_an_order = len(formulas.program.varying) * NS_AN_OPERATION + states * NS_A_STATE
     series = 0.5 * n * n * slots * NS_A_TERM + n * of_an_order
     return series * substeps / communication_steps(asked.scene) + states * NS_SHOWN
