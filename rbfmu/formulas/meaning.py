@@ -2,7 +2,9 @@
 
 import ast
 import math
+import operator
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,6 +71,10 @@ class Table(NamedTuple):
         return found
 
 
+NO_NUMBER = (Condition, Table)
+"""What formulas may name or say that is no scalar, vector or matrix."""
+
+
 class MismatchError(ValueError):
     """What was expected instead of the arguments."""
 
@@ -77,6 +83,12 @@ def _scalar(x: Array) -> Number:
     if isinstance(x, np.ndarray | Condition | Table):
         raise MismatchError("a scalar")
     return x  # type: ignore[no-any-return]
+
+
+def _number(x: Array) -> Array:
+    if isinstance(x, NO_NUMBER):
+        raise MismatchError("a number")
+    return x
 
 
 def _vector(x: Array) -> Array:
@@ -102,14 +114,16 @@ def _of_scalars(function: Callable[..., Number]) -> Callable[..., Array]:
 
 
 def _dot(a: Array, b: Array) -> Number:
-    if np.ndim(a) != 1 or shape_of(a) != shape_of(b):
+    if len(shape_of(a)) != 1 or shape_of(a) != shape_of(b):
         raise MismatchError("two vectors of one length")
-    return sum((x * y for x, y in zip(a, b, strict=True)), 0.0)
+    return 0.0 + a @ b  # type: ignore[no-any-return]  # not -0.0
 
 
 def _cross(a: Array, b: Array) -> Array:
-    (a1, a2, a3), (b1, b2, b3) = _vector(a), _vector(b)
-    return np.array([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], object)
+    return np.cross(_vector(a), _vector(b))
+
+
+_times = np.frompyfunc(operator.mul, 2, 1)  # of scalars of a graph, which know no arrays
 
 
 def _beside(x: Number) -> Number:
@@ -128,8 +142,7 @@ def _largest(a: Number, b: Number) -> Number:
 def _where(condition: Array, a: Array, b: Array) -> Array:
     if shape_of(a) != shape_of(b):
         raise MismatchError("two values of one shape")
-    side = _condition(condition).side
-    return _each(lambda x, y: graph.select(side, x, y), a, b)
+    return np.frompyfunc(partial(graph.select, _condition(condition).side), 2, 1)(_number(a), _number(b))
 
 
 FUNCTIONS: Mapping[str, Function] = {
@@ -167,18 +180,9 @@ def shape_of(x: Array) -> tuple[int, ...]:
 def value_of(text: str, names: Mapping[str, Array], functions: Mapping[str, Function] = FUNCTIONS) -> Array:
     """Return what a formula gives where names stand for numbers. Raises FormulaError."""
     found = _Reader(text, names, functions).value(read(text))
-    if isinstance(found, Condition | Table):
+    if isinstance(found, NO_NUMBER):
         raise FormulaError(text, 0, "a number, a vector or a matrix; where(condition, 1, 0) makes a number")
     return found
-
-
-def _each(function: Callable[..., Number], *values: Array) -> Array:
-    """Return a function of all components of values; scalars go with each."""
-    if not any(isinstance(x, np.ndarray) for x in values):
-        return function(*values)
-    parts = np.broadcast_arrays(*(np.asarray(x, object) for x in values))
-    found = [function(*row) for row in zip(*(part.flat for part in parts), strict=True)]
-    return np.array(found, object).reshape(parts[0].shape)
 
 
 class _Reader:
@@ -197,7 +201,7 @@ class _Reader:
             raise self._fault(node, str(error)) from None
         except (ArithmeticError, ValueError):  # a root of -1, a division by zero, 10.0 ** 400
             raise self._fault(node, "a finite number") from None
-        numbers: Any = [] if isinstance(found, Condition | Table) else np.asarray(found, object).flat
+        numbers: Any = [] if isinstance(found, NO_NUMBER) else np.asarray(found, object).flat
         if any(isinstance(x, complex) or (isinstance(x, float) and not math.isfinite(x)) for x in numbers):
             raise self._fault(node, "a finite number")
         return found
@@ -224,7 +228,7 @@ class _Reader:
     def _list(self, node: ast.List) -> Array:
         items = [self.value(item) for item in node.elts]
         shapes = {shape_of(item) for item in items}
-        if not items or any(isinstance(x, Condition) for x in items) or len(shapes) > 1 or len(shapes.pop()) > 1:
+        if not items or any(isinstance(x, NO_NUMBER) for x in items) or len(shapes) > 1 or len(shapes.pop()) > 1:
             raise MismatchError("numbers, or rows of one length")
         return np.array(items, object)
 
@@ -235,13 +239,11 @@ class _Reader:
         x = self.value(node.operand)
         if isinstance(node.op, ast.Not):
             return Condition(-_condition(x).side)
-        if isinstance(x, Condition | Table):
-            raise MismatchError("a number")
-        return x if isinstance(node.op, ast.UAdd) else _each(lambda one: -one, x)
+        return _number(x) if isinstance(node.op, ast.UAdd) else -_number(x)
 
     def _binop(self, node: ast.BinOp) -> Array:
         a, b = self.value(node.left), self.value(node.right)
-        if isinstance(a, Condition | Table) or isinstance(b, Condition | Table):
+        if isinstance(a, NO_NUMBER) or isinstance(b, NO_NUMBER):
             raise MismatchError("numbers on both sides")
         of_a, of_b = shape_of(a), shape_of(b)
         match node.op:
@@ -250,21 +252,20 @@ class _Reader:
             case ast.Pow():
                 return graph.power(_scalar(a), _scalar(b))
             case ast.Div():
-                divisor = _scalar(b)
-                return _each(lambda x: x / divisor, a)
+                return a / _scalar(b)
             case ast.Mult() if of_a and of_b:
                 raise MismatchError("dot(a, b), cross(a, b) or a @ b, as * multiplies by scalars")
             case ast.Mult():
-                return _each(lambda x, y: x * y, a, b)
+                return _times(a, b)
         if of_a != of_b:
             raise MismatchError(f"equal shapes on both sides, not {_said(of_a)} and {_said(of_b)}")
-        return _each((lambda x, y: x + y) if isinstance(node.op, ast.Add) else (lambda x, y: x - y), a, b)
+        return a + b if isinstance(node.op, ast.Add) else a - b
 
     def _compare(self, node: ast.Compare) -> Condition:
         values = [_scalar(self.value(x)) for x in (node.left, *node.comparators)]
         sides = [
-            graph.side(b - a if COMPARISONS[type(operator)][0] == "<" else a - b)
-            for operator, a, b in zip(node.ops, values, values[1:], strict=False)
+            graph.side(b - a if COMPARISONS[type(sign)][0] == "<" else a - b)
+            for sign, a, b in zip(node.ops, values, values[1:], strict=False)
         ]
         return _all(sides)
 
@@ -310,7 +311,7 @@ def _matrix_product(a: Array, b: Array) -> Array:
     of_a, of_b = shape_of(a), shape_of(b)
     if len(of_a) != 2 or not of_b or of_a[1] != of_b[0]:
         raise MismatchError(f"a matrix and what fits it on both sides of @, not {_said(of_a)} and {_said(of_b)}")
-    return np.array([_dot(row, b) if len(of_b) == 1 else [_dot(row, column) for column in b.T] for row in a], object)
+    return 0.0 + a @ b
 
 
 def _said(shape: tuple[int, ...]) -> str:
