@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from rbfmu.formulas.graph import Number, Symbol
-from rbfmu.formulas.meaning import CONSTANTS, FUNCTIONS, Array, Table, shape_of
 from rbfmu.formulas.motion import CONSTANT, LOADS, Given, Motion
-from rbfmu.formulas.text import FormulaError, names_in
+from rbfmu.formulas.text import CONSTANTS, FUNCTIONS, Array, FormulaError, Table, names_in, shape_of
 from rbfmu_kernels.body.driven import DRIVEN
 from rbfmu_kernels.body.memory import BLOCKS
 from rbfmu_kernels.quantities import OUTPUT

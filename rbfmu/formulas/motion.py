@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu.formulas.graph import Graph, Number, gradient
-from rbfmu.formulas.meaning import FUNCTIONS, Array, Function, value_of
+from rbfmu.formulas.text import FUNCTIONS, Array, Function, value_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, angular_acceleration, steady_acceleration
 from rbfmu_kernels.mechanics.newton_euler import relative_acceleration

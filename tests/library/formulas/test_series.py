@@ -8,9 +8,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from rbfmu.formulas.graph import Graph, Symbol, gradient
-from rbfmu.formulas.meaning import Table, value_of
 from rbfmu.formulas.program import Program
 from rbfmu.formulas.source import source_of
+from rbfmu.formulas.text import Table, value_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import formula_reference as reference
 
