@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.attitudes import ATTITUDE
-from rbfmu.ensembles.drivers import Drivers, differ
+from rbfmu.ensembles.result import Drivers
+from rbfmu.ensembles.variables import ATTITUDE, differ
 from rbfmu.plot import COLORS, Picture, open_frame, quantity_label, with_file
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array

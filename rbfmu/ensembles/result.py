@@ -3,16 +3,16 @@
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, moments_of
-from rbfmu.ensembles.drivers import LEAST, MOST_RANKED, Drivers, columns, differ, drivers_of
 from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.store import Checkpoint
 from rbfmu.ensembles.variables import (
+    ANGLES,
+    ATTITUDE,
     COUNT,
     FIRST,
     PROBABILITY,
@@ -20,7 +20,9 @@ from rbfmu.ensembles.variables import (
     REDRAWN,
     TIMES,
     coordinates,
+    differ,
     flat,
+    moments_of,
     output_rows,
     variables_of,
     varied_rows,
@@ -29,6 +31,12 @@ from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array, Indices
+from rbfmu_kernels.quantities import Quantity, indices
+
+MOST_RANKED, LEAST = 20_000, 3
+"""The most runs that are ranked, the first ones, and the fewest."""
+SURE = 3.0
+"""Standard deviations of a correlation of independent numbers, above which one is not chance."""
 
 
 def _checkpoint(store: Path) -> Path:
@@ -67,6 +75,40 @@ class Arrays(Mapping[str, Any]):
 
     def __repr__(self) -> str:
         return f"{{{', '.join(f'{name}: {tuple(source.shape)}' for name, source in self._sources.items())}}}"
+
+
+class Drivers(NamedTuple):
+    """Rank correlations (p, q) of p numbers that vary with q numbers at the end; chance: what chance alone may make."""
+
+    varied: tuple[str, ...]
+    ends: tuple[str, ...]
+    correlations: Array
+    chance: float
+
+    @classmethod
+    def between(cls, *columns: Mapping[str, Array]) -> "Drivers":
+        """Return Spearman's, of what varies and of ends, columns (n,); what is the same in all runs is left out."""
+        varied, ends = ({name: x for name, x in some.items() if np.ptp(x) > 0.0} for some in columns)
+        if not varied or not ends:
+            return cls((*varied,), (*ends,), np.empty((len(varied), len(ends))), 1.0)
+        rank = needed("scipy.stats", "ensemble").rankdata
+        ranks = (rank(np.column_stack([*some.values()]), axis=0) for some in (varied, ends))
+        a, b = (x / np.linalg.norm(x, axis=0) for x in (x - x.mean(axis=0) for x in ranks))
+        return cls((*varied,), (*ends,), a.T @ b, SURE / float(np.sqrt(len(a) - 1)))
+
+    def __repr__(self) -> str:
+        """Return what drives each number at the end most."""
+        varied, ended = f"{len(self.varied)} numbers that vary", f"{len(self.ends)} at the end"
+        lines = [f"Drivers({varied}, {ended}; the largest correlations:"]
+        for end, column in zip(self.ends, self.correlations.T, strict=True):
+            if len(column) and abs(column[k := int(np.argmax(np.abs(column)))]) > self.chance:
+                lines.append(f"{end}: {column[k]:.2f} with {self.varied[k]}")
+        return "\n  ".join(lines) + ")"
+
+
+def _columns(name: str, row: Quantity, values: Array) -> dict[str, Array]:
+    """Return the numbers (n,) of a quantity (n, ...) by their names."""
+    return {f"{name}{index}": column for index, column in zip(indices(row), flat(values).T, strict=True)}
 
 
 class EnsembleResult:
@@ -145,15 +187,15 @@ class EnsembleResult:
     def drivers(self) -> Drivers:
         """Return the rank correlations of what varies with how the runs end."""
         rows, applied, ended = self.good[:MOST_RANKED], dict[str, Array](), dict[str, Array]()
-        if len(rows) < LEAST:
-            return drivers_of(applied, ended)
-        for key, values in self.samples.items():
-            found = columns(key, varied_rows(self.scene)[key], values[rows])
-            applied |= dict([*found.items()][len(found) == 4 :])  # of an attitude the vector part of its quaternion
-        for name in self.ended:
-            found, values = columns(name, self.rows[name], self.ends(name)[rows]), flat(self.ends(name)[rows])
-            ended |= {one: found[one] for one, apart in zip(found, differ(values), strict=True) if apart}
-        return drivers_of(applied, ended)
+        if len(rows) >= LEAST:
+            for key, values in self.samples.items():
+                found = _columns(key, varied_rows(self.scene)[key], values[rows])
+                applied |= dict([*found.items()][len(found) == 4 :])  # of an attitude the vector part of its quaternion
+            for name in self.ended:
+                values = self.ends(name)[rows]
+                found = _columns(name, self.rows[name], values)
+                ended |= {one: found[one] for one, apart in zip(found, differ(flat(values)), strict=True) if apart}
+        return Drivers.between(applied, ended)
 
     def at_end(self, name: str) -> tuple[Array, Array]:
         """Return mean and standard deviation (k,) of a quantity at the end of the good runs, NaN of none.

@@ -18,10 +18,22 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, around, moments_of
 from rbfmu.ensembles.chunks import Chunk, Work, origin
 from rbfmu.ensembles.statistics import Statistics, exact_quantiles
-from rbfmu.ensembles.variables import ALL, FINAL, PROBABILITIES, PROBABILITY, RANK_ERROR, REDRAWN, STATISTICS, TIMES
+from rbfmu.ensembles.variables import (
+    ALL,
+    ANGLES,
+    ATTITUDE,
+    FINAL,
+    PROBABILITIES,
+    PROBABILITY,
+    RANK_ERROR,
+    REDRAWN,
+    STATISTICS,
+    TIMES,
+    around,
+    moments_of,
+)
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.time_grid import communication_steps, time_grid
 from rbfmu.types import Array
