@@ -8,25 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.ensembles import variables as names
 from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.store import Checkpoint
-from rbfmu.ensembles.variables import (
-    ANGLES,
-    ATTITUDE,
-    COUNT,
-    FIRST,
-    PROBABILITY,
-    RANK_ERROR,
-    REDRAWN,
-    TIMES,
-    coordinates,
-    differ,
-    flat,
-    moments_of,
-    output_rows,
-    variables_of,
-    varied_rows,
-)
+from rbfmu.ensembles.variables import coordinates, differ, flat, moments_of, output_rows, variables_of, varied_rows
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
@@ -130,20 +115,22 @@ class EnsembleResult:
 
     def __init__(self, scene: Scene, arrays: Mapping[str, Any], failed: Mapping[int, str]) -> None:
         self.scene, self.failed, self._arrays = scene, dict(failed), arrays
-        self.time: Array = np.asarray(arrays[TIMES])
-        self.probabilities: Array = np.asarray(arrays[PROBABILITY])
-        self.rank_error = float(np.asarray(arrays[RANK_ERROR])) if RANK_ERROR in arrays else 0.0
-        self.rows, names = output_rows(scene), scene.outputs.names
+        self.time: Array = np.asarray(arrays[names.TIMES])
+        self.probabilities: Array = np.asarray(arrays[names.PROBABILITY])
+        self.rank_error = float(np.asarray(arrays[names.RANK_ERROR])) if names.RANK_ERROR in arrays else 0.0
+        self.rows, shown = output_rows(scene), scene.outputs.names
         self.samples = Arrays({n: a for n, a in arrays.items() if n in varied_rows(scene)}, "no key that varies")
-        self.final = self._of(names, "_final", "the end of the runs is not kept")
-        self.all = self._of(names, "", "not all of the runs is kept")
+        self.final = self._of(shown, "_final", "the end of the runs is not kept")
+        self.all = self._of(shown, "", "not all of the runs is kept")
         self.mean, self.std, self.covariance, self.quantiles = (
-            self._of(names, end, "statistics are not kept") for end in ("_mean", "_std", "_covariance", "_quantiles")
+            self._of(shown, end, "statistics are not kept") for end in ("_mean", "_std", "_covariance", "_quantiles")
         )
-        self.counts, self.first = (self._of((*scene.events,), end, "no event of that name") for end in (COUNT, FIRST))
+        self.counts, self.first = (
+            self._of((*scene.events,), end, "no event of that name") for end in (names.COUNT, names.FIRST)
+        )
 
-    def _of(self, names: tuple[str, ...], end: str, missing: str) -> Arrays:
-        return Arrays({n: self._arrays[n + end] for n in names if n + end in self._arrays}, missing)
+    def _of(self, shown: tuple[str, ...], end: str, missing: str) -> Arrays:
+        return Arrays({n: self._arrays[n + end] for n in shown if n + end in self._arrays}, missing)
 
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
@@ -158,12 +145,12 @@ class EnsembleResult:
     @property
     def runs(self) -> int:
         """Return the number of runs."""
-        return int(self._arrays[REDRAWN].shape[0])
+        return int(self._arrays[names.REDRAWN].shape[0])
 
     @cached_property
     def redrawn(self) -> Indices:
         """Return how often each run's numbers were drawn again, as no body has their inertia."""
-        return np.asarray(self._arrays[REDRAWN])
+        return np.asarray(self._arrays[names.REDRAWN])
 
     @property
     def good(self) -> NDArray[np.intp]:
@@ -205,7 +192,7 @@ class EnsembleResult:
         if name in self.mean:
             return np.atleast_1d(self.mean[name][-1]), np.atleast_1d(self.std[name][-1])
         ends = self.ends(name)[self.good].reshape(-1, self.rows[name].size)
-        if name == ANGLES:
+        if name == names.ANGLES:
             ends = np.stack([np.sin(ends), np.cos(ends)], axis=2).reshape(-1, 6)
         middle = ends.mean(axis=0) if len(ends) else np.full(ends.shape[1], np.nan)
         apart = ends - middle
@@ -220,7 +207,7 @@ class EnsembleResult:
                 found[name] = (variable.dims, np.asarray(self._arrays[name]), variable.attributes)
                 row = self.rows.get(name) or self.rows.get(name.rpartition("_")[0])
                 if row is not None and (axis := {"parameter", "angle", "axis"} & {*variable.dims}):
-                    is_turn = name in (f"{ATTITUDE}_std", f"{ATTITUDE}_covariance")
+                    is_turn = name in (f"{names.ATTITUDE}_std", f"{names.ATTITUDE}_covariance")
                     named[axis.pop()] = [*"xyz"] if is_turn else list(row.components)
         return needed("xarray", "ensemble").Dataset(found, coordinates(self.time) | named)
 
