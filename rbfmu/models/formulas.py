@@ -5,7 +5,7 @@ import json
 import linecache
 import math
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
 from itertools import accumulate
@@ -66,9 +66,7 @@ class FormulaModel:
         self.scene, self.given, self.texts, self.motion = scene, given, texts, motion
         self.events = {name: (texts.events[name], DIRECTIONS[row.direction]) for name, row in scene.events.items()}
         whens = {f"{EVENT}{name}": np.array(when, object) for name, (when, _) in self.events.items()}
-        loads: Mapping[str, Any] = texts.loads  # without the faults that texts may have, none is None
-        states: Mapping[str, Any] = texts.states
-        own: Mapping[str, Any] = texts.own
+        loads, states, own = texts.loads, texts.states, texts.own  # without faults, none is None
         tables = {"loads": loads, "states": states, "outputs": own, "events": texts.events}
         self.loads = loads
         self.by_key = {f"{table}.{name}": value for table, rows in tables.items() for name, value in rows.items()}
