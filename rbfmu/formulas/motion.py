@@ -124,12 +124,10 @@ class Motion:
 
     def potential_energy(self, potential: Number) -> Number:
         """Return the potential of gravity, of a constant force_a and of a load's own."""
-        gravity, mass = self._places("gravity_a"), self._places("mass")[0]
-        r_oc = self._places("r_oc_b")
-        total: Number = potential
-        centre = self.position + self.to_a(r_oc) if self._given.pivot else self._r_c
-        total = total - mass * (gravity @ centre)
-        return total if self._given.pivot else total - self._places("constant_force_a") @ self.position
+        is_free, mass = not self._given.pivot, self._places("mass")[0]
+        centre = self._r_c if is_free else self.position + self.to_a(self._places("r_oc_b"))
+        total: Number = potential - mass * (self._places("gravity_a") @ centre)
+        return total - self._places("constant_force_a") @ self.position if is_free else total
 
     def rates(self, loads: Mapping[str, Array]) -> Mapping[str, Number]:
         """Return the rates of the body's states by their elements' names; loads: those given by formulas."""
