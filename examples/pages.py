@@ -22,7 +22,7 @@ from rbfmu.formulas.check import given_to, unit_numbers
 from rbfmu.formulas.motion import Motion
 from rbfmu.scene.keys import scene_keys
 from rbfmu.studies import short
-from rbfmu_kernels.compile.shapes import python_function
+from rbfmu_kernels.types import python_function
 
 PAGES = tuple(
     record.ROOT / name

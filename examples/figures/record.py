@@ -37,9 +37,9 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "ensembles": (f"{_BENCH}/ensembles.py:scene_of,cost_here,costs,draw", "rbfmu/ensembles/*.py", "rbfmu/plot.py"),
     "tumbling_brick": ("fmu_build/rbfmu_fmu/demo.py:draw,errors_against_nasa,local_angles",
                        "fmu_build/rbfmu_fmu/nasa_brick.csv", "rbfmu/plot.py"),
-    "detumbling": ("rbfmu/ensembles/pictures.py", "rbfmu/ensembles/drivers.py",
+    "detumbling": ("rbfmu/ensembles/pictures.py", "rbfmu/ensembles/result.py",
                    "examples/detumbling.toml"),
-    "b_dot": ("rbfmu/ensembles/pictures.py", "rbfmu/ensembles/drivers.py",
+    "b_dot": ("rbfmu/ensembles/pictures.py", "rbfmu/ensembles/result.py",
               "examples/b_dot.toml", "examples/09_detumbling.py:b_dot"),
     "view": ("rbfmu/viewer/*.*", "tests/support/browser.py:photographed"),
 }  # fmt: skip

@@ -16,7 +16,7 @@ from examples.site.examples_of import code_of, printed
 from rbfmu.scene.keys import scene_keys
 from rbfmu.scene.scene import QUANTITIES
 from rbfmu_fmu.description import describe
-from rbfmu_kernels.compile.shapes import python_function
+from rbfmu_kernels.types import python_function
 
 LABELS = ("Shapes", "Units", "Frames", "Error", "Singular", "Source", "Raises")
 LABEL = re.compile(rf"(?:^|(?<=\s))({'|'.join(LABELS)})(?=:| <=| )")

@@ -25,6 +25,11 @@ Function = Callable[..., Any]
 """A kernel, or what is made of one: its own annotations say of what."""
 
 
+def python_function(kernel: Function) -> Function:
+    """Return the undecorated function of a kernel (the kernel itself where Numba's JIT is disabled)."""
+    return getattr(kernel, "py_func", kernel)
+
+
 class Buffer(Protocol):
     """Numbers in places from 0 on: an array of doubles, or of numbers of several bodies (`compile.simd`)."""
 

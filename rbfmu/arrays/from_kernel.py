@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from rbfmu.types import Array
-from rbfmu_kernels.compile.gufunc import STREAMED, gufuncs
-from rbfmu_kernels.compile.shapes import Item, core_shapes, python_function
+from rbfmu_kernels.compile.gufunc import STREAMED, Item, core_shapes, gufuncs
 from rbfmu_kernels.rotations.euler_angles import sequence
-from rbfmu_kernels.types import Function, Shape
+from rbfmu_kernels.types import Function, Shape, python_function
 
 Arguments = tuple[Any, ...]
 Keywords = dict[str, Any]

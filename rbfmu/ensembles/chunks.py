@@ -129,7 +129,7 @@ def run_chunk(work: Work, index: int) -> Chunk:
     count = len(samples)
     summed = work.keeps(STATISTICS) and not work.keeps(ALL)
     ends_alone = not (work.keeps(STATISTICS) or work.keeps(ALL))
-    rows, events, failed = run_samples(work, samples, ends_alone, new_rows if not summed else _ROOM.rows)
+    rows, events, failed = run_samples(work, samples, ends_alone, _same_room if summed else np.empty)
     good = _all_but(failed, count)
     summary = None
     if work.keeps(STATISTICS):
@@ -140,26 +140,19 @@ def run_chunk(work: Work, index: int) -> Chunk:
     return Chunk(first, samples.applied, samples.redrawn, kept, events, messages, summary)
 
 
-class _Room(threading.local):
-    """Room of a thread for rows that are summed up at once: new memory for each chunk takes as long as filling it."""
-
-    def __init__(self) -> None:
-        self._numbers = np.empty(0)
-
-    def rows(self, *shape: int) -> Array:
-        """Return an array of this shape, which is that of before."""
-        size = math.prod(shape)
-        if self._numbers.size < size:
-            self._numbers = np.empty(size)
-        return self._numbers[:size].reshape(shape)
+_ROOM = threading.local()
 
 
-_ROOM = _Room()
+def _same_room(shape: tuple[int, ...]) -> Array:
+    """Return an array of this shape in the room of before: a thread's rows are summed up before it runs others.
 
-
-def new_rows(*shape: int) -> Array:
-    """Return an array of this shape."""
-    return np.empty(shape)
+    New memory for each chunk takes as long as filling it.
+    """
+    size = math.prod(shape)
+    if not hasattr(_ROOM, "numbers") or _ROOM.numbers.size < size:
+        _ROOM.numbers = np.empty(size)
+    room: Array = _ROOM.numbers[:size]
+    return room.reshape(shape)
 
 
 def _all_but(failed: Mapping[int, str], count: int) -> Indices:
@@ -168,7 +161,7 @@ def _all_but(failed: Mapping[int, str], count: int) -> Indices:
 
 
 def run_samples(
-    work: Work, samples: Samples, ends_alone: bool, room: Callable[..., Array] = new_rows
+    work: Work, samples: Samples, ends_alone: bool, room: Callable[[tuple[int, ...]], Array] = np.empty
 ) -> tuple[Array, dict[str, Any], dict[int, str]]:
     """Return outputs (m, n, K) of members, at all points or at the end alone, events, and what is said of failures.
 
@@ -183,7 +176,7 @@ def run_samples(
     noted, said = np.zeros((count, 2 * len(work.scene.events))), dict[int, str]()
     rows = np.empty((0, points, work.columns.width))
     if len(which):
-        rows = room(len(which), points, work.columns.width)
+        rows = room((len(which), points, work.columns.width))
         noted[which], said = _outputs(work, samples, which, steps, rows)
     if failed:
         ran, rows = rows, np.empty((count, *rows.shape[1:]))

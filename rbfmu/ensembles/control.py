@@ -22,8 +22,8 @@ from rbfmu.scene.scene import Scene
 from rbfmu.types import Array, Indices
 from rbfmu_kernels.body.members import Driving
 from rbfmu_kernels.body.shell import Model
-from rbfmu_kernels.compile.shapes import python_function
 from rbfmu_kernels.quantities import elements
+from rbfmu_kernels.types import python_function
 
 STREAM = "controller"
 """The name of the stream of noise, which no number that varies has."""

@@ -17,7 +17,6 @@ import numpy as np
 
 from rbfmu.ensembles import draws
 from rbfmu.ensembles.draws import normal_scores, probabilities
-from rbfmu.ensembles.drivers import differ
 from rbfmu.ensembles.fitting import (
     DEARER,
     MEMBERS,
@@ -31,6 +30,7 @@ from rbfmu.ensembles.fitting import (
     with_likely_error,
 )
 from rbfmu.ensembles.members import Samples, ensemble_of, member, refusals, samples_at
+from rbfmu.ensembles.variables import differ
 from rbfmu.exceptions import SceneWarning
 from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS, LOADED_TAYLOR, MODELS, PRESCRIBED_RATES

@@ -3,32 +3,25 @@
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, moments_of
-from rbfmu.ensembles.drivers import LEAST, MOST_RANKED, Drivers, columns, differ, drivers_of
+from rbfmu.ensembles import variables as names
 from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.store import Checkpoint
-from rbfmu.ensembles.variables import (
-    COUNT,
-    FIRST,
-    PROBABILITY,
-    RANK_ERROR,
-    REDRAWN,
-    TIMES,
-    coordinates,
-    flat,
-    output_rows,
-    variables_of,
-    varied_rows,
-)
+from rbfmu.ensembles.variables import coordinates, differ, flat, moments_of, output_rows, variables_of, varied_rows
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array, Indices
+from rbfmu_kernels.quantities import Quantity, indices
+
+MOST_RANKED, LEAST = 20_000, 3
+"""The most runs that are ranked, the first ones, and the fewest."""
+SURE = 3.0
+"""Standard deviations of a correlation of independent numbers, above which one is not chance."""
 
 
 def _checkpoint(store: Path) -> Path:
@@ -69,6 +62,40 @@ class Arrays(Mapping[str, Any]):
         return f"{{{', '.join(f'{name}: {tuple(source.shape)}' for name, source in self._sources.items())}}}"
 
 
+class Drivers(NamedTuple):
+    """Rank correlations (p, q) of p numbers that vary with q numbers at the end; chance: what chance alone may make."""
+
+    varied: tuple[str, ...]
+    ends: tuple[str, ...]
+    correlations: Array
+    chance: float
+
+    @classmethod
+    def between(cls, *columns: Mapping[str, Array]) -> "Drivers":
+        """Return Spearman's, of what varies and of ends, columns (n,); what is the same in all runs is left out."""
+        varied, ends = ({name: x for name, x in some.items() if np.ptp(x) > 0.0} for some in columns)
+        if not varied or not ends:
+            return cls((*varied,), (*ends,), np.empty((len(varied), len(ends))), 1.0)
+        rank = needed("scipy.stats", "ensemble").rankdata
+        ranks = (rank(np.column_stack([*some.values()]), axis=0) for some in (varied, ends))
+        a, b = (x / np.linalg.norm(x, axis=0) for x in (x - x.mean(axis=0) for x in ranks))
+        return cls((*varied,), (*ends,), a.T @ b, SURE / float(np.sqrt(len(a) - 1)))
+
+    def __repr__(self) -> str:
+        """Return what drives each number at the end most."""
+        varied, ended = f"{len(self.varied)} numbers that vary", f"{len(self.ends)} at the end"
+        lines = [f"Drivers({varied}, {ended}; the largest correlations:"]
+        for end, column in zip(self.ends, self.correlations.T, strict=True):
+            if len(column) and abs(column[k := int(np.argmax(np.abs(column)))]) > self.chance:
+                lines.append(f"{end}: {column[k]:.2f} with {self.varied[k]}")
+        return "\n  ".join(lines) + ")"
+
+
+def _columns(name: str, row: Quantity, values: Array) -> dict[str, Array]:
+    """Return the numbers (n,) of a quantity (n, ...) by their names."""
+    return {f"{name}{index}": column for index, column in zip(indices(row), flat(values).T, strict=True)}
+
+
 class EnsembleResult:
     """The runs of an ensemble.
 
@@ -88,20 +115,22 @@ class EnsembleResult:
 
     def __init__(self, scene: Scene, arrays: Mapping[str, Any], failed: Mapping[int, str]) -> None:
         self.scene, self.failed, self._arrays = scene, dict(failed), arrays
-        self.time: Array = np.asarray(arrays[TIMES])
-        self.probabilities: Array = np.asarray(arrays[PROBABILITY])
-        self.rank_error = float(np.asarray(arrays[RANK_ERROR])) if RANK_ERROR in arrays else 0.0
-        self.rows, names = output_rows(scene), scene.outputs.names
+        self.time: Array = np.asarray(arrays[names.TIMES])
+        self.probabilities: Array = np.asarray(arrays[names.PROBABILITY])
+        self.rank_error = float(np.asarray(arrays[names.RANK_ERROR])) if names.RANK_ERROR in arrays else 0.0
+        self.rows, shown = output_rows(scene), scene.outputs.names
         self.samples = Arrays({n: a for n, a in arrays.items() if n in varied_rows(scene)}, "no key that varies")
-        self.final = self._of(names, "_final", "the end of the runs is not kept")
-        self.all = self._of(names, "", "not all of the runs is kept")
+        self.final = self._of(shown, "_final", "the end of the runs is not kept")
+        self.all = self._of(shown, "", "not all of the runs is kept")
         self.mean, self.std, self.covariance, self.quantiles = (
-            self._of(names, end, "statistics are not kept") for end in ("_mean", "_std", "_covariance", "_quantiles")
+            self._of(shown, end, "statistics are not kept") for end in ("_mean", "_std", "_covariance", "_quantiles")
         )
-        self.counts, self.first = (self._of((*scene.events,), end, "no event of that name") for end in (COUNT, FIRST))
+        self.counts, self.first = (
+            self._of((*scene.events,), end, "no event of that name") for end in (names.COUNT, names.FIRST)
+        )
 
-    def _of(self, names: tuple[str, ...], end: str, missing: str) -> Arrays:
-        return Arrays({n: self._arrays[n + end] for n in names if n + end in self._arrays}, missing)
+    def _of(self, shown: tuple[str, ...], end: str, missing: str) -> Arrays:
+        return Arrays({n: self._arrays[n + end] for n in shown if n + end in self._arrays}, missing)
 
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
@@ -116,12 +145,12 @@ class EnsembleResult:
     @property
     def runs(self) -> int:
         """Return the number of runs."""
-        return int(self._arrays[REDRAWN].shape[0])
+        return int(self._arrays[names.REDRAWN].shape[0])
 
     @cached_property
     def redrawn(self) -> Indices:
         """Return how often each run's numbers were drawn again, as no body has their inertia."""
-        return np.asarray(self._arrays[REDRAWN])
+        return np.asarray(self._arrays[names.REDRAWN])
 
     @property
     def good(self) -> NDArray[np.intp]:
@@ -145,15 +174,15 @@ class EnsembleResult:
     def drivers(self) -> Drivers:
         """Return the rank correlations of what varies with how the runs end."""
         rows, applied, ended = self.good[:MOST_RANKED], dict[str, Array](), dict[str, Array]()
-        if len(rows) < LEAST:
-            return drivers_of(applied, ended)
-        for key, values in self.samples.items():
-            found = columns(key, varied_rows(self.scene)[key], values[rows])
-            applied |= dict([*found.items()][len(found) == 4 :])  # of an attitude the vector part of its quaternion
-        for name in self.ended:
-            found, values = columns(name, self.rows[name], self.ends(name)[rows]), flat(self.ends(name)[rows])
-            ended |= {one: found[one] for one, apart in zip(found, differ(values), strict=True) if apart}
-        return drivers_of(applied, ended)
+        if len(rows) >= LEAST:
+            for key, values in self.samples.items():
+                found = _columns(key, varied_rows(self.scene)[key], values[rows])
+                applied |= dict([*found.items()][len(found) == 4 :])  # of an attitude the vector part of its quaternion
+            for name in self.ended:
+                values = self.ends(name)[rows]
+                found = _columns(name, self.rows[name], values)
+                ended |= {one: found[one] for one, apart in zip(found, differ(flat(values)), strict=True) if apart}
+        return Drivers.between(applied, ended)
 
     def at_end(self, name: str) -> tuple[Array, Array]:
         """Return mean and standard deviation (k,) of a quantity at the end of the good runs, NaN of none.
@@ -163,7 +192,7 @@ class EnsembleResult:
         if name in self.mean:
             return np.atleast_1d(self.mean[name][-1]), np.atleast_1d(self.std[name][-1])
         ends = self.ends(name)[self.good].reshape(-1, self.rows[name].size)
-        if name == ANGLES:
+        if name == names.ANGLES:
             ends = np.stack([np.sin(ends), np.cos(ends)], axis=2).reshape(-1, 6)
         middle = ends.mean(axis=0) if len(ends) else np.full(ends.shape[1], np.nan)
         apart = ends - middle
@@ -178,7 +207,7 @@ class EnsembleResult:
                 found[name] = (variable.dims, np.asarray(self._arrays[name]), variable.attributes)
                 row = self.rows.get(name) or self.rows.get(name.rpartition("_")[0])
                 if row is not None and (axis := {"parameter", "angle", "axis"} & {*variable.dims}):
-                    is_turn = name in (f"{ATTITUDE}_std", f"{ATTITUDE}_covariance")
+                    is_turn = name in (f"{names.ATTITUDE}_std", f"{names.ATTITUDE}_covariance")
                     named[axis.pop()] = [*"xyz"] if is_turn else list(row.components)
         return needed("xarray", "ensemble").Dataset(found, coordinates(self.time) | named)
 

@@ -14,9 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.ensembles.attitudes import ATTITUDE, around
 from rbfmu.ensembles.loops import LANES, compiled, moments
-from rbfmu.ensembles.variables import Columns
+from rbfmu.ensembles.variables import ATTITUDE, Columns, around
 from rbfmu.types import Array, Indices
 
 MOST_POINTS, LEAST_POINTS = 256, 32

@@ -13,15 +13,14 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, around, moments_of
+from rbfmu.ensembles import variables as names
 from rbfmu.ensembles.chunks import Chunk, Work, origin
 from rbfmu.ensembles.statistics import Statistics, exact_quantiles
-from rbfmu.ensembles.variables import ALL, FINAL, PROBABILITIES, PROBABILITY, RANK_ERROR, REDRAWN, STATISTICS, TIMES
+from rbfmu.ensembles.variables import around, moments_of
 from rbfmu.runs.inputs import communication_steps, time_grid
 from rbfmu.runs.motion import attitude_error
 from rbfmu.types import Array
@@ -29,7 +28,6 @@ from rbfmu.types import Array
 EXTENDABLE = ("random", "sobol")
 """Designs of which more members may be asked for later."""
 _HEAD, _STATISTICS = "resume/head", "resume/statistics/"
-_NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 @contextmanager
@@ -54,7 +52,7 @@ class Progress:
     @classmethod
     def none(cls, work: Work) -> "Progress":
         """Return the progress at the start."""
-        if not work.keeps(STATISTICS):
+        if not work.keeps(names.STATISTICS):
             return cls(0, None)
         points = communication_steps(work.scene) + 1
         return cls(0, Statistics.none(points, work.columns, work.most_points))
@@ -185,7 +183,7 @@ class Store:
         known = self._checkpoint(resume)
         self._open(known)
         if known is None:
-            self._write(self.progress)
+            self._write(self.progress, {})
             return 0
         done, self.progress = known.runs, known.progress
         if done != self._work.runs:
@@ -213,7 +211,7 @@ class Store:
             for name, values in known.rows.items():
                 self._put(name, 0, values)
 
-    def _write(self, progress: Progress, rows: Mapping[str, Any] = _NOTHING, runs: int = 0) -> None:
+    def _write(self, progress: Progress, rows: Mapping[str, Any], runs: int = 0) -> None:
         if self._file is not None:
             results = self._results if runs else {}
             Checkpoint(self._identity, progress, rows, results, runs).write(self._file)
@@ -270,18 +268,18 @@ def refuse_existing(store: Path, resume: bool) -> None:
 
 def chunk_arrays(work: Work, chunk: Chunk) -> dict[str, Any]:
     """Return a chunk's part of all variables that have a row a run."""
-    arrays: dict[str, Any] = {**chunk.samples, REDRAWN: chunk.redrawn, **chunk.events}
-    if work.keeps(FINAL):
+    arrays: dict[str, Any] = {**chunk.samples, names.REDRAWN: chunk.redrawn, **chunk.events}
+    if work.keeps(names.FINAL):
         arrays |= {f"{name}_final": values for name, values in work.columns.split(chunk.rows[:, -1]).items()}
-    if work.keeps(ALL):
+    if work.keeps(names.ALL):
         arrays |= work.columns.split(chunk.rows)
     return arrays
 
 
 def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any]) -> dict[str, Array]:
     """Return the variables without a row a run: times, and statistics over time. rows: those with one."""
-    run, probabilities = work.scene.run, np.array(PROBABILITIES)
-    found = {TIMES: time_grid(run.start, run.stop, run.step), PROBABILITY: probabilities}
+    run, probabilities = work.scene.run, np.array(names.PROBABILITIES)
+    found = {names.TIMES: time_grid(run.start, run.stop, run.step), names.PROBABILITY: probabilities}
     if statistics is None:
         return found
     columns, matrices = work.columns, work.columns.matrices(statistics.products)
@@ -290,19 +288,19 @@ def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any
         for name, own in columns.summed.items()
     }
     middle = np.full((len(statistics.mean), columns.width), np.nan)
-    if ANGLES in moments:
-        middle[:, columns.angles] = moments[ANGLES][0]
+    if names.ANGLES in moments:
+        middle[:, columns.angles] = moments[names.ANGLES][0]
     ranked, rank_error = statistics.quantiles(probabilities, middle[:, columns.ranked])
     quantiles = np.empty((len(probabilities), *middle.shape))
     quantiles[:, :, columns.ranked] = ranked
-    found[RANK_ERROR] = np.array(rank_error)
-    kept = {} if work.keeps(ALL) else columns.split(quantiles)
+    found[names.RANK_ERROR] = np.array(rank_error)
+    kept = {} if work.keeps(names.ALL) else columns.split(quantiles)
     for name, (mean, covariance) in moments.items():
         std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         if mean.shape[1] == 1:
             mean, std, covariance = mean[:, 0], std[:, 0], covariance[:, 0, 0]
         found |= {f"{name}_mean": mean, f"{name}_std": std, f"{name}_covariance": covariance}
-        if name == ATTITUDE and kept:
+        if name == names.ATTITUDE and kept:
             kept[name] = exact_quantiles(attitude_error(mean, statistics.sample(work.share)), probabilities)
         found[f"{name}_quantiles"] = kept[name] if kept else _of_all(name, mean, rows[name], probabilities)
     return found
@@ -315,9 +313,9 @@ def _of_all(name: str, mean: Array, values: Any, probabilities: Array) -> Array:
     for first in range(0, values.shape[1], times):
         some = slice(first, first + times)
         part = values[:, some]
-        if name == ATTITUDE:
+        if name == names.ATTITUDE:
             part = attitude_error(mean[some], part)
-        elif name == ANGLES:
+        elif name == names.ANGLES:
             part = around(mean[some], part)
         parts.append(exact_quantiles(part, probabilities))
     return np.concatenate(parts, axis=1)

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.formulas.graph import Number, Symbol
-from rbfmu.formulas.meaning import CONSTANTS, FUNCTIONS, Array, Table, shape_of
+from rbfmu.formulas.graph import Symbol
 from rbfmu.formulas.motion import CONSTANT, LOADS, Given, Motion
-from rbfmu.formulas.text import FormulaError, names_in
+from rbfmu.formulas.text import CONSTANTS, FUNCTIONS, Array, FormulaError, Table, names_in, shape_of
 from rbfmu_kernels.body.driven import DRIVEN
 from rbfmu_kernels.body.memory import BLOCKS
 from rbfmu_kernels.quantities import OUTPUT
@@ -48,7 +47,7 @@ class Texts:
         self.events = {name: self._changing(f"events.{name}", row.when) for name, row in scene.events.items()}
         self.own = {name: self._shaped(f"outputs.{name}", row.value, None) for name, row in scene.outputs.own.items()}
 
-    def _changing(self, key: str, text: str) -> Number | None:
+    def _changing(self, key: str, text: str) -> Any:
         """Return the value of a scalar formula that changes with the motion, the time or an input."""
         found = self._shaped(key, text, ())
         if found is None or (isinstance(found, Symbol) and not found.is_constant):
@@ -140,7 +139,8 @@ class Texts:
         except FormulaError:
             return set()
 
-    def _shaped(self, key: str, text: str, shape: tuple[int, ...] | None) -> Array | None:
+    def _shaped(self, key: str, text: str, shape: tuple[int, ...] | None) -> Array:
+        """Return what a formula gives, of a shape if one is asked for; None where something is wrong."""
         if self.faults and not key.startswith("formulas"):  # whose names may be missing
             return None
         try:

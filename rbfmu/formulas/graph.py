@@ -81,7 +81,6 @@ class Symbol:
     """A number of a graph. What is added and multiplied is one as well, or a float where all is known."""
 
     __slots__ = ("graph", "index")
-    __array_ufunc__ = None  # NumPy leaves operators to it
 
     def __init__(self, graph: Graph, index: int) -> None:
         self.graph, self.index = graph, index

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.formulas.graph import Graph, Number, gradient
-from rbfmu.formulas.meaning import FUNCTIONS, Array, Function, value_of
+from rbfmu.formulas.text import FUNCTIONS, Array, Function, value_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, angular_acceleration, steady_acceleration
 from rbfmu_kernels.mechanics.rigid_body import relative_acceleration
@@ -30,7 +30,8 @@ AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 def by_element(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield the numbers of scalars, vectors and matrices, by their elements' names."""
     for name, value in values.items():
-        yield from zip(elements(name, np.size(value)), np.ravel(value), strict=True)
+        numbers = np.ravel(np.array(value, object))
+        yield from zip(elements(name, len(numbers)), numbers, strict=True)
 
 
 @dataclass(frozen=True)
@@ -74,36 +75,33 @@ class Motion:
     """A body under formulas: `names` for formulas to read, and the rates of its states once loads are known."""
 
     def __init__(self, given: Given) -> None:
-        known = {
-            e: x for name, row in given.numbers.items() for e, x in zip(elements(name, len(row)), row, strict=True)
-        }
-        self.graph, self._given = Graph(known), given
+        self.graph, self._given = Graph(dict(by_element(given.numbers))), given
         q = self.q = self._leaves("state", "q", 4)
         self.omega = self._leaves("state", "omega", 3)
         self.t = self.graph.leaf("state", "t")
         self.R = rotation_of(q)
-        r_oc = self._places("r_oc_b", 3)
+        r_oc = self._places("r_oc_b")
         self.v_c = self._leaves("state", "v_c", 3)
         if given.pivot:
-            self.position, self.velocity = self._places("position_0", 3), np.array(_ZERO, object)
+            self.position, self.velocity = self._places("position_0"), np.array(_ZERO, object)
         else:
-            self._r_c, lever = self._leaves("state", "r_c", 3), _cross(self.omega, r_oc)
+            self._r_c, lever = self._leaves("state", "r_c", 3), np.cross(self.omega, r_oc)
             self.position = _add(self._r_c, -1.0, self.to_a(r_oc))
             self.velocity = _add(self.v_c, -1.0, self.to_a(lever))
-        self._M, self._arm = self._places("M", 9).reshape(3, 3), self._places("arm", 3)
+        self._M, self._arm = self._places("M").reshape(3, 3), self._places("arm")
         self.names = self._names(r_oc)
 
     def _names(self, r_oc: Array) -> dict[str, Array]:
         given = self._given
-        inertia = self._places("inertia", 6)
+        inertia = self._places("inertia")
         M_c = np.array([[inertia[i] for i in row] for row in ((0, 3, 4), (3, 1, 5), (4, 5, 2))], object)
         known = {
             "t": self.t, "q_ab": self.q, "R_ab": self.R, "position": self.position, "velocity": self.velocity,
-            "omega_b": self.omega, "omega_a": self.to_a(self.omega), "mass": self._places("mass", 1)[0], "M_c": M_c,
-            "r_oc_b": r_oc, "gravity_a": self._places("gravity_a", 3),
+            "omega_b": self.omega, "omega_a": self.to_a(self.omega), "mass": self._places("mass")[0], "M_c": M_c,
+            "r_oc_b": r_oc, "gravity_a": self._places("gravity_a"),
         }  # fmt: skip
         self.given_names = frozenset(known)
-        own = {name: self._places(f"{CONSTANT}{name}", size) for name, size in given.constants.items()}
+        own = {name: self._places(f"{CONSTANT}{name}") for name in given.constants}
         own |= {name: self._leaves("state", f"{STATE}{name}", size) for name, size in given.states.items()}
         own |= {name: self._leaves("input", name, size) for name, size in given.ports.items()}
         return known | {name: x[0] if len(x) == 1 else x for name, x in own.items()}
@@ -123,11 +121,11 @@ class Motion:
 
     def to_a(self, v: Array) -> Array:
         """Return a vector of b in a."""
-        return product(self.R, v)
+        return self.R @ v
 
     def to_b(self, v: Array) -> Array:
         """Return a vector of a in b."""
-        return product(self.R.T, v)
+        return self.R.T @ v
 
     def turns(self) -> Iterator[Array]:
         """Yield how q changes as by a rate about each axis of b."""
@@ -139,38 +137,36 @@ class Motion:
         The work in a small displacement is -dV: the force is minus the slope over the path, and the torque about c
         (about o with a pivot) minus that over a small turn about each axis of b.
         """
-        slopes = gradient(potential, [*self.q, *([] if self._given.pivot else self._r_c)])
-        torque = np.array([-1.0 * _dot(np.array(slopes[:4], object), turn) for turn in self.turns()], object)
+        slopes = np.array(gradient(potential, [*self.q, *([] if self._given.pivot else self._r_c)]), object)
+        torque = np.array([-1.0 * (slopes[:4] @ turn) for turn in self.turns()], object)
         if self._given.pivot:
             return {"torque_b": torque}
-        force = _each_times(-1.0, np.array(slopes[4:], object))
-        return {"force_a": force, "torque_b": _add(torque, -1.0, _cross(self._arm, self.to_b(force)))}
+        force = -1.0 * slopes[4:]
+        return {"force_a": force, "torque_b": _add(torque, -1.0, np.cross(self._arm, self.to_b(force)))}
 
     def potential_energy(self, potential: Number) -> Number:
         """Return the potential of gravity, of a constant force_a and of a load's own."""
-        gravity, mass = self._places("gravity_a", 3), self._places("mass", 1)[0]
-        r_oc = self._places("r_oc_b", 3)
-        total: Number = potential
-        centre = _add(self.position, 1.0, self.to_a(r_oc)) if self._given.pivot else self._r_c
-        total = total - mass * _dot(gravity, centre)
-        return total if self._given.pivot else total - _dot(self._places("constant_force_a", 3), self.position)
+        is_free, mass = not self._given.pivot, self._places("mass")[0]
+        centre = self._r_c if is_free else self.position + self.to_a(self._places("r_oc_b"))
+        total: Number = potential - mass * (self._places("gravity_a") @ centre)
+        return total - self._places("constant_force_a") @ self.position if is_free else total
 
     def rates(self, loads: Mapping[str, Array]) -> Mapping[str, Number]:
         """Return the rates of the body's states by their elements' names; loads: those given by formulas."""
         given = self._given
-        known = {name: loads[name] if name in loads else self._places(f"constant_{name}", 3) for name in LOADS}
+        known = {name: loads[name] if name in loads else self._places(f"constant_{name}") for name in LOADS}
         for name in LOADS:
             if name in given.ports:
-                known[name] = _add(known[name], 1.0, self._leaves("input", name, 3))
-        gravity = self._places("gravity_a", 3)
-        weight = _each_times(self._places("mass", 1)[0], gravity) if given.pivot else np.array(_ZERO, object)
-        force_a = weight if given.pivot else _add(known["force_a"], 1.0, self.to_a(known["force_b"]))
-        force_b = self.to_b(weight) if given.pivot else _add(known["force_b"], 1.0, self.to_b(known["force_a"]))
-        torque_b = _add(known["torque_b"], 1.0, self.to_b(known["torque_a"]))
+                known[name] = known[name] + self._leaves("input", name, 3)
+        gravity = self._places("gravity_a")
+        weight = self._places("mass") * gravity if given.pivot else np.array(_ZERO, object)
+        force_a = weight if given.pivot else known["force_a"] + self.to_a(known["force_b"])
+        force_b = self.to_b(weight) if given.pivot else known["force_b"] + self.to_b(known["force_a"])
+        torque_b = known["torque_b"] + self.to_b(known["torque_a"])
         body = Body(
-            inverse_mass=0.0 if given.pivot else self._places("inverse_mass", 1)[0],
-            inertia=_tuples(self._M), inertia_inverse=_tuples(self._places("M_inverse", 9).reshape(3, 3)),
-            arm_b=tuple(self._arm), damping_b=tuple(self._places("damping_b", 3)), is_free=float(not given.pivot),
+            inverse_mass=0.0 if given.pivot else self._places("inverse_mass")[0],
+            inertia=_tuples(self._M), inertia_inverse=_tuples(self._places("M_inverse").reshape(3, 3)),
+            arm_b=tuple(self._arm), damping_b=tuple(self._places("damping_b")), is_free=float(not given.pivot),
         )  # fmt: skip
         turning = Loads(_ZERO, _ZERO, tuple(force_b), _ZERO, tuple(torque_b))
         q, omega = tuple(self.q), tuple(self.omega)
@@ -181,40 +177,34 @@ class Motion:
         if not given.pivot:
             moving = Loads(tuple(gravity), tuple(force_a), _ZERO, _ZERO, _ZERO)
             found |= {"r_c": tuple(self.v_c), "v_c": interpreted(steady_acceleration)(body, moving)}
-        return {"t": 1.0} | {
-            element: x
-            for name, rate in found.items()
-            for element, x in zip(elements(name, len(rate)), rate, strict=True)
-        }
+        return {"t": 1.0} | dict(by_element(found))
 
     def outputs(self, rates: Mapping[str, Number]) -> dict[str, Array]:
         """Return the quantities that a body shows, by name; rates: those of `rates`."""
-        omega, R, mass = self.omega, self.R, self._places("mass", 1)[0]
+        omega, R, mass = self.omega, self.R, self._places("mass")[0]
         alpha = np.array([rates[name] for name in elements("omega", 3)], object)
-        momentum = product(self._M, omega)
-        energy = _dot(omega, momentum)
+        momentum = self._M @ omega
+        energy = omega @ momentum
         acceleration = np.array(_ZERO, object)
         if not self._given.pivot:
-            relative = interpreted(relative_acceleration)(tuple(omega), tuple(alpha), tuple(self._places("r_oc_b", 3)))
+            relative = interpreted(relative_acceleration)(tuple(omega), tuple(alpha), tuple(self._places("r_oc_b")))
             acceleration = np.array([rates[name] for name in elements("v_c", 3)], object)
-            acceleration = _add(acceleration, -1.0, product(R, np.array(relative, object)))
-            energy += mass * _dot(self.v_c, self.v_c)
+            acceleration = _add(acceleration, -1.0, R @ np.array(relative, object))
+            energy += mass * (self.v_c @ self.v_c)
         return {
             "position": self.position, "velocity": self.velocity, "acceleration": acceleration, "quaternion": self.q,
             "omega_b": omega, "omega_a": self.to_a(omega), "alpha_b": alpha,
-            "angular_momentum_a": product(R, momentum), "kinetic_energy": np.array([0.5 * energy], object),
+            "angular_momentum_a": R @ momentum, "kinetic_energy": np.array([0.5 * energy], object),
         }  # fmt: skip
 
     def _leaves(self, kind: str, name: str, size: int) -> Array:
         return np.array([self.graph.leaf(kind, element) for element in elements(name, size)], object)
 
-    def _places(self, name: str, size: int) -> Array:
+    def _places(self, name: str) -> Array:
         """Return numbers of the buffer; those that are zero and stay so are 0."""
         values, stays = self._given.numbers[name], name not in self._given.symbolic
-        leaf = (self.graph.leaf("place", element) for element in elements(name, size))
-        return np.array(
-            [0.0 if stays and value == 0.0 else one for value, one in zip(values, leaf, strict=True)], object
-        )
+        leaves = self._leaves("place", name, len(values))
+        return np.array([0.0 if stays and x == 0.0 else leaf for x, leaf in zip(values, leaves, strict=True)], object)
 
 
 def closure(rates: Mapping[str, Number], wanted: Sequence[Number], graph: Graph) -> list[str]:
@@ -231,32 +221,13 @@ def closure(rates: Mapping[str, Number], wanted: Sequence[Number], graph: Graph)
 def rotation_of(q: Array) -> Array:
     """Return R of a unit quaternion: I + 2 eta S + 2 S S (E&G 6.163)."""
     S = np.array(interpreted(skew)(tuple(q[1:])), object)
-    SS = product(S, S)
+    SS = S @ S
     rows = ([float(i == j) + 2.0 * (q[0] * S[i, j] + SS[i, j]) for j in range(3)] for i in range(3))
     return np.array([*rows], object)
 
 
-def product(a: Array, b: Array) -> Array:
-    """Return a matrix times a vector or a matrix."""
-    if np.ndim(b) == 1:
-        return np.array([sum((x * y for x, y in zip(row, b, strict=True)), 0.0) for row in a], object)
-    return np.array([product(a, column) for column in b.T], object).T
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return FUNCTIONS["cross"].make(a, b)
-
-
-def _dot(a: Array, b: Array) -> Number:
-    return FUNCTIONS["dot"].make(a, b)  # type: ignore[no-any-return]
-
-
 def _add(a: Array, factor: float, b: Array) -> Array:
     return np.array([x + factor * y for x, y in zip(a, b, strict=True)], object)
-
-
-def _each_times(factor: Number, v: Array) -> Array:
-    return np.array([factor * x for x in v], object)
 
 
 def _tuples(matrix: Array) -> Any:

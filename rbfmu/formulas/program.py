@@ -9,10 +9,40 @@ f' = g x', such as exp with g = f, gives k f[k] as the sum of g[k - j] times the
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from rbfmu.formulas.graph import LEAVES, Graph, Number, Operation, Symbol, cosine, sine
+from rbfmu.formulas.graph import Graph, Number, Symbol, cosine, sine
 
 WIDTH = 4
 """How many sums are made at once."""
+
+
+class Recurrence(NamedTuple):
+    """An operation's k-th coefficient, k > 0. sums: those that it takes, by their factors; text: what it makes of them.
+
+    Factors: y for the operation itself, a, b, c for what it is of, z for the cosine of a sine and the reverse; with ',
+    the slopes j x[j]. Where y is one of the factors, its k-th coefficient counts as zero, for which the recurrence is
+    solved. In the text: 0, 1, 2 for the sums; a: that coefficient of a; b: the value of a constant exponent; x: the
+    first coefficient of what is divided by, which `divisor` names.
+    """
+
+    sums: tuple[str, ...]
+    text: str
+    divisor: str = ""
+
+
+RECURRENCES: Mapping[str, Recurrence] = {
+    "multiply": Recurrence(("a b",), "{0}"),
+    "divide": Recurrence(("b y",), "({a} - {0}) / {x}", "b"),
+    "sqrt": Recurrence(("y y",), "choose({x} != 0.0, 0.5 * ({a} - {0}) / {x}, 0.0)", "y"),
+    "exp": Recurrence(("a' y",), "{0} * inverse"),
+    "sin": Recurrence(("a' z",), "{0} * inverse"),
+    "cos": Recurrence(("a' z",), "-{0} * inverse"),
+    "log": Recurrence(("y' a",), "({a} - {0} * inverse) / {x}", "a"),
+    "power": Recurrence(("a' y", "a y'"), "({b} * {0} - {1}) / {x} * inverse", "a"),
+    # x y' - y x', then its quotient by x^2 + y^2
+    "atan2": Recurrence(("b a'", "a b'", "c y'"), "({0} - {1} - {2}) / {x} * inverse", "c"),
+}
+"""Those of operations that are not linear; a product is, and a quotient, where all but one factor, or the divisor, is
+constant."""
 
 
 class Factor(NamedTuple):
@@ -22,33 +52,96 @@ class Factor(NamedTuple):
     slope: bool = False
 
 
-class Slot(NamedTuple):
-    """A sum over j of first[j] last[k - j]."""
+class Sum(NamedTuple):
+    """A sum over j of first[j] last[k - j], number n of an operation's; level: the first one at which it can be had."""
 
+    of: int
+    n: int
+    level: int
     first: Factor
     last: Factor
 
+    @property
+    def name(self) -> str:
+        """Return its variable."""
+        return f"p{self.of}_{self.n}" if self.n else f"p{self.of}"
 
-class Program(NamedTuple):
-    """Operations as series.
+
+class Program:
+    """Operations as series, and where their numbers stand in a row of the work space: states, sides, factors.
 
     constants: those that stay as they are over a series, in order; levels: the others, so that each level needs sums
-    that the level before has completed; slots: the sums of an operation, by its place; sides: of what changes, on which
-    side of zero it is, which stays over a series, that ends where it changes; touching: roots, and
-    angles of points (x, y): where that which a root is of, or x^2 + y^2, comes down to zero, the series would go on
-    with the wrong sign, and ends; wanted: what is asked for, by name; rates: the derivatives of the states, by name;
-    beside: numbers whose series are kept for others to read.
+    that the level before has completed; level_of: of each of them; sums: of all; sides: of what changes, on which side
+    of zero it is, which stays over a series, that ends where it changes; touching: roots, and angles of points (x, y):
+    where that which a root is of, or x^2 + y^2, comes down to zero, the series would go on with the wrong sign, and
+    ends; groups: sums of one level that are made at once. head: where their factors begin in a row; beside_at: where
+    the numbers beside; row: its length, in which others may take room; start: where the first row begins, after the
+    constants.
     """
 
-    graph: Graph
-    constants: tuple[int, ...]
-    levels: tuple[tuple[int, ...], ...]
-    slots: Mapping[int, tuple[Slot, ...]]
-    sides: tuple[int, ...]
-    touching: tuple[int, ...]
-    rates: Mapping[str, Number]
-    wanted: Mapping[str, Number]
-    beside: tuple[Number, ...] = ()
+    def __init__(
+        self,
+        graph: Graph,
+        rates: Mapping[str, Number],
+        wanted: Mapping[str, Number],
+        watched: Iterable[Number] = (),
+        beside: Sequence[Number] = (),
+    ) -> None:
+        """Take states' rates by name, and what else is wanted, of which values serve and no series are made.
+
+        watched: sides that no rate rests on, of which series are made as well; beside: numbers whose series are kept
+        for others to read.
+        """
+        self.graph, self.rates, self.wanted, self.beside = graph, rates, wanted, tuple(beside)
+        reached = with_pairs(graph, [*rates.values(), *watched, *beside])
+        self.level_of: dict[int, int] = {}
+        self.sums: list[Sum] = []
+        for i in reached:
+            self._take(i)
+        self.levels = [
+            tuple(i for i in reached if self.level_of.get(i) == n)
+            for n in range(max(self.level_of.values(), default=0) + 1)
+        ]
+        kinds = {i: graph.operations[i] for i in reached}
+        self.sides = tuple(i for i, x in kinds.items() if x.kind == "side" and x.of[0] in self.level_of)
+        self.touching = tuple(i for i, x in kinds.items() if x.kind in ("sqrt", "atan2") and x.of[-1] in self.level_of)
+        known = {*self.level_of, *self.sides}
+        self.constants = tuple(i for i, x in kinds.items() if i not in known and x.kind != "number")
+        self.groups: list[list[Sum]] = []
+        for n in range(len(self.levels)):
+            here = [one for one in self.sums if one.level == n]
+            self.groups += [here[j : j + WIDTH] for j in range(0, len(here), WIDTH)]
+        self.start = _whole(len(self.constants))
+        self.head = _whole(len(rates) + len(self.sides) + 2 * len(self.touching))
+        self.beside_at = self.head + 2 * WIDTH * len(self.groups)
+        self.row = self.beside_at + _whole(len(self.beside))
+
+    def _take(self, i: int) -> None:
+        """Find level and sums of what changes over a series: what comes of states and inputs, but no side."""
+        kind, of, _ = self.graph.operations[i]
+        before = [self.level_of[j] for j in of if j in self.level_of]
+        if kind == "side" or not (before or kind in ("state", "input")):
+            return
+        level, sums = max(before, default=0), self._sums_of(i)
+        steps = 2 if kind == "atan2" else 1 if sums else 0  # of an angle's three sums the first two make the third
+        self.level_of[i] = level + steps
+        last = [level + steps - (kind == "atan2" and n < 2) for n in range(len(sums))]
+        self.sums += [Sum(i, n, at, *factors) for n, (at, factors) in enumerate(zip(last, sums, strict=True))]
+
+    def _sums_of(self, i: int) -> list[list[Factor]]:
+        kind, of, _ = self.graph.operations[i]
+        is_linear = kind == "multiply" and not self.level_of.keys() >= {*of}
+        if kind not in RECURRENCES or is_linear or (kind == "divide" and of[1] not in self.level_of):
+            return []
+        pairs = (factors.split() for factors in RECURRENCES[kind].sums)
+        return [[Factor(self.operand(i, one[0]), one.endswith("'")) for one in pair] for pair in pairs]
+
+    def operand(self, i: int, letter: str) -> int:
+        """Return the operation that a letter of an operation's recurrence stands for."""
+        kind, of, _ = self.graph.operations[i]
+        if letter == "z":
+            return self.graph.add("cos" if kind == "sin" else "sin", Symbol(self.graph, of[0])).index
+        return i if letter == "y" else of["abc".index(letter)]
 
     @property
     def varying(self) -> list[int]:
@@ -56,39 +149,16 @@ class Program(NamedTuple):
         return [i for level in self.levels for i in level]
 
     @property
-    def states(self) -> list[str]:
-        """Return the names of the numbers that are integrated."""
-        return list(self.rates)
+    def watched(self) -> list[Symbol]:
+        """Return what has sides, what may touch zero and its roots, whose series stand in a row after the states."""
+        known = self.graph.operations
+        found = [*(known[i].of[0] for i in self.sides), *(known[i].of[-1] for i in self.touching), *self.touching]
+        return [Symbol(self.graph, i) for i in found]
 
 
-def program(
-    graph: Graph,
-    rates: Mapping[str, Number],
-    wanted: Mapping[str, Number],
-    watched: Iterable[Number] = (),
-    beside: Sequence[Number] = (),
-) -> Program:
-    """Return the program of states' rates, with what else is wanted, of which values serve and no series are made.
-
-    watched: sides that no rate rests on, of which series are made as well; beside: see `Program`.
-    """
-    reached = with_pairs(graph, [*rates.values(), *watched, *beside])
-    changing = _changing(graph, reached)
-    level: dict[int, int] = {}
-    slots = {}
-    for i in reached:
-        if i in changing:
-            kind, of, _ = graph.operations[i]
-            slots[i] = _slots(graph.operations[i], i, changing, graph)
-            before = max((level[j] for j in of if j in changing), default=0)
-            level[i] = before + (2 if kind == "atan2" else 1 if slots[i] else 0)
-    levels = [tuple(i for i in reached if level.get(i) == n) for n in range(max(level.values(), default=0) + 1)]
-    sides = tuple(i for i in reached if graph.operations[i].kind == "side" and graph.operations[i].of[0] in changing)
-    roots = [i for i in reached if i in changing and graph.operations[i].kind in ("sqrt", "atan2")]
-    touching = tuple(i for i in roots if graph.operations[i].of[-1] in changing)
-    constants = (i for i in reached if i not in {*changing, *sides} and graph.operations[i].kind != "number")
-    used = {i: s for i, s in slots.items() if s}
-    return Program(graph, tuple(constants), tuple(levels), used, sides, touching, rates, wanted, tuple(beside))
+def _whole(count: int) -> int:
+    """Return the places of numbers in whole vectors."""
+    return -(-count // WIDTH) * WIDTH
 
 
 def with_pairs(graph: Graph, numbers: Iterable[Number]) -> list[int]:
@@ -100,96 +170,3 @@ def with_pairs(graph: Graph, numbers: Iterable[Number]) -> list[int]:
             angle = Symbol(graph, operation.of[0])
             ends += [sine(angle), cosine(angle)]
     return graph.reached(ends)
-
-
-def _changing(graph: Graph, reached: Sequence[int]) -> set[int]:
-    """Return the operations that change over a series: what comes of states and inputs, but for what is frozen."""
-    found: set[int] = set()
-    for i in reached:
-        kind, of, _ = graph.operations[i]
-        if kind in ("state", "input") or (kind != "side" and any(j in found for j in of)):
-            found.add(i)
-    return found
-
-
-def _slots(operation: Operation, i: int, changing: set[int], graph: Graph) -> tuple[Slot, ...]:
-    """Return the sums that an operation's k-th coefficient takes.
-
-    Where it is itself one of the factors, its k-th coefficient counts as zero, for which the recurrence is solved.
-    """
-    kind, of, _ = operation
-    if kind in LEAVES:
-        return ()
-    a, b = (*map(Factor, of), Factor(i), Factor(i))[:2]
-    own, slope = Factor(i), Factor(of[0], slope=True)
-    match kind:
-        case "multiply":
-            return (Slot(a, b),) if {*of} <= changing else ()
-        case "divide":
-            return (Slot(b, own),) if of[1] in changing else ()
-        case "sqrt":
-            return (Slot(own, own),)
-        case "exp":
-            return (Slot(slope, own),)
-        case "log":
-            return (Slot(Factor(i, slope=True), a),)
-        case "sin" | "cos":
-            other = graph.add("cos" if kind == "sin" else "sin", Symbol(graph, of[0])).index
-            return (Slot(slope, Factor(other)),)
-        case "power":
-            return (Slot(slope, own), Slot(a, Factor(i, slope=True)))
-        case "atan2":  # x y' - y x', then its quotient by x^2 + y^2
-            products = (Slot(b, Factor(of[0], slope=True)), Slot(a, Factor(of[1], slope=True)))
-            return (*products, Slot(Factor(of[2]), Factor(i, slope=True)))
-    return ()
-
-
-# Where its numbers stand
-
-
-class Layout(NamedTuple):
-    """Where what stands: leaves by name in the buffer, and in a row of the work space states and factors.
-
-    leaves: the place of each parameter and each state; of each input that of its value, its rate and its second rate.
-    targets: where what is wanted goes; sides: where they are kept; states: the column of each in a row, after which
-    that which has sides stands; row: its length.
-    """
-
-    leaves: Mapping[str, tuple[int, ...]]
-    targets: Mapping[str, int]
-    sides: Mapping[int, int]
-    states: Mapping[str, int]
-    constants: Mapping[int, int]
-    groups: tuple[tuple[tuple[int, int], ...], ...]
-    head: int
-    beside: int
-    row: int
-
-    @property
-    def start(self) -> int:
-        """Return where the first row begins in the work space, after the constants."""
-        return -(-len(self.constants) // WIDTH) * WIDTH
-
-
-def layout_of(program: Program, more: int = 0) -> Layout:
-    """Return the places of a program's numbers in a row; those of the buffer are still missing.
-
-    more: columns at its end for series that templates make. Each group of slots, (operation, which of its), is of one
-    level.
-    """
-    groups: list[tuple[tuple[int, int], ...]] = []
-    for n in range(len(program.levels)):
-        here = [(i, s) for i, slots in program.slots.items() for s in range(len(slots)) if level_of(program, i, s) == n]
-        groups += [tuple(here[j : j + WIDTH]) for j in range(0, len(here), WIDTH)]
-    states = {name: i for i, name in enumerate(program.states)}
-    head = -(-(len(states) + len(program.sides) + 2 * len(program.touching)) // WIDTH) * WIDTH
-    constants = {i: n for n, i in enumerate(program.constants)}
-    beside = head + 2 * WIDTH * len(groups)
-    row = beside + -(-len(program.beside) // WIDTH) * WIDTH + more
-    return Layout({}, {}, {}, states, constants, tuple(groups), head, beside, row)
-
-
-def level_of(program: Program, i: int, slot: int) -> int:
-    """Return the level that makes a sum: of an angle's three the first two make the third's numerator."""
-    level = next(n for n, level in enumerate(program.levels) if i in level)
-    return level - 1 if program.graph.operations[i].kind == "atan2" and slot < 2 else level

@@ -7,10 +7,11 @@ space has the k-th coefficients of the states and of all factors of the next ord
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
-from rbfmu.formulas.graph import Graph, Number, Symbol, numbers_of
-from rbfmu.formulas.program import WIDTH, Factor, Layout, Program, level_of
+from rbfmu.formulas.graph import LEAVES, Graph, Number, Symbol, numbers_of
+from rbfmu.formulas.program import RECURRENCES, WIDTH, Factor, Program
 
 MOST_SUMS = 12
 """How many groups of sums a loop makes beside one another: more find no register, of 16, and go through memory."""
@@ -40,19 +41,31 @@ from rbfmu_kernels.types import Buffer
 
 
 Changes = Mapping[int, Mapping[int, Number]]
+Place = Callable[..., int]
+"""Where the buffer has a leaf's number or an element of a block; of an input also, by "_rate" and "_rate_2", how fast
+it changes."""
 
 
-def source_of(program: Program, layout: Layout, changes: Changes) -> str:
+def source_of(program: Program, place: Place, changes: Changes) -> str:
     """Return the text of a module with KERNELS; changes: see `_Writer.feedthrough`."""
-    writer = _Writer(program, layout)
-    series = map(writer.function, SERIES)
-    return HEAD + "\n\n".join(["", *series, writer.values(), writer.feedthrough(changes)])[1:]
+    writer = _Writer(program, place)
+    return _module(*writer.series(), writer.values(program.wanted), writer.feedthrough(changes))
 
 
-def source_over(program: Program, layout: Layout, changes: Changes, loads: Mapping[str, Number]) -> str:
+def source_over(program: Program, place: Place, changes: Changes, loads: Mapping[str, Number]) -> str:
     """Return the text of a module with KERNELS_OVER; loads: those that are set at the start, by the block's number."""
-    writer = _Writer(program, layout)
-    return HEAD + "\n\n".join(["", writer.values(), writer.feedthrough(changes), writer.values("loads", loads)])[1:]
+    writer = _Writer(program, place)
+    return _module(writer.values(program.wanted), writer.feedthrough(changes), writer.values(loads, "loads"))
+
+
+def source_of_lanes(program: Program, place: Place) -> tuple[str, int]:
+    """Return the text of a module with the kernels of series for several bodies side by side, and a row's length."""
+    writer = _WideWriter(program, place)
+    return _module(*writer.series()), writer.row
+
+
+def _module(*kernels: str) -> str:
+    return HEAD + "\n\n".join(["", *kernels])[1:]
 
 
 def module_of(
@@ -75,58 +88,41 @@ MODEL = {maker} (BLOCKS, {size}), KERNELS, PLACES)
 """
 
 
-def source_of_lanes(program: Program, layout: Layout) -> str:
-    """Return the text of a module with the kernels of series for several bodies side by side; layout: `wide_layout`."""
-    return HEAD + "\n\n".join(["", *map(_WideWriter(program, layout).function, SERIES)])[1:]
-
-
-def wide_layout(program: Program, layout: Layout) -> Layout:
-    """Return a layout in whose rows each factor stands once: a lane is a body, and no sums of one go side by side."""
-    return layout._replace(groups=(), row=layout.head + len(_factors_of(program)))
-
-
-def _factors_of(program: Program) -> list[Factor]:
-    return [*dict.fromkeys(factor for slots in program.slots.values() for slot in slots for factor in slot)]
-
-
 def _kernel(name: str, takes: str, gives: str, lines: Iterable[str]) -> str:
     body = "".join(f"    {line}\n" for line in lines)
     return f"@kernel(inline=False)\ndef {name}({takes}) -> {gives}:\n{body}"
 
 
 class _Writer:
-    def __init__(self, program: Program, layout: Layout) -> None:
-        self._program, self._layout, self._graph = program, layout, program.graph
-        self._head = layout.head
-        self._level_of = {i: n for n, level in enumerate(program.levels) for i in level}
+    def __init__(self, program: Program, place: Place) -> None:
+        self._program, self._place, self._graph, self.row = program, place, program.graph, program.row
+        self._sides = {i: n for n, i in enumerate(program.sides)}
+        self._columns = {name: at for at, name in enumerate(program.rates)}
+        self._factors = [one for g in range(len(program.groups)) for one in self._factors_of(g)]
+        self._sums = {i: [one.name for one in own] for i, own in groupby(program.sums, lambda one: one.of)}
 
-    def function(self, name: str) -> str:
-        """Return the text of one kernel."""
-        takes, lines = "z: Buffer, w: int", []
-        match name:
-            case "constants":
-                lines = [*self._read_sides(self._layout.constants)]
-                lines += [f"{self._name(i)} = {self._value(i)}" for i in self._layout.constants]
-                lines += [f"z[w + {at}] = {self._name(i)}" for i, at in self._layout.constants.items()]
-            case "first":
-                lines = [*self._read_constants(), f"r = w + {self._layout.start}"]
-                lines += [f"{self._name(i)} = {self._value(i)}" for i in self._program.varying]
-                lines += [f"z[r + {at}] = {text}" for at, text in self._first_factors()]
-                lines += [f"z[r + {at}] = {self._name(i)}" for at, i in self._watched()]
-                lines += [f"z[r + {at}] = {self._text(x)}" for at, x in self._beside()]
-                lines += self._put_rates("")
-            case "further":
-                takes += ", k: int"
-                lines = [*self._read_constants(), f"r = w + {self._layout.start} + k * {self._layout.row}"]
-                lines += ["inverse = 1.0 / k", *self._orders(), *self._put_rates(" / (k + 1)")]
-        return _kernel(name, takes, "None", lines or ["pass"])
+    def series(self) -> Iterator[str]:
+        """Yield the texts of SERIES."""
+        program = self._program
+        constants = {i: f"z[w + {at}]" for at, i in enumerate(program.constants)}
+        lines = [*self._read_sides(constants), *self._set(constants)]
+        lines += [f"{at} = {self._name(i)}" for i, at in constants.items()]
+        yield _kernel("constants", "z: Buffer, w: int", "None", lines or ["pass"])
+        used = {x.index for x in (*program.rates.values(), *program.beside) if isinstance(x, Symbol)}
+        used |= {j for i in program.varying for j in self._graph.operations[i].of}
+        known = [*self._read_sides(program.varying)]
+        known += [f"{self._name(i)} = {at}" for i, at in constants.items() if i in used]
+        lines = [*known, f"r = w + {program.start}", *self._set(program.varying)]
+        lines += [f"z[r + {at}] = {'0.0' if one.slope else self._name(one.of)}" for at, one in self._factors]
+        yield _kernel("first", "z: Buffer, w: int", "None", [*lines, *self._put(self._text)])
+        lines = [*known, f"r = w + {program.start} + k * {self.row}", "inverse = 1.0 / k", *self._orders()]
+        yield _kernel("further", "z: Buffer, w: int, k: int", "None", [*lines, *self._put(self._later, " / (k + 1)")])
 
-    def values(self, name: str = "values", wanted: Mapping[str, Number] | None = None) -> str:
+    def values(self, wanted: Mapping[str, Number], name: str = "values") -> str:
         """Return the text of the kernel that sets what is wanted, from the states in the buffer."""
-        wanted = self._program.wanted if wanted is None else wanted
-        lines = self._now(wanted.values())
-        lines += [f"z[{self._layout.targets[element]}] = {self._text(x)}" for element, x in wanted.items()]
-        sums = " + ".join(["0.0", *(f"0.0 * z[{self._layout.targets[element]}]" for element in wanted)])
+        places = {f"z[{self._place(element)}]": x for element, x in wanted.items()}
+        lines = [*self._now(wanted.values()), *(f"{at} = {self._text(x)}" for at, x in places.items())]
+        sums = " + ".join(["0.0", *(f"0.0 * {at}" for at in places)])
         return _kernel(name, "z: Buffer", "int", [*lines, f"return 0 if {sums} == 0.0 else NOT_FINITE"])
 
     def feedthrough(self, changes: Changes) -> str:
@@ -134,205 +130,159 @@ class _Writer:
 
         changes: by the place of an output's number, its derivatives by the place of the input's number.
         """
-        lines = self._now(x for slopes in changes.values() for x in slopes.values())
+        lines = [*self._now(x for slopes in changes.values() for x in slopes.values())]
         for at, slopes in changes.items():
             terms = (f"{self._text(x)} * change[{place}]" for place, x in slopes.items())
             lines.append(f"change[{at}] = {' + '.join(terms) or 0.0}")
         return _kernel("feedthrough", "z: Buffer, change: Buffer", "int", [*lines, "return 0"])
 
-    def _text(self, x: Number) -> str:
-        return self._name(x.index) if isinstance(x, Symbol) else repr(float(x))
+    # Values
 
-    def _now(self, numbers: Iterable[Number]) -> list[str]:
+    def _now(self, numbers: Iterable[Number]) -> Iterator[str]:
         """Return the lines that make what numbers come of from the states in the buffer."""
-        reached = (i for i in self._graph.reached(numbers) if self._graph.operations[i].kind != "number")
-        return [f"{self._name(i)} = {self._value(i, in_row=False)}" for i in reached]
+        reached = self._graph.reached(numbers)
+        return self._set((i for i in reached if self._graph.operations[i].kind != "number"), in_row=False)
+
+    def _set(self, operations: Iterable[int], in_row: bool = True) -> Iterator[str]:
+        """Return the lines that set values; in_row: whether states stand in a row of the work space."""
+        return (f"{self._name(i)} = {self._value(i, in_row)}" for i in operations)
 
     def _read_sides(self, readers: Iterable[int]) -> Iterator[str]:
         used = {j for i in readers for j in self._graph.operations[i].of}
-        yield from (f"{self._name(i)} = {self._value(i)}" for i in self._program.sides if i in used)
-
-    def _read_constants(self) -> list[str]:
-        used = {j for i in self._program.varying for j in self._graph.operations[i].of}
-        shown = (*self._program.rates.values(), *self._program.beside)
-        used |= {x.index for x in shown if isinstance(x, Symbol)}
-        known = [f"{self._name(i)} = z[w + {at}]" for i, at in self._layout.constants.items() if i in used]
-        return [*self._read_sides(self._program.varying), *known]
+        return self._set(i for i in self._sides if i in used)
 
     def _name(self, i: int) -> str:
         """Return the variable of an operation's value or k-th coefficient; a number is itself."""
         operation = self._graph.operations[i]
         return repr(operation.value) if operation.kind == "number" else f"v{i}"
 
-    def _value(self, i: int, in_row: bool = True) -> str:
-        """Return the text of an operation's value; in_row: whether states stand in a row of the work space."""
+    def _text(self, x: Number) -> str:
+        return self._name(x.index) if isinstance(x, Symbol) else repr(float(x))
+
+    def _value(self, i: int, in_row: bool) -> str:
         kind, of, value = self._graph.operations[i]
-        a, b, c = (*map(self._name, of), "", "", "")[:3]
-        match kind:
-            case "side" if in_row and i in self._layout.sides:
-                return f"z[{self._layout.sides[i]}]"
-            case "state" if in_row:
-                return f"z[r + {self._layout.states[str(value)]}]"
-            case "place" | "input" | "state":
-                return f"z[{self._layout.leaves[str(value)][0]}]"
-        return VALUES[kind].format(a, b, c)
+        if in_row and i in self._sides:
+            return f"z[{self._place('sides') + self._sides[i]}]"
+        if in_row and kind == "state":
+            return f"z[r + {self._columns[str(value)]}]"
+        return f"z[{self._place(value)}]" if kind in LEAVES else VALUES[kind].format(*map(self._name, of))
+
+    def _put(self, text: Callable[[Number], str], divided: str = "") -> Iterator[str]:
+        """Yield the lines that store what is watched, numbers beside, and the states' next coefficients."""
+        program = self._program
+        kept = (*enumerate(program.watched, len(self._columns)), *enumerate(program.beside, program.beside_at))
+        yield from (f"z[r + {at}] = {text(x)}" for at, x in kept)
+        for at, rate in enumerate(map(text, program.rates.values()), self.row):
+            yield f"z[r + {at}] = {rate}{'' if rate == '0.0' else divided}"
 
     # Coefficients beyond the first
 
     def _orders(self) -> Iterator[str]:
         for n, level in enumerate(self._program.levels):
-            groups = [g for g, group in enumerate(self._layout.groups) if self._level_of_group(group) == n]
-            yield from self._sums(groups)
-            for i in level:
-                yield f"{self._name(i)} = {self._coefficient(i)}"
-        yield from (f"z[r + {at}] = {text}" for at, text in self._factors_left)
-        yield from (f"z[r + {at}] = {self._name(i)}" for at, i in self._watched())
-        for at, x in self._beside():
-            yield f"z[r + {at}] = {self._part(x.index) if isinstance(x, Symbol) else '0.0'}"
+            yield from self._products(n)
+            yield from (f"{self._name(i)} = {self._coefficient(i)}" for i in level)
+        for g, group in enumerate(self._program.groups):  # what was not known when these products were summed
+            left = (one for one in self._factors_of(g) if not self._is_known(one[1], group[0].level))
+            yield from (f"z[r + {at}] = {self._factor(factor)}" for at, factor in left)
 
-    def _beside(self) -> Iterator[tuple[int, Number]]:
-        yield from enumerate(self._program.beside, self._layout.beside)
+    def _is_known(self, factor: Factor, level: int) -> bool:
+        """Return whether a factor is known when a level's sums are made."""
+        return self._program.level_of.get(factor.of, -1) < level
 
-    def _watched(self) -> Iterator[tuple[int, int]]:
-        """Yield the columns in a row of what has sides, of what may touch zero and its roots, and these."""
-        watched = [self._graph.operations[i].of[0] for i in self._program.sides]
-        watched += [self._graph.operations[i].of[-1] for i in self._program.touching]
-        yield from enumerate((*watched, *self._program.touching), len(self._layout.states))
-
-    def _level_of_group(self, group: tuple[tuple[int, int], ...]) -> int:
-        return level_of(self._program, *group[0])
-
-    def _sums(self, groups: list[int]) -> Iterator[str]:
-        """Yield the lines that store the factors which are known by now, and sum the products of groups."""
-        if not groups:
-            return
-        for g in groups:
-            for at, factor in self._places(g):
-                known = self._level_of.get(factor.of, -1) < self._level_of_group(self._layout.groups[g])
-                yield f"z[r + {at}] = {self._factor(factor) if known else '0.0'}"
-        for n in range(0, len(groups), MOST_SUMS):
-            yield from self._loop(groups[n : n + MOST_SUMS])
-        for g in groups:
-            names = [self._sum(*slot) for slot in self._layout.groups[g]]
-            yield f"{', '.join((names + ['_'] * WIDTH)[:WIDTH])} = numbers(s{g})"
-
-    def _loop(self, groups: list[int]) -> Iterator[str]:
-        """Yield the lines that sum the products of groups."""
-        for g in groups:
-            yield f"s{g} = lanes(0.0, 0.0, 0.0, 0.0)"
-        yield "for j in range(k + 1):"
-        yield f"    a, b = r - (k - j) * {self._layout.row}, r - j * {self._layout.row}"
-        for g in groups:
-            at = self._head + 2 * WIDTH * g
-            product = f"multiply_lanes(lanes_at(z, a + {at}), lanes_at(z, b + {at + WIDTH}))"
-            yield f"    s{g} = add_lanes(s{g}, {product})"
-
-    def _sum(self, i: int, slot: int) -> str:
-        return f"p{i}" if slot == 0 else f"p{i}_{slot}"
-
-    def _places(self, g: int) -> Iterator[tuple[int, Factor]]:
+    def _factors_of(self, g: int) -> Iterator[tuple[int, Factor]]:
         """Yield the places in a row of a group's factors."""
-        at = self._head + 2 * WIDTH * g
-        for lane, (i, s) in enumerate(self._layout.groups[g]):
-            slot = self._program.slots[i][s]
-            yield at + lane, slot.first
-            yield at + WIDTH + lane, slot.last
+        at = self._program.head + 2 * WIDTH * g
+        for lane, one in enumerate(self._program.groups[g], at):
+            yield lane, one.first
+            yield lane + WIDTH, one.last
 
-    def _factors(self) -> Iterator[tuple[int, Factor]]:
-        """Yield the places in a row of all factors."""
-        return (place for g in range(len(self._layout.groups)) for place in self._places(g))
-
-    def _first_factors(self) -> Iterator[tuple[int, str]]:
-        for at, factor in self._factors():
-            yield at, "0.0" if factor.slope else self._name(factor.of)
+    def _products(self, level: int) -> Iterator[str]:
+        """Yield the lines that store the factors which are known by now, and sum the products of groups."""
+        groups = {g: group for g, group in enumerate(self._program.groups) if group[0].level == level}
+        for at, factor in (one for g in groups for one in self._factors_of(g)):
+            yield f"z[r + {at}] = {self._factor(factor) if self._is_known(factor, level) else '0.0'}"
+        for first in range(0, len(groups), MOST_SUMS):
+            some = [*groups][first : first + MOST_SUMS]
+            yield from (f"s{g} = lanes(0.0, 0.0, 0.0, 0.0)" for g in some)
+            yield from self._loop
+            for g in some:
+                at = self._program.head + 2 * WIDTH * g
+                product = f"multiply_lanes(lanes_at(z, a + {at}), lanes_at(z, b + {at + WIDTH}))"
+                yield f"    s{g} = add_lanes(s{g}, {product})"
+        for g, group in groups.items():
+            names = [*(one.name for one in group), *["_"] * WIDTH][:WIDTH]
+            yield f"{', '.join(names)} = numbers(s{g})"
 
     @property
-    def _factors_left(self) -> Iterator[tuple[int, str]]:
-        """Yield the factors that were not known when their group's products were summed."""
-        for g, group in enumerate(self._layout.groups):
-            for at, factor in self._places(g):
-                if self._level_of.get(factor.of, -1) >= self._level_of_group(group):
-                    yield at, self._factor(factor)
+    def _loop(self) -> tuple[str, str]:
+        """The head of the loop over products: of the one's (k - j)-th coefficient, and the other's j-th."""
+        return "for j in range(k + 1):", f"    a, b = r - (k - j) * {self.row}, r - j * {self.row}"
 
     def _factor(self, factor: Factor) -> str:
         """Return the k-th coefficient of a factor, k > 0."""
-        if factor.of not in self._level_of:
-            return "0.0"
-        return f"k * {self._name(factor.of)}" if factor.slope else self._name(factor.of)
+        part = self._part(factor.of)
+        return f"k * {part}" if factor.slope and part != "0.0" else part
 
     def _coefficient(self, i: int) -> str:
         """Return the text of an operation's k-th coefficient, k > 0."""
         kind, of, value = self._graph.operations[i]
         a, b, c = (*map(self._part, of), "", "", "")[:3]
-        if kind == "state":
-            return f"z[r + {self._layout.states[str(value)]}]"
-        if kind == "input":
-            _, rate, rate_2 = self._layout.leaves[str(value)]
-            return f"z[{rate}] if k == 1 else 0.5 * z[{rate_2}] if k == 2 else 0.0"
-        if kind == "select":
-            return f"choose({self._name(of[0])} > 0.0, {b}, {c})"
-        if i not in self._program.slots:
-            return self._linear(kind, of, a, b)
-        text, divisor = COEFFICIENTS[kind]
-        first = "" if divisor is None else self._first((*of, i)[divisor])
-        return text.format(*(self._sum(i, s) for s in range(3)), a=a, x=first, exponent=self._name(of[-1]))
-
-    def _linear(self, kind: str, of: tuple[int, ...], a: str, b: str) -> str:
-        """Return the text of a sum, a difference, or a product or quotient with a constant."""
-        if kind == "multiply":
-            return f"{self._name(of[0])} * {self._name(of[1])}"
-        if kind == "divide":
-            return f"{a} / {self._name(of[1])}"
-        if kind == "add":
-            return f"{a} + {b}" if a != "0.0" and b != "0.0" else a if b == "0.0" else b
-        return f"{a} - {b}" if a != "0.0" and b != "0.0" else a if b == "0.0" else f"-{b}"
+        match kind:
+            case "state":
+                return f"z[r + {self._columns[str(value)]}]"
+            case "input":
+                rate, rate_2 = (self._place(value, end) for end in ("_rate", "_rate_2"))
+                return f"z[{rate}] if k == 1 else 0.5 * z[{rate_2}] if k == 2 else 0.0"
+            case "select":
+                return f"choose({self._name(of[0])} > 0.0, {b}, {c})"
+            case _ if i in self._sums:
+                _, text, divisor = RECURRENCES[kind]
+                x = self._first(self._program.operand(i, divisor)) if divisor else ""
+                return text.format(*self._sums[i], a=a, b=self._name(of[-1]), x=x)
+            case "multiply":
+                return f"{self._name(of[0])} * {self._name(of[1])}"
+            case "divide":
+                return f"{a} / {self._name(of[1])}"
+        if "0.0" not in (a, b):
+            return f"{a} {'+' if kind == 'add' else '-'} {b}"
+        return a if b == "0.0" else b if kind == "add" else f"-{b}"
 
     def _part(self, i: int) -> str:
         """Return the k-th coefficient of an operand: none of a constant."""
-        return self._name(i) if i in self._level_of else "0.0"
+        return self._name(i) if i in self._program.level_of else "0.0"
+
+    def _later(self, x: Number) -> str:
+        return self._part(x.index) if isinstance(x, Symbol) else "0.0"
 
     def _first(self, i: int) -> str:
         """Return the text of an operation's first coefficient: where it is a factor, it stands in the first row."""
-        at = next(at for at, factor in self._factors() if factor == Factor(i))  # of what is solved for
-        return f"z[w + {self._layout.start + at}]"
-
-    def _put_rates(self, divided: str) -> Iterator[str]:
-        """Yield the lines that set the states' next coefficients."""
-        for name, rate in self._program.rates.items():
-            at = self._layout.states[name] + self._layout.row
-            if isinstance(rate, Symbol) and rate.index in self._level_of:
-                yield f"z[r + {at}] = {self._name(rate.index)}{divided}"
-            else:
-                known = self._name(rate.index) if isinstance(rate, Symbol) else repr(float(rate))
-                yield f"z[r + {at}] = {'0.0' if divided else known}"
+        at = next(at for at, factor in self._factors if factor == Factor(i))  # of what is solved for
+        return f"z[w + {self._program.start + at}]"
 
 
 class _WideWriter(_Writer):
     """Writes the same sums for numbers of several bodies, with the same bits: each on its own, of factors that are kept
     once. What is not yet known of an order counts as zero, as it does where sums of one body go side by side."""
 
-    def _factors(self) -> Iterator[tuple[int, Factor]]:
-        yield from enumerate(_factors_of(self._program), self._head)
+    def __init__(self, program: Program, place: Place) -> None:
+        super().__init__(program, place)
+        factors = dict.fromkeys(factor for one in program.sums for factor in (one.first, one.last))
+        self._factors = [*enumerate(factors, program.head)]
+        self.row = program.head + len(factors)
 
     def _orders(self) -> Iterator[str]:
-        yield from (f"z[r + {at}] = 0.0" for at, _ in self._factors())
-        slots = [(i, s) for i, own in self._program.slots.items() for s in range(len(own))]
+        yield from (f"z[r + {at}] = 0.0" for at, _ in self._factors)
         for n, level in enumerate(self._program.levels):
-            yield from self._sums_of([slot for slot in slots if level_of(self._program, *slot) == n])
+            yield from self._products(n)
             yield from (f"{self._name(i)} = {self._coefficient(i)}" for i in level)
-            yield from (f"z[r + {at}] = {self._factor(one)}" for at, one in self._factors() if one.of in level)
-        yield from (f"z[r + {at}] = {self._name(i)}" for at, i in self._watched())
+            yield from (f"z[r + {at}] = {self._factor(one)}" for at, one in self._factors if one.of in level)
 
-    def _sums_of(self, slots: list[tuple[int, int]]) -> Iterator[str]:
-        if not slots:
-            return
-        places = {factor: at for at, factor in self._factors()}
-        yield from (f"{self._sum(*slot)} = 0.0" for slot in slots)
-        yield "for j in range(k + 1):"
-        yield f"    a, b = r - (k - j) * {self._layout.row}, r - j * {self._layout.row}"
-        for i, s in slots:
-            first, last = self._program.slots[i][s]
-            yield f"    {self._sum(i, s)} += z[a + {places[first]}] * z[b + {places[last]}]"
+    def _products(self, level: int) -> Iterator[str]:
+        at = {factor: place for place, factor in self._factors}
+        sums = [one for one in self._program.sums if one.level == level]
+        yield from (f"{one.name} = 0.0" for one in sums)
+        yield from self._loop if sums else ()
+        yield from (f"    {one.name} += z[a + {at[one.first]}] * z[b + {at[one.last]}]" for one in sums)
 
 
 VALUES = {
@@ -350,21 +300,6 @@ VALUES = {
     "side": "math.copysign(1.0, {})",
     "select": "choose({0} > 0.0, {1}, {2})",
 }
-
-
-COEFFICIENTS: Mapping[str, tuple[str, int | None]] = {
-    "multiply": ("{0}", None),
-    "divide": ("({a} - {0}) / {x}", 1),
-    "sqrt": ("choose({x} != 0.0, 0.5 * ({a} - {0}) / {x}, 0.0)", -1),
-    "exp": ("{0} * inverse", None),
-    "sin": ("{0} * inverse", None),
-    "cos": ("-{0} * inverse", None),
-    "log": ("({a} - {0} * inverse) / {x}", 0),
-    "power": ("({exponent} * {0} - {1}) / {x} * inverse", 0),
-    "atan2": ("({0} - {1} - {2}) / {x} * inverse", 2),
-}
-"""The k-th coefficients, k > 0, of operations by their sums; a: that of what they are of; x: a first coefficient, and
-of which of these it is, where -1 stands for the operation itself."""
 
 
 def lines_of(

@@ -1,15 +1,26 @@
-"""A formula's text: which of Python's expressions it may be, and where a mistake is. It is parsed, never run."""
+"""A formula's text: which of Python's expressions it may be, where a mistake is, and what it means.
+
+It is parsed, never run: its numbers are those of a graph, in scalars, vectors and matrices whose shapes must fit.
+"""
 
 import ast
-from collections.abc import Iterator
+import math
+import operator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rbfmu.formulas import graph
+from rbfmu.formulas.graph import Number, TooLargeError
 
 LONGEST, DEEPEST = 2000, 40
 """The most characters of a formula, and levels of what stands inside something else."""
-OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**", ast.MatMult: "@"}
-COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 _ALLOWED = (
     ast.Expression, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Call, ast.Name, ast.Constant, ast.List,
-    ast.Tuple, ast.Subscript, ast.Load, ast.USub, ast.UAdd, ast.Not, ast.And, ast.Or, *OPERATORS, *COMPARISONS,
+    ast.Tuple, ast.Subscript, ast.Load, ast.USub, ast.UAdd, ast.Not, ast.And, ast.Or, ast.Add, ast.Sub, ast.Mult,
+    ast.Div, ast.Pow, ast.MatMult, ast.Lt, ast.LtE, ast.Gt, ast.GtE,
 )  # fmt: skip
 _INSTEAD = {
     ast.BitXor: "** for a power", ast.FloorDiv: "/", ast.IfExp: "where(condition, a, b)", ast.Eq: "<, <=, > or >=",
@@ -23,7 +34,6 @@ class FormulaError(ValueError):
     def __init__(self, text: str, column: int, expected: str) -> None:
         shown, at = _window(text, column)
         super().__init__(f"expected {expected}\n    {shown}\n    {' ' * at}^")
-        self.expected = expected
 
 
 def _window(text: str, column: int, width: int = 100) -> tuple[str, int]:
@@ -80,3 +90,309 @@ def _walk(root: ast.expr) -> Iterator[tuple[ast.AST, int]]:
 def names_in(text: str) -> set[str]:
     """Return the names that a formula reads. Raises FormulaError."""
     return {node.id for node, _ in _walk(read(text)) if isinstance(node, ast.Name)}
+
+
+# What it means
+
+Array = Any
+"""A scalar (a float or a graph's Symbol), or a NumPy array of such, of one axis or two."""
+CONSTANTS = {"pi": math.pi, "deg": math.pi / 180.0, "rpm": math.pi / 30.0}
+"""Numbers that every formula knows."""
+
+
+class Condition(NamedTuple):
+    """What is true or false: 1 or -1."""
+
+    side: Number
+
+
+class Function(NamedTuple):
+    """A function of formulas: what it takes and means, and how its result is made."""
+
+    takes: str
+    meaning: str
+    make: Callable[..., Array]
+
+
+class Table(NamedTuple):
+    """A function of one number: coefficients (rows, 4) of powers of what x is beyond each knot, constant outside."""
+
+    knots: tuple[float, ...]
+    rows: tuple[tuple[float, float, float, float], ...]
+
+    @classmethod
+    def through(cls, x: Sequence[float], y: Sequence[float], cubic: bool) -> "Table":
+        """Return the table through points, with straight lines or as the natural cubic spline."""
+        step = np.diff(x)
+        slope, bend = np.diff(y) / step, np.zeros(len(x))
+        if cubic and len(x) > 2:  # second derivatives, zero at the ends (de Boor, A Practical Guide to Splines, IV)
+            n = len(x) - 2
+            matrix = np.diag(2.0 * (step[:-1] + step[1:])) + np.diag(step[1:-1], 1) + np.diag(step[1:-1], -1)
+            bend[1 : n + 1] = np.linalg.solve(matrix, 6.0 * np.diff(slope))
+        first = slope - step * (2.0 * bend[:-1] + bend[1:]) / 6.0
+        rows = np.stack([y[:-1], first, 0.5 * bend[:-1], np.diff(bend) / (6.0 * step)], axis=1).tolist()
+        flat = [(float(y[0]), 0.0, 0.0, 0.0), *map(tuple, rows), (float(y[-1]), 0.0, 0.0, 0.0)]
+        return cls(tuple(map(float, x)), tuple(flat))
+
+    def at(self, x: Number) -> Number:
+        """Return the value at a number; the row is chosen by on which side of each knot it is."""
+        total: Number = 0.0
+        sides = [graph.side(x - knot) for knot in self.knots]
+        starts = (self.knots[0], *self.knots)
+        beyond = x - self._chosen(sides, starts)
+        for power in (3, 2, 1, 0):
+            total = total * beyond + self._chosen(sides, [row[power] for row in self.rows])
+        return total
+
+    @staticmethod
+    def _chosen(sides: Sequence[Number], values: Sequence[float]) -> Number:
+        found: Number = values[0]
+        for side, value in zip(sides, values[1:], strict=True):
+            found = graph.select(side, value, found)
+        return found
+
+
+NO_NUMBER = (Condition, Table)
+"""What formulas may name or say that is no scalar, vector or matrix."""
+
+
+class MismatchError(ValueError):
+    """What was expected instead of the arguments."""
+
+
+def _scalar(x: Array) -> Number:
+    if isinstance(x, np.ndarray | Condition | Table):
+        raise MismatchError("a scalar")
+    return x  # type: ignore[no-any-return]
+
+
+def _number(x: Array) -> Array:
+    if isinstance(x, NO_NUMBER):
+        raise MismatchError("a number")
+    return x
+
+
+def _vector(x: Array) -> Array:
+    if shape_of(x) != (3,):
+        raise MismatchError("a vector of 3 numbers")
+    return x
+
+
+def _table(table: Array, x: Array) -> Number:
+    if not isinstance(table, Table):
+        raise MismatchError("the name of a table, then a scalar")
+    return table.at(_scalar(x))
+
+
+def _condition(x: Array) -> Condition:
+    if not isinstance(x, Condition):
+        raise MismatchError("a condition, such as x > 0")
+    return x
+
+
+def _of_scalars(function: Callable[..., Number]) -> Callable[..., Array]:
+    return lambda *numbers: function(*map(_scalar, numbers))
+
+
+def _dot(a: Array, b: Array) -> Number:
+    if len(shape_of(a)) != 1 or shape_of(a) != shape_of(b):
+        raise MismatchError("two vectors of one length")
+    return 0.0 + a @ b  # type: ignore[no-any-return]  # not -0.0
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.cross(_vector(a), _vector(b))
+
+
+_times = np.frompyfunc(operator.mul, 2, 1)  # of scalars of a graph, which know no arrays
+
+
+def _beside(x: Number) -> Number:
+    """Return the root of 1 - x^2, which keeps its digits near 1 as a product."""
+    return graph.square_root((1.0 - x) * (1.0 + x))
+
+
+def _least(a: Number, b: Number) -> Number:
+    return graph.select(graph.side(b - a), a, b)
+
+
+def _largest(a: Number, b: Number) -> Number:
+    return graph.select(graph.side(a - b), a, b)
+
+
+def _where(condition: Array, a: Array, b: Array) -> Array:
+    if shape_of(a) != shape_of(b):
+        raise MismatchError("two values of one shape")
+    return np.frompyfunc(partial(graph.select, _condition(condition).side), 2, 1)(_number(a), _number(b))
+
+
+FUNCTIONS: Mapping[str, Function] = {
+    "dot": Function("a, b", "scalar product of two vectors", _dot),
+    "cross": Function("a, b", "vector product of two vectors", _cross),
+    "norm": Function("v", "length of a vector", lambda v: graph.square_root(_dot(v, v))),
+    "sin": Function("x", "sine of an angle in rad", _of_scalars(graph.sine)),
+    "cos": Function("x", "cosine of an angle in rad", _of_scalars(graph.cosine)),
+    "tan": Function("x", "tangent of an angle in rad", _of_scalars(lambda x: graph.sine(x) / graph.cosine(x))),
+    "asin": Function("x", "angle in [-pi/2, pi/2], rad", _of_scalars(lambda x: graph.arctangent(x, _beside(x)))),
+    "acos": Function("x", "angle in [0, pi], rad", _of_scalars(lambda x: graph.arctangent(_beside(x), x))),
+    "atan2": Function("y, x", "angle of (x, y) in (-pi, pi], rad", _of_scalars(graph.arctangent)),
+    "exp": Function("x", "exponential", _of_scalars(graph.exponential)),
+    "log": Function("x", "natural logarithm", _of_scalars(graph.logarithm)),
+    "sqrt": Function("x", "square root", _of_scalars(graph.square_root)),
+    "abs": Function("x", "absolute value", _of_scalars(lambda x: graph.select(graph.side(x), x, -x))),
+    "min": Function("a, b", "the smaller of two scalars", _of_scalars(_least)),
+    "max": Function("a, b", "the larger of two scalars", _of_scalars(_largest)),
+    "clip": Function(
+        "x, low, high",
+        "x, but no smaller than low, and no larger than high",
+        _of_scalars(lambda x, low, high: _least(_largest(x, low), high)),
+    ),
+    "table": Function("name, x", "a table of the scene at x", _table),
+    "where": Function("condition, a, b", "a where the condition holds, else b", _where),
+}
+"""What formulas know besides operators; `to_a` and `to_b` come with a scene."""
+
+
+def shape_of(x: Array) -> tuple[int, ...]:
+    """Return (), (n,) or (n, m)."""
+    return np.shape(x) if isinstance(x, np.ndarray) else ()
+
+
+def value_of(text: str, names: Mapping[str, Array], functions: Mapping[str, Function] = FUNCTIONS) -> Array:
+    """Return what a formula gives where names stand for numbers. Raises FormulaError."""
+    found = _Reader(text, names, functions).value(read(text))
+    if isinstance(found, NO_NUMBER):
+        raise FormulaError(text, 0, "a number, a vector or a matrix; where(condition, 1, 0) makes a number")
+    return found
+
+
+class _Reader:
+    """One text, and what its names stand for."""
+
+    def __init__(self, text: str, names: Mapping[str, Array], functions: Mapping[str, Function]) -> None:
+        self._text, self._names, self._functions = text, names, functions
+
+    def value(self, node: ast.expr) -> Array:
+        """Return what a part of the text gives."""
+        try:
+            found = getattr(self, f"_{type(node).__name__.lower()}")(node)
+        except FormulaError:
+            raise
+        except (MismatchError, TooLargeError) as error:
+            raise self._fault(node, str(error)) from None
+        except (ArithmeticError, ValueError):  # a root of -1, a division by zero, 10.0 ** 400
+            raise self._fault(node, "a finite number") from None
+        numbers: Any = [] if isinstance(found, NO_NUMBER) else np.asarray(found, object).flat
+        if any(isinstance(x, complex) or (isinstance(x, float) and not math.isfinite(x)) for x in numbers):
+            raise self._fault(node, "a finite number")
+        return found
+
+    def _fault(self, node: ast.expr, expected: str) -> FormulaError:
+        return FormulaError(self._text, column_of(self._text, node), expected)
+
+    def _constant(self, node: ast.Constant) -> Array:
+        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+            raise MismatchError("a number or a name")
+        return float(node.value)
+
+    def _name(self, node: ast.Name) -> Array:
+        known = {**CONSTANTS, **self._names}
+        if node.id not in known:
+            raise MismatchError(f"{node.id}(...)" if node.id in self._functions else _instead_of(node.id, self._names))
+        return known[node.id]
+
+    def _list(self, node: ast.List) -> Array:
+        items = [self.value(item) for item in node.elts]
+        shapes = {shape_of(item) for item in items}
+        if not items or any(isinstance(x, NO_NUMBER) for x in items) or len(shapes) > 1 or len(shapes.pop()) > 1:
+            raise MismatchError("numbers, or rows of one length")
+        return np.array(items, object)
+
+    def _tuple(self, node: ast.Tuple) -> Array:
+        raise MismatchError("[ and ] about the numbers of a vector")
+
+    def _unaryop(self, node: ast.UnaryOp) -> Array:
+        x = self.value(node.operand)
+        if isinstance(node.op, ast.Not):
+            return Condition(-_condition(x).side)
+        return _number(x) if isinstance(node.op, ast.UAdd) else -_number(x)
+
+    def _binop(self, node: ast.BinOp) -> Array:
+        a, b = self.value(node.left), self.value(node.right)
+        if isinstance(a, NO_NUMBER) or isinstance(b, NO_NUMBER):
+            raise MismatchError("numbers on both sides")
+        of_a, of_b = shape_of(a), shape_of(b)
+        match node.op:
+            case ast.MatMult():
+                return _matrix_product(a, b)
+            case ast.Pow():
+                return graph.power(_scalar(a), _scalar(b))
+            case ast.Div():
+                return a / _scalar(b)
+            case ast.Mult() if of_a and of_b:
+                raise MismatchError("dot(a, b), cross(a, b) or a @ b, as * multiplies by scalars")
+            case ast.Mult():
+                return _times(a, b)
+        if of_a != of_b:
+            raise MismatchError(f"equal shapes on both sides, not {_said(of_a)} and {_said(of_b)}")
+        return a + b if isinstance(node.op, ast.Add) else a - b
+
+    def _compare(self, node: ast.Compare) -> Condition:
+        values = [_scalar(self.value(x)) for x in (node.left, *node.comparators)]
+        sides = [
+            graph.side(b - a if isinstance(sign, ast.Lt | ast.LtE) else a - b)
+            for sign, a, b in zip(node.ops, values, values[1:], strict=False)
+        ]
+        return _all(sides)
+
+    def _boolop(self, node: ast.BoolOp) -> Condition:
+        sign = 1.0 if isinstance(node.op, ast.And) else -1.0  # not all of those that do not hold
+        return Condition(sign * _all([sign * _condition(self.value(x)).side for x in node.values]).side)
+
+    def _subscript(self, node: ast.Subscript) -> Array:
+        x, given = self.value(node.value), node.slice
+        parts = given.elts if isinstance(given, ast.Tuple) else [given]
+        shape = shape_of(x)
+        if not shape or len(parts) != len(shape):
+            raise MismatchError(f"{len(shape)} index(es) of {_said(shape)}" if shape else "no index of a scalar")
+        indices = []
+        for part, size in zip(parts, shape, strict=True):
+            if not isinstance(part, ast.Constant) or type(part.value) is not int or not 1 <= part.value <= size:
+                raise self._fault(part, f"a whole number from 1 to {size}")
+            indices.append(part.value - 1)
+        return x[tuple(indices)]
+
+    def _call(self, node: ast.Call) -> Array:
+        if not isinstance(node.func, ast.Name) or node.keywords:
+            raise MismatchError("a function's name, and its arguments in order")
+        known = self._functions.get(node.func.id)
+        if known is None:
+            raise MismatchError(_instead_of(f"{node.func.id}()", self._functions))
+        if len(node.args) != len(known.takes.split(",")):
+            raise MismatchError(f"{node.func.id}({known.takes})")
+        return known.make(*(self.value(x) for x in node.args))
+
+
+def _instead_of(name: str, known: Mapping[str, Any]) -> str:
+    return f"one of {', '.join(sorted(known))} in place of {name}"
+
+
+def _all(sides: Sequence[Number]) -> Condition:
+    """Return the condition that all hold."""
+    found = sides[0]
+    for one in sides[1:]:
+        found = graph.select(found, one, -1.0)
+    return Condition(found)
+
+
+def _matrix_product(a: Array, b: Array) -> Array:
+    of_a, of_b = shape_of(a), shape_of(b)
+    if len(of_a) != 2 or not of_b or of_a[1] != of_b[0]:
+        raise MismatchError(f"a matrix and what fits it on both sides of @, not {_said(of_a)} and {_said(of_b)}")
+    return 0.0 + a @ b
+
+
+def _said(shape: tuple[int, ...]) -> str:
+    return (
+        "a scalar" if not shape else f"a vector of {shape[0]}" if len(shape) == 1 else f"a {shape[0]}x{shape[1]} matrix"
+    )

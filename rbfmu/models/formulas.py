@@ -4,7 +4,7 @@ import hashlib
 import json
 import linecache
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
 from itertools import accumulate
@@ -16,8 +16,8 @@ import numpy as np
 from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.graph import SYMBOLIC, Symbol, gradient, numbers_of, side
 from rbfmu.formulas.motion import CONSTANT, STATE, Given, by_element, closure, groups_of
-from rbfmu.formulas.program import Layout, layout_of, program
-from rbfmu.formulas.source import SERIES, module_of, source_of, source_of_lanes, source_over, wide_layout
+from rbfmu.formulas.program import Program
+from rbfmu.formulas.source import SERIES, module_of, source_of, source_of_lanes, source_over
 from rbfmu.models.model_buffer import BLOCKS, BodyAtStart, size_of_block
 from rbfmu.scene.own import DIRECTIONS
 from rbfmu.scene.scene import Scene
@@ -55,8 +55,7 @@ class FormulaModel:
         self.scene, self.given, self.texts, self.motion = scene, given, texts, motion
         self.events = {name: (texts.events[name], DIRECTIONS[row.direction]) for name, row in scene.events.items()}
         whens = {f"{EVENT}{name}": np.array(when, object) for name, (when, _) in self.events.items()}
-        loads: Mapping[str, Any] = texts.loads  # without the faults that texts may have, none is None
-        states, own = dict[str, Any](texts.states), dict[str, Any](texts.own)
+        loads, states, own = texts.loads, texts.states, texts.own  # without faults, none is None
         tables = {"loads": loads, "states": states, "outputs": own, "events": texts.events}
         self.loads = loads
         self.by_key = {f"{table}.{name}": value for table, rows in tables.items() for name, value in rows.items()}
@@ -77,7 +76,7 @@ class FormulaModel:
         put = {f"constant_{name}": value for name, value in seen.items()} | dict(own) | whens
         self._sides = [motion.graph.index_of(side(when)) for when, _ in self.events.values()]
         watched = [Symbol(motion.graph, i) for i in self._sides]
-        self.program = program(motion.graph, self.rates, dict(by_element(put)), watched)
+        self.program = Program(motion.graph, self.rates, dict(by_element(put)), watched)
 
     def _states_of(self, numbers: Iterable[Any]) -> list[str]:
         """Return the names of the states' numbers that others come of."""
@@ -160,7 +159,7 @@ class FormulaModel:
             **(dict.fromkeys(events_of_model.EVENTS, len(self.events)) | {"events.listed": 1} if self.events else {}),
         }  # fmt: skip
         _, before = buffer.places(driven.DRIVEN | own)
-        work = self.layout.start + self.layout.row * (max(templates.ORDERS) + 1)
+        work = self.program.start + self.program.row * (max(templates.ORDERS) + 1)
         own |= {"pad_3": -before % 8, "series.work": work, "series.last": _LANES}
         own |= {"events.list": 3 * events_of_model.MOST_LISTED} if self.events else {}
         kept = before - memory.STATE_START
@@ -171,37 +170,18 @@ class FormulaModel:
         """Return the sizes of further blocks of the buffer."""
         return {}
 
-    @cached_property
-    def layout(self) -> Layout:
-        """Return where the generated kernels find their numbers, without the places of the buffer, which need it."""
-        return layout_of(self.program)
-
-    def place(self, element: str) -> int:
-        """Return where the buffer has an element of a block."""
+    def place(self, element: str, end: str = "") -> int:
+        """Return where the buffer has an element of a block, or of that whose name has such an end."""
         name, _, index = element.partition("[")
-        block = name if name in self.blocks.blocks else f"series.{name}"
-        return int(self.blocks.blocks[block].start) + (int(index[:-1]) - 1 if index else 0)
+        name = "time" if name == "t" else f"{name}{end}"
+        blocks = self.blocks.blocks
+        block = name if name in blocks else f"series.{name}"
+        return int(blocks[block].start) + (int(index[:-1]) - 1 if index else 0)
 
     @cached_property
     def source(self) -> str:
         """Return the text of the generated kernels."""
-        return source_of(self.program, self._placed, self._changes)
-
-    @property
-    def _placed(self) -> Layout:
-        """Return the layout with the places of the buffer."""
-        leaves: dict[str, tuple[int, ...]] = {}
-        for kind, _, value in self.program.graph.operations:
-            if kind == "input":
-                name, _, index = str(value).partition("[")
-                rest = f"[{index}" if index else ""
-                leaves[str(value)] = tuple(self.place(f"{name}{end}{rest}") for end in _ENDS)
-            elif kind in ("place", "state"):
-                leaves[str(value)] = (self.place("time" if value == "t" else str(value)),)
-        targets = {name: self.place(name) for name in self.program.wanted}
-        first = self.place("sides") if self.program.sides else 0
-        sides = {i: first + n for n, i in enumerate(self.program.sides)}
-        return self.layout._replace(leaves=leaves, targets=targets, sides=sides)
+        return source_of(self.program, self.place, self._changes)
 
     @cached_property
     def text(self) -> str:
@@ -258,28 +238,28 @@ class FormulaModel:
     @property
     def _places(self) -> dict[str, Any]:
         """Return what the templates' globals are."""
-        blocks, groups, layout = self.blocks.blocks, self.groups, self.layout
+        blocks, groups, program = self.blocks.blocks, self.groups, self.program
         ends = [*accumulate(len(group.states) for group in groups)]
         own = [f"{STATE}{n}" for n in self.given.states]
         where = {name.removeprefix("series."): block.start for name, block in blocks.items()}
         work = where["work"]
-        ports = {end: {f"{n}{end}": np.zeros(size) for n, size in self.given.ports.items()} for end in _ENDS}
-        inputs = [tuple(self.place(element) for element, _ in by_element(ports[end])) for end in _ENDS]
+        ports = [element for name, size in self.given.ports.items() for element in elements(name, size)]
+        inputs = [tuple(self.place(element, end) for element in ports) for end in _ENDS]
         numbers = (
             *("order", "tolerance", "span", "time", "longest", "sizes", "stands", "reach", "since", "begun"),
             *("rest", "crept", "tried", "sides", "on", "flips", "kept", "last", "work"),
         )
         return {name.upper(): where[name] for name in numbers} | {
-            "STATES": tuple(self.place("time" if s == "t" else s) for s in self.rates),
+            "STATES": tuple(map(self.place, self.rates)),
             "FIRSTS": (0, *ends)[: len(ends)], "ENDS": tuple(ends), "LEASTS": tuple(g.least for g in groups),
             "RELATIVE": tuple(g.relative for g in groups), "ATTITUDE": int("q[1]" in self.rates),
             "INPUTS": inputs[0] or (0,), "RATES": inputs[1] or (0,), "RATES_2": inputs[2] or (0,),
             "NUMBER_OF_INPUTS": len(inputs[0]), "HELD": where["held_inputs"], "STARTS": where["start_time"],
-            "OF_EVENT": self._event_of_side, "NUMBER_OF_SIDES": len(self.program.sides),
-            "WATCHED": work + layout.start + len(self.rates),
-            "NUMBER_TOUCHING": len(self.program.touching), "NEXT": where["next_on"],
+            "OF_EVENT": self._event_of_side, "NUMBER_OF_SIDES": len(program.sides),
+            "WATCHED": work + program.start + len(self.rates),
+            "NUMBER_TOUCHING": len(program.touching), "NEXT": where["next_on"],
             "MEMORY": memory.STATE_START, "MEMORY_SIZE": size_of_block(blocks["series.kept"]),
-            "ROWS": work + layout.start, "ROW": layout.row,
+            "ROWS": work + program.start, "ROW": program.row,
             **self._event_places,
             "OWN": where[own[0]] if own else 0, "OWN_STARTS": where[f"{own[0]}_0"] if own else 0,
             "OWN_SIZE": sum(self.given.states.values()),
@@ -314,11 +294,10 @@ class FormulaModel:
 
     def _lanes(self, made: Any) -> Lanes:
         """Return what runs many bodies at once; made: the model's module."""
-        layout = wide_layout(self.program, self._placed)
-        text = source_of_lanes(self.program, layout)
+        text, row = source_of_lanes(self.program, self.place)
         constant = f"LANES_{hashlib.sha256((self.key + text).encode()).hexdigest()[:16]}"
         kernels = vars(_module_of(constant, text))
-        wide = {f"wide_{name}": kernels[name] for name in SERIES} | {"WIDE_ROW": layout.row}
+        wide = {f"wide_{name}": kernels[name] for name in SERIES} | {"WIDE_ROW": row}
         return make_lanes(made.MODEL, made.PLACES | made.KERNELS, constant, wide)
 
 
@@ -328,7 +307,7 @@ class OverClosedForm(FormulaModel):
     def __init__(self, formulas: FormulaModel, base: str) -> None:
         super().__init__(formulas.scene, formulas.given, formulas.texts)
         self._base, self._closed_form = base, model_named(base)
-        self.program = program(self.motion.graph, {}, dict(by_element(self.texts.own)))
+        self.program = Program(self.motion.graph, {}, dict(by_element(self.texts.own)))
 
     @cached_property
     def blocks(self) -> buffer.Layout:
@@ -343,9 +322,7 @@ class OverClosedForm(FormulaModel):
     def source(self) -> str:
         """Return the text of the generated kernels."""
         loads = {n if n == "damping_b" else f"constant_{n}": x for n, x in (self.plain_loads or {}).items()}
-        layout = self._placed
-        placed = layout._replace(targets={**layout.targets, **{e: self.place(e) for e, _ in by_element(loads)}})
-        return source_over(self.program, placed, self._changes, dict(by_element(loads)))
+        return source_over(self.program, self.place, self._changes, dict(by_element(loads)))
 
     @property
     def _places(self) -> dict[str, Any]:

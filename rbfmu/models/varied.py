@@ -14,7 +14,7 @@ import numpy as np
 from rbfmu.formulas.dual import jacobian, variables
 from rbfmu.formulas.graph import Number, Symbol, changes_of
 from rbfmu.formulas.motion import CONSTANT, STATE, by_element
-from rbfmu.formulas.program import WIDTH, layout_of, program
+from rbfmu.formulas.program import WIDTH, Program
 from rbfmu.models.formulas import FormulaModel, texts_of
 from rbfmu.models.model_buffer import BLOCKS, SIZE
 from rbfmu.scene.scene import Scene
@@ -143,7 +143,9 @@ class VariedModel(FormulaModel):
         self.wanted = {x: n for n, x in enumerate(values)}
         wanted = {**self.program.wanted, **dict(zip(elements("slopes", len(values)), values, strict=True))}
         watched = [Symbol(self.motion.graph, i) for i in self._sides]
-        self.program = program(self.motion.graph, self.rates, wanted, watched, tuple(beside))
+        self.program = Program(self.motion.graph, self.rates, wanted, watched, tuple(beside))
+        row = self.program.row + len(self.errors) * self.columns  # room for the series of errors, which templates make
+        self.program.row = row + (APART - row) % ROWS_MEET
 
     def _turning(self, i: int) -> Slopes:
         """Return the slopes of a rate of the rotation vector: u' = the error of omega_b - omega_b x u."""
@@ -178,23 +180,16 @@ class VariedModel(FormulaModel):
         blocks = {"errors": size, "seeds": len(self.seeded), "slopes": len(self.wanted), "pattern": len(self.pattern)}
         return blocks | {"shifts": self.columns, "rates_before": len(self.errors), "bounded": 1}
 
-    @cached_property
-    def layout(self) -> Any:
-        """Return where the generated kernels find their numbers, and templates the series of errors after them."""
-        size = len(self.errors) * self.columns
-        row = layout_of(self.program, size).row
-        return layout_of(self.program, size + (APART - row) % ROWS_MEET)
-
     @property
     def _places(self) -> dict[str, Any]:
-        blocks, rows = self.blocks.blocks, self.blocks.blocks["series.work"].start + self.layout.start
+        blocks, rows = self.blocks.blocks, self.blocks.blocks["series.work"].start + self.program.start
         size, states = len(self.errors) * self.columns, [*self.rates]
         of = [name.partition("[")[0] for name in self.errors]
         return super()._places | {
             "NUMBER_OF_ERRORS": len(self.errors), "COLUMNS": self.columns, "ENTRIES": len(self.pattern) // 4,
             "STATE_OF": tuple(-1 if n in TURN else states.index(n) for n in self.errors) or (-1,),
             "GROUPS": tuple((of.index(n), of.index(n) + of.count(n)) for n in dict.fromkeys(of)) or ((0, 0),),
-            "OF_ENTRIES": rows + self.layout.beside, "OF_ERRORS": rows + self.layout.row - size,
+            "OF_ENTRIES": rows + self.program.beside_at, "OF_ERRORS": rows + self.program.row - size,
             **{n.upper(): blocks[n].start for n in ("errors", "pattern", "shifts", "rates_before", "bounded")},
         }  # fmt: skip
 

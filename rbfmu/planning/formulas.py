@@ -122,7 +122,7 @@ def _tried(asked: Question, judge: Judge, plan: Plan) -> Plan:
     """Return a plan with its error in a pilot run, and its cost, ns a communication step."""
     error, substeps = judge.try_out(plan)
     formulas = _known(plan.formulas)
-    n, slots, states = plan.order, 4 * len(formulas.layout.groups), len(formulas.rates)
+    n, slots, states = plan.order, 4 * len(formulas.program.groups), len(formulas.rates)
     of_an_order = len(formulas.program.varying) * NS_AN_OPERATION + states * NS_A_STATE
     series = 0.5 * n * n * slots * NS_A_TERM + n * of_an_order
     cost = series * substeps / communication_steps(asked.scene) + states * NS_SHOWN

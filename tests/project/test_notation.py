@@ -11,9 +11,8 @@ from numba import config
 import rbfmu
 import rbfmu_kernels
 from rbfmu import arrays
-from rbfmu_kernels.compile.shapes import python_function
 from rbfmu_kernels.rotations import matrix
-from rbfmu_kernels.types import Matrix, Matrix6, Quaternion, Transform, Vec3, Vec6
+from rbfmu_kernels.types import Matrix, Matrix6, Quaternion, Transform, Vec3, Vec6, python_function
 from tests.support.paths import ROOT
 
 TEXT = (ROOT / "NOTATION.md").read_text(encoding="utf-8")

@@ -13,8 +13,7 @@ from numba import njit
 import rbfmu
 import rbfmu_kernels as k
 from rbfmu.extras import needed_of, remedy
-from rbfmu_kernels.compile.gufunc import plain_gufunc
-from rbfmu_kernels.compile.shapes import Item, core_shapes
+from rbfmu_kernels.compile.gufunc import Item, core_shapes, plain_gufunc
 from rbfmu_kernels.rotations.euler_angles import sequence
 
 with needed_of("bench"):

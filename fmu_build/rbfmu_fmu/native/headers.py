@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rbfmu import Scene
 from rbfmu.formulas.graph import LEAVES, Graph, Number, Symbol, arctangent, changes_of, square_root
-from rbfmu.formulas.motion import STATE, Motion, by_element, product, rotation_of
+from rbfmu.formulas.motion import STATE, Motion, by_element, rotation_of
 from rbfmu.formulas.source import VALUES, lines_of
 from rbfmu.models.formulas import texts_of
 from rbfmu_fmu.description import Description
@@ -234,7 +234,7 @@ def _prescribed(blocks: Mapping[str, slice], set_by: Mapping[str, slice], _: Sce
     q, omega = (np.array(start.leaves(*of), object) for of in (("quaternion", 4, "state"), ("omega_b", 3, "input")))
     start.turn(q.tolist())
     R = rotation_of(q)
-    return start, {"quaternion": q.tolist(), "rpy": _roll_pitch_yaw(R), "omega_a": product(R, omega).tolist()}
+    return start, {"quaternion": q.tolist(), "rpy": _roll_pitch_yaw(R), "omega_a": (R @ omega).tolist()}
 
 
 def _of_body(blocks: Mapping[str, slice], set_by: Mapping[str, slice], scene: Scene) -> tuple[_Start, Shown]:

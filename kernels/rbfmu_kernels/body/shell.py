@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 from ..buffer import STEP_REJECTED, Layout
 from ..compile.decorator import kernel
-from ..compile.shapes import python_function
 from ..mechanics.equations_of_motion import State
 from ..rotations.vec3 import dot
-from ..types import Buffer
+from ..types import Buffer, python_function
 from .memory import initialize_body, put_motion
 from .outputs import feedthrough, first_outputs, output_rates, outputs
 

@@ -11,6 +11,7 @@ from typing import Any, ParamSpec, TypeVar, overload
 from numba import njit
 
 from ..types import Function
+from . import numba_private
 from .code_cache import kept_on_disk
 from .codegen import Signature
 from .numba_private import CALLED_BY_CODE, MISSING
@@ -44,9 +45,9 @@ if MISSING:
 else:
     from .compiler import code_for_callers as code_for_callers
     from .compiler import reduced_kernel as _compile
-    from .said import announce_compilation
+    from .said import Announcer
 
-    announce_compilation()
+    numba_private.register("numba:compile", Announcer())
 
 
 @overload

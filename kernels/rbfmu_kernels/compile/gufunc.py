@@ -1,15 +1,31 @@
-"""Array functions made from a scalar kernel's one definition."""
+"""NumPy gufuncs with fixed core sizes, made of one definition of a scalar kernel.
 
-from collections.abc import Sequence
-from typing import Any
+Their loop is generated as source, and compiled as a C callback. It takes sixteen items at a time to a tile, where LLVM
+vectorises: by transposing vectors where items are packed in memory (or are one item, broadcast), number by number where
+they are not (slices, transposes). Large results go past the caches. Where Numba's internals do not serve, the loop is
+`guvectorize`'s; where nothing is compiled, Python's.
+"""
+
+import inspect
+import math
+import platform
+import re
+from collections.abc import Callable, Sequence
+from functools import cache
+from itertools import accumulate
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import config, float64, guvectorize
+from numba import config, float64, guvectorize, intp, types
 
-from ..types import Function, Shape
-from .code_cache import kept_on_disk
-from .numba_private import MISSING
-from .shapes import Item
+from ..types import Function, Shape, python_function, shape_of, shapes_of_result
+from . import numba_private as inside
+from .code_cache import DiskCache, kept_on_disk, made_once
+
+if not inside.MISSING:
+    from . import tile
+    from .compiler import pipeline
 
 STREAMED = 20 << 20
 """Bytes: results of this size or more go past the caches.
@@ -17,6 +33,64 @@ STREAMED = 20 << 20
 Below some 16 to 28 MB, where caches hold them and the arguments, that is 3 to 15 % slower; at 70 MB 1.1 to 1.4 times as
 fast where others use the memory too.
 """
+
+
+@cache
+def core_shapes(kernel: Function) -> tuple[dict[str, Shape], list[Shape]]:
+    """Return argument names with core shapes, and result shapes (arguments that are int are left out)."""
+    return _argument_shapes(kernel), shapes_of_result(inspect.signature(python_function(kernel)).return_annotation)
+
+
+def _argument_shapes(kernel: Function) -> dict[str, Shape]:
+    parameters = inspect.signature(python_function(kernel)).parameters
+    return {name: shape_of(p.annotation) for name, p in parameters.items() if p.annotation is not int}
+
+
+class Item(NamedTuple):
+    """What is done for an item: `kernel(*constants, ...)`, after a look by `singular` at the first few arguments."""
+
+    kernel: Function
+    constants: tuple[int, ...] = ()
+    singular: Callable[..., bool] | None = None
+
+    @property
+    def checked(self) -> int:
+        """Return how many arguments `singular` looks at, 0 where there is no such."""
+        return len(_argument_shapes(self.singular)) if self.singular else 0
+
+    @property
+    def inputs(self) -> list[Shape]:
+        """Return the core shapes of arguments, after that of the mark, where there is one."""
+        return [()] * bool(self.singular) + [*core_shapes(self.kernel)[0].values()]
+
+    @property
+    def results(self) -> list[Shape]:
+        """Return the core shapes of results."""
+        return core_shapes(self.kernel)[1]
+
+    def layout(self, size: str = "") -> str:
+        """Return the core shapes as NumPy takes them; size: what stands before each number."""
+        before, after = (
+            ",".join(f"({','.join(f'{size}{n}' for n in shape)})" for shape in shapes)
+            for shapes in (self.inputs, self.results)
+        )
+        return f"{before}->{after}"
+
+    def lines(self, items: Sequence[str], found: str) -> list[str]:
+        """Return source that sets r0, r1, ... to the results; items: source of arguments; found: done if singular."""
+        given = [*map(str, self.constants), *items]
+        check = [f"if singular({', '.join(given[: len(self.constants) + self.checked])}): {found}"]
+        names = ", ".join(f"r{k}" for k in range(len(self.results)))
+        return check * bool(self.singular) + [f"{names} = kernel({', '.join(given)})"]
+
+    def function(self, kind: str, head: str, lines: Sequence[str], names: dict[str, Any]) -> Function:
+        """Return the function of source, as if it stood beside the kernel, where its code is cached then."""
+        function = python_function(self.kernel)
+        name = "_".join([function.__name__, kind, *map(str, self.constants)])
+        scope = {"__name__": function.__module__, "kernel": self.kernel, "singular": self.singular, **names}
+        source = "\n    ".join([f"def {name}({head}):", *lines]) + "\n"
+        exec(compile(source, inspect.getfile(function), "exec"), scope)
+        return scope[name]  # type: ignore[no-any-return]
 
 
 def gufuncs(item: Item) -> Sequence[Function]:
@@ -28,9 +102,7 @@ def gufuncs(item: Item) -> Sequence[Function]:
     """
     if config.DISABLE_JIT:
         return [interpreted(item)] * 2
-    if not MISSING:
-        from .tiled_gufunc import tiled_gufuncs
-
+    if not inside.MISSING:
         try:
             return tiled_gufuncs(item, STREAMED, 0)
         except Exception:  # Numba's internals behave otherwise than where they were tried
@@ -110,3 +182,146 @@ def _source_of(name: str, shape: Shape, index: tuple[int, ...] = ()) -> str:
 
 def _comma(index: tuple[int, ...]) -> str:
     return ", ".join(map(str, index)) or "0"
+
+
+# Over tiles
+
+
+_LOOP_SIGNATURE = types.void(types.CPointer(types.CPointer(float64)), types.CPointer(intp), types.CPointer(intp), intp)
+_ALL_FLAGS = 0x3D  # FE_ALL_EXCEPT of x86; its bits contain those of the other platforms
+
+_LOOP = """\
+n, start, found = dims[0], 0, 0
+POINTERS
+tile = tile_of(ROWS)
+if PACKED:
+    ONE_FOR_ALL
+    streamed = n * BYTES >= least
+    while start + ITEMS <= n:
+        PACKED_TO_TILE
+        for i in range(ITEMS):
+            COMPUTE
+            in_vectors()
+        if streamed:
+            STREAM
+        else:
+            PACKED_FROM_TILE
+        start += ITEMS
+    if streamed: end_stream()
+while start < n:
+    m = min(ITEMS, n - start)
+    TO_TILE
+    for i in range(m):
+        COMPUTE
+    FROM_TILE
+    start += ITEMS
+clear_float_flags(FLAGS)
+MARK"""
+"""The loop over items, whole tiles of packed ones first. Branch-free code evaluates what it does not select, and its
+flags would become NumPy warnings."""
+
+
+def tiled_gufuncs(item: Item, *least: int) -> list[np.ufunc]:
+    """Return gufuncs with a loop over tiles that is compiled now, or loaded from the cache.
+
+    least: of each, the bytes from which on its results go past the caches.
+    """
+    moves = {f.__name__: f for f in (tile.to_tile, tile.from_tile, tile.stream_tile, tile.end_stream)}
+    if platform.machine() not in ("x86_64", "AMD64"):
+        moves |= {"stream_tile": tile.from_tile, "end_stream": tile.in_turn}
+    names = {f.__name__: f for f in (tile.address, tile.tile_of, tile.read, tile.write, tile.in_turn, tile.in_vectors)}
+    names["clear_float_flags"] = types.ExternalFunction("feclearexcept", types.int32(types.int32))
+    compiled = _compiled(item.function("loop", "args, dims, steps, least", _loop_source(item), names | moves))
+    counts = len(item.inputs), len(item.results)
+    name, text = python_function(item.kernel).__name__, item.kernel.__doc__ or ""
+    kinds = [[np.dtype(np.float64).num] * sum(counts)]
+    return [
+        inside.fromfunc(name, text, [compiled.address], kinds, *counts, [n], compiled, -1, item.layout(), ())
+        for n in least
+    ]
+
+
+def _compiled(loop: Callable[..., None]) -> "inside.CFunc":
+    signature = _LOOP_SIGNATURE.args, _LOOP_SIGNATURE.return_type
+    compiled = inside.CFunc(loop, signature, {}, {"error_model": "numpy"}, pipeline_class=pipeline)
+    compiled._cache = kept = DiskCache(loop)
+    with made_once(kept), inside.trigger_event("numba:compile", data={"dispatcher": SimpleNamespace(py_func=loop)}):
+        compiled.compile()
+    return compiled
+
+
+def _loop_source(item: Item) -> list[str]:
+    """Return the lines of the loop."""
+    operands = _operands(item.inputs + item.results)
+    inputs, outputs = operands[bool(item.singular) : len(item.inputs)], operands[len(item.inputs) :]
+    packed = [*(f"(s{o.k} == 0 or {o.is_packed})" for o in inputs), *(o.is_packed for o in outputs)]
+    to_tile = {o: f"write({o.in_tile}, read({o.in_memory})); in_turn()" for o in inputs}
+    computed = item.lines([f"read({o.in_tile})" for o in inputs], "found += 1")
+    parts: dict[str, list[str]] = {
+        "POINTERS": [f"p{o.k} = args[{o.k}]; s{o.k} = steps[{o.k}]; c{o.k} = {o.strides}" for o in operands],
+        "ONE_FOR_ALL": [f"for i in range(ITEMS if s{o.k} == 0 else 0): {move}" for o, move in to_tile.items()],
+        "PACKED_TO_TILE": [f"if s{o.k} != 0: to_tile({o.packed})" for o in inputs],
+        "COMPUTE": computed + [f"write({o.in_tile}, r{n})" for n, o in enumerate(outputs)],
+        "STREAM": [f"stream_tile({o.packed})" for o in outputs],
+        "PACKED_FROM_TILE": [f"from_tile({o.packed})" for o in outputs],
+        "TO_TILE": [f"for i in range(m): {move}" for move in to_tile.values()],
+        "FROM_TILE": [f"for i in range(m): write({o.in_memory}, read({o.in_tile})); in_turn()" for o in outputs],
+        "MARK": ["if found > 0: write(p0, (), (), 1.0)"] * bool(item.singular),
+    }
+    lines = [
+        line.replace(name, one)
+        for line in _LOOP.splitlines()
+        for name in [line.strip()]
+        for one in parts.get(name, [name])
+    ]
+    numbers = {"ITEMS": tile.ITEMS, "FLAGS": _ALL_FLAGS, "PACKED": " and ".join(packed)}
+    numbers |= {"ROWS": sum(o.size for o in operands), "BYTES": 8 * sum(o.size for o in outputs)}
+    return [re.sub("|".join(numbers), lambda found: str(numbers[found[0]]), line) for line in lines]
+
+
+class _Operand(NamedTuple):
+    """An argument or result, number k of a loop, as source text."""
+
+    k: int
+    shape: Shape
+    axis: int  # where in `steps` the strides of its core axes begin
+    row: int  # its first in the tile
+
+    @property
+    def size(self) -> int:
+        return math.prod(self.shape)
+
+    @property
+    def strides(self) -> str:
+        return "(" + "".join(f"steps[{self.axis + n}], " for n in range(len(self.shape))) + ")"
+
+    @property
+    def in_tile(self) -> str:
+        """The address of item i, its shape and strides."""
+        row = 8 * tile.ITEMS
+        return f"address(tile, {row * self.row} + 8 * i), {self.shape}, {tuple(self._apart(row))}"
+
+    @property
+    def in_memory(self) -> str:
+        """The same of the item that goes there, anywhere in memory."""
+        return f"address(p{self.k}, (start + i) * s{self.k}), {self.shape}, c{self.k}"
+
+    @property
+    def is_packed(self) -> str:
+        core = [f" and c{self.k}[{n}] == {bytes_}" for n, bytes_ in enumerate(self._apart(8))]
+        return f"s{self.k} == {8 * self.size}" + "".join(core)
+
+    @property
+    def packed(self) -> str:
+        """The tile, the address of items that are packed in memory, their first row and the size of one."""
+        return f"tile, address(p{self.k}, start * {8 * self.size}), {self.row}, {self.size}"
+
+    def _apart(self, number: int) -> list[int]:
+        """Return the bytes between neighbours along each axis, where numbers are so many bytes apart."""
+        return [number * math.prod(self.shape[axis + 1 :]) for axis in range(len(self.shape))]
+
+
+def _operands(shapes: list[Shape]) -> list[_Operand]:
+    axes = accumulate(map(len, shapes), initial=len(shapes))  # the core strides follow one outer stride for each
+    rows = accumulate(map(math.prod, shapes), initial=0)
+    return [*map(_Operand, range(len(shapes)), shapes, axes, rows)]

@@ -16,12 +16,6 @@ NAME = "rbfmu: a line for those who wait"
 """The thread's."""
 
 
-class Compilations:
-    """How many compilations began and ended in this process, as far as `Announcer` hears of them."""
-
-    begun = ended = 0
-
-
 def say(text: str) -> None:
     """Print a line on stderr."""
     if not os.environ.get("RBFMU_QUIET"):
@@ -35,11 +29,11 @@ def said_after(patience: float, text: Callable[[], str]) -> Iterator[None]:
 
     def wait() -> None:
         before, now = -1, 0
-        while before != now or Compilations.begun > Compilations.ended:
-            before = Compilations.begun
+        while before != now or Announcer.begun > Announcer.ended:
+            before = Announcer.begun
             if done.wait(patience):
                 return
-            now = Compilations.begun
+            now = Announcer.begun
         say(text())
 
     Thread(target=wait, name=NAME, daemon=True).start()
@@ -56,7 +50,12 @@ _Listener: Any = getattr(numba_private, "Listener", object)  # where Numba has n
 
 
 class Announcer(_Listener):  # type: ignore[misc]
-    """A listener that waits from the outermost start of a compilation of ours to its end, and speaks once."""
+    """A listener that waits from the outermost start of a compilation of ours to its end, and speaks once.
+
+    begun, ended: how many compilations did so in this process, as far as such listeners hear of them.
+    """
+
+    begun = ended = 0
 
     def __init__(self) -> None:
         self._spoken = False
@@ -64,16 +63,16 @@ class Announcer(_Listener):  # type: ignore[misc]
 
     def on_start(self, event: Any) -> None:
         """Begin to wait."""
-        if Compilations.begun == Compilations.ended and not self._spoken and _is_ours(event):
+        if Announcer.begun == Announcer.ended and not self._spoken and _is_ours(event):
             self._timer = Timer(COMPILING_PATIENCE, self._say)
             self._timer.daemon = True
             self._timer.start()
-        Compilations.begun += 1
+        Announcer.begun += 1
 
     def on_end(self, event: Any) -> None:
         """Wait no longer."""
-        Compilations.ended += 1
-        if Compilations.begun == Compilations.ended:
+        Announcer.ended += 1
+        if Announcer.begun == Announcer.ended:
             self._timer.cancel()
 
     def _say(self) -> None:
@@ -84,8 +83,3 @@ class Announcer(_Listener):  # type: ignore[misc]
 def _is_ours(compilation: Any) -> bool:
     module = getattr(compilation.data["dispatcher"].py_func, "__module__", None) or ""
     return str(module).partition(".")[0].partition("_")[0] == "rbfmu"
-
-
-def announce_compilation() -> None:
-    """Let long compilations be announced in this process."""
-    numba_private.register("numba:compile", Announcer())

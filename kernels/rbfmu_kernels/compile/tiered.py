@@ -17,8 +17,7 @@ import numpy as np
 from numba import float64, typeof, types
 from numpy.typing import NDArray
 
-from ..types import Function
-from .shapes import python_function
+from ..types import Function, python_function
 
 P = ParamSpec("P")
 R = TypeVar("R")

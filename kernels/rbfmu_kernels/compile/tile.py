@@ -1,6 +1,6 @@
 """A tile: numbers of sixteen items on the stack, a number's values for successive items side by side.
 
-These are Numba intrinsics behind the loops of `tiled_gufunc`: moves between memory and tile, and hints to LLVM. Items
+These are Numba intrinsics behind the loops of `gufunc`: moves between memory and tile, and hints to LLVM. Items
 of a few numbers each get from rows in memory to columns in vectors, and back, by shuffles in registers, eight at
 a time.
 """

@@ -10,6 +10,7 @@ to branch on a condition that may: it is asked `any_of` and `all_of`.
 import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -205,14 +206,13 @@ def _always(context: Context, builder: Builder, signature: Signature, args: Sequ
     return context.cast(builder, true, types.boolean, signature.return_type)
 
 
-@type_callable(choose)  # type: ignore[untyped-decorator]
-def _type_choose(context: Context) -> Callable[..., types.Type | None]:
-    def typer(condition: types.Type, a: types.Type, b: types.Type) -> types.Type | None:
-        if isinstance(condition, MaskType):
-            return WideType(condition.width)
-        return context.unify_pairs(a, b) if isinstance(condition, types.Boolean) else None
+def _type_of_choice(context: Context, condition: types.Type, a: types.Type, b: types.Type) -> types.Type | None:
+    if isinstance(condition, MaskType):
+        return WideType(condition.width)
+    return context.unify_pairs(a, b) if isinstance(condition, types.Boolean) else None
 
-    return typer
+
+type_callable(choose)(lambda context: partial(_type_of_choice, context))
 
 
 @lower_builtin(choose, types.VarArg(types.Any))  # type: ignore[untyped-decorator]
@@ -222,20 +222,15 @@ def _choose(context: Context, builder: Builder, signature: Signature, args: Sequ
     return builder.select(args[0], a, b)
 
 
-def _register_bits(
-    function: Callable[..., object],
-    one: type[types.Type],
-    other: types.Type,
-    wide: type[InLanes],
-    as_wide: type[InLanes],
-) -> None:
-    def typer(a: types.Type) -> types.Type | None:
-        return as_wide(a.width) if isinstance(a, wide) else (other if isinstance(a, one) else None)
-
-    @register(function, typer)
-    def _(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
-        return builder.bitcast(args[0], context.get_value_type(signature.return_type))
+def _type_of_bits(x: types.Type) -> types.Type | None:
+    return WideIntType(x.width) if isinstance(x, WideType) else types.int64 if isinstance(x, types.Float) else None
 
 
-_register_bits(bits_of, types.Float, types.int64, WideType, WideIntType)
-_register_bits(number_of, types.Integer, types.float64, WideIntType, WideType)
+def _type_of_number(x: types.Type) -> types.Type | None:
+    return WideType(x.width) if isinstance(x, WideIntType) else types.float64 if isinstance(x, types.Integer) else None
+
+
+@register(bits_of, _type_of_bits)
+@register(number_of, _type_of_number)
+def _bits(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
+    return builder.bitcast(args[0], context.get_value_type(signature.return_type))

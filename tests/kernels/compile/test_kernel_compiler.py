@@ -21,11 +21,11 @@ from numba.core.registry import cpu_target
 from numba.cpython import builtins
 
 from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup, rotate
-from rbfmu_kernels.compile import code_cache, compiler, tiled_gufunc
+from rbfmu_kernels.compile import code_cache, compiler, gufunc
 from rbfmu_kernels.compile.code_cache import made_once
 from rbfmu_kernels.compile.compiler import _IntermediateCode
 from rbfmu_kernels.compile.decorator import kernel
-from rbfmu_kernels.compile.shapes import Item
+from rbfmu_kernels.compile.gufunc import Item
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
 
@@ -178,10 +178,10 @@ def test_a_kernel_of_ones_own_that_was_edited_is_compiled_anew(tmp_path):
 def test_loops_over_tiles_are_vectorised_over_items(monkeypatch):
     """LLVM does so only where it sees which memory is which; nothing but the time would tell."""
     loops = []
-    monkeypatch.setattr(tiled_gufunc, "DiskCache", lambda loop: NullCache())  # stored code has no source left
-    compiled = tiled_gufunc._compiled
-    monkeypatch.setattr(tiled_gufunc, "_compiled", lambda loop: loops.append(compiled(loop)) or loops[-1])
-    tiled_gufunc.tiled_gufuncs(Item(rotate), 0)
+    monkeypatch.setattr(gufunc, "DiskCache", lambda loop: NullCache())  # stored code has no source left
+    compiled = gufunc._compiled
+    monkeypatch.setattr(gufunc, "_compiled", lambda loop: loops.append(compiled(loop)) or loops[-1])
+    gufunc.tiled_gufuncs(Item(rotate), 0)
     assert re.search(r"fmul <\d+ x double>", loops[0].inspect_llvm())
 
 

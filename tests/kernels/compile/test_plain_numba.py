@@ -48,8 +48,7 @@ def test_numba_s_internals_are_imported_by_the_table_alone():
 def test_all_internals_are_here_and_serve():
     from rbfmu_kernels import quaternion_from_axis_angle
     from rbfmu_kernels.compile.compiler import internals_serve
-    from rbfmu_kernels.compile.gufunc import gufuncs
-    from rbfmu_kernels.compile.shapes import Item
+    from rbfmu_kernels.compile.gufunc import Item, gufuncs
 
     assert numba_private.MISSING == ""
     assert internals_serve()

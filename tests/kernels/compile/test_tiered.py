@@ -172,12 +172,12 @@ def test_where_no_code_is_kept_the_compiler_is_not_set_up_to_load_it(monkeypatch
 
 def test_other_work_is_announced_but_not_while_something_is_compiled(monkeypatch, capsys):
     monkeypatch.delenv("RBFMU_QUIET", raising=False)
-    monkeypatch.setattr(said.Compilations, "begun", said.Compilations.begun + 1)
+    monkeypatch.setattr(said.Announcer, "begun", said.Announcer.begun + 1)
     with said.said_after(0.0, lambda: "at work"):
         threads = [thread for thread in threading.enumerate() if thread.name == said.NAME]
         threads[-1].join(0.05)
         assert capsys.readouterr().err == ""
-        monkeypatch.setattr(said.Compilations, "ended", said.Compilations.begun)
+        monkeypatch.setattr(said.Announcer, "ended", said.Announcer.begun)
         threads[-1].join()
     assert capsys.readouterr().err == "at work\n"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu_kernels.compile.shapes import core_shapes
+from rbfmu_kernels.compile.gufunc import core_shapes
 from tests.support.array_arguments import ARRAY_FUNCTIONS, Q, R, V, compiled_only
 from tests.support.covering import some_of
 from tests.support.references.hard_cases import rng

@@ -17,8 +17,8 @@ from rbfmu.planning.methods import whole_series
 from rbfmu.planning.reference import reference_motion
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import start_run
-from rbfmu_kernels.compile.shapes import python_function
 from rbfmu_kernels.compile.tiered import interpreted
+from rbfmu_kernels.types import python_function
 from tests.support.command_line import call
 from tests.support.covering import some_of
 from tests.support.references.by_scipy import B, by_scipy, worst

@@ -8,9 +8,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from rbfmu.formulas.graph import Graph, Symbol, gradient
-from rbfmu.formulas.meaning import Table, value_of
-from rbfmu.formulas.program import layout_of, program
+from rbfmu.formulas.program import Program
 from rbfmu.formulas.source import source_of
+from rbfmu.formulas.text import Table, value_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import formula_reference as reference
 
@@ -46,6 +46,8 @@ CASES = {
 POINTS = (0.4, 0.9)
 N = 12
 NOTHING = np.zeros((1, 3), np.int64)
+PLACES = ("c", "t", "y", "slope", "sides")
+"""What stands in the buffer of these tests."""
 
 
 def graph_of(text):
@@ -62,23 +64,21 @@ def truth(function, t, n=N):
 def doubles(text, t, n=N):
     """Coefficients of a function of t, as those of the rate of y."""
     graph, y = graph_of(text)
-    made = program(graph, {"y": y, "t": 1.0}, {})
-    sides = {i: 4 + k for k, i in enumerate(made.sides)}
-    layout = layout_of(made)._replace(leaves={"c": (0,), "t": (1,), "y": (2,)}, sides=sides)
+    made = Program(graph, {"y": y, "t": 1.0}, {})
     kernels = {}
-    exec(source_of(made, layout, {}), kernels)
+    exec(source_of(made, PLACES.index, {}), kernels)
     work = 40
-    z = np.zeros(work + layout.start + (n + 3) * layout.row)
+    z = np.zeros(work + made.start + (n + 3) * made.row)
     z[0] = 0.7
-    rows = z[work + layout.start :].reshape(-1, layout.row)[:, : len(layout.states)]
-    rows[0, layout.states["t"]] = t
-    for i, at in sides.items():
+    rows = z[work + made.start :].reshape(-1, made.row)
+    rows[0, 1] = t
+    for at, i in enumerate(made.sides, PLACES.index("sides")):
         z[at] = float(truth_of(graph, Symbol(graph, i), t))
     interpreted(kernels["constants"])(z, work)
     interpreted(kernels["first"])(z, work)
     for k in range(1, n + 1):
         interpreted(kernels["further"])(z, work, k)
-    return [(k + 1) * rows[k + 1, layout.states["y"]] for k in range(n + 1)]
+    return [(k + 1) * rows[k + 1, 0] for k in range(n + 1)]
 
 
 def truth_of(graph, x, t):
@@ -149,14 +149,8 @@ def test_gradients_are_first_coefficients(name):
     text, function = CASES[name]
     graph, y = graph_of(text)
     (slope,) = gradient(y, [graph.leaf("state", "t")])
-    made = program(graph, {"y": slope, "t": 1.0}, {})
-    layout = layout_of(made)
-    leaves = {"c": (0,), "t": (1,), "y": (2,)}
     kernels = {}
-    exec(
-        source_of(made._replace(wanted={"slope": slope}), layout._replace(leaves=leaves, targets={"slope": 3}), {}),
-        kernels,
-    )
+    exec(source_of(Program(graph, {"y": slope, "t": 1.0}, {"slope": slope}), PLACES.index, {}), kernels)
     for t in POINTS:
         z = np.array([0.7, t, 0.0, 0.0])
         assert interpreted(kernels["values"])(z) == 0

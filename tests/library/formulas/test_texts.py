@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from rbfmu.formulas.graph import Graph
-from rbfmu.formulas.meaning import FUNCTIONS, Table, shape_of, value_of
-from rbfmu.formulas.text import DEEPEST, LONGEST, FormulaError, read
+from rbfmu.formulas.text import DEEPEST, FUNCTIONS, LONGEST, FormulaError, Table, read, shape_of, value_of
 
 V, M = np.array([1.0, 2.0, 4.0], object), np.array([[1.0, 2.0, 3.0], [0.0, 1.0, 4.0], [5.0, 6.0, 0.0]], object)
 NAMES = {"v": V, "M": M, "x": 0.5, "ramp": Table.through((0.0, 1.0, 3.0), (1.0, 2.0, 0.0), cubic=False)}
@@ -60,6 +59,8 @@ def test_formulas_mean_what_they_say(text, expected):
         ("sin", 0, "sin(...)"),
         ("where(x, 1, 2)", 0, "a condition"),
         ("x > 1", 0, "where(condition, 1, 0)"),
+        ("where(x > 1, x > 2, x)", 0, "a number"),  # 2026-11-24: a TypeError
+        ("norm(x > 1)", 0, "two vectors of one length"),  # 2026-11-24: 1.0
         ("ramp + 1", 0, "numbers on both sides"),
         ("table(x, 1)", 0, "the name of a table"),
         ("[v, 1]", 0, "rows of one length"),
