@@ -13,7 +13,8 @@ from numba import njit
 import rbfmu
 from rbfmu_kernels import free_rotation as body_at
 from rbfmu_kernels.compile.gufunc import Item, core_shapes, gufuncs, interpreted
-from rbfmu_kernels.exact.free_rotation import FREE_ROTATION_SIZE, free_rotation_at, free_rotation_setup
+from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_setup
+from rbfmu_kernels.exact.free_rotation_setup import FREE_ROTATION_SIZE
 from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 from tests.kernels.mechanics import test_inverse_dynamics, test_kinematics, test_spatial
 from tests.kernels.rotations import (
