@@ -30,7 +30,7 @@ def plan(
     full: bool = False,
     progress: Callable[[float], object] | None = None,
     *,
-    inputs: Inputs | None = None,
+    inputs: "Inputs | None" = None,  # as text, which `help` does not write out
     interpolate: str = HOLD,
 ) -> Plan:
     """Choose model, method and step for a scene, or that of a scene file; full: to integrate all degrees of freedom.
@@ -57,7 +57,7 @@ def _plan(
 def simulate(
     scene: Scene,
     *,
-    inputs: Inputs | None = None,
+    inputs: "Inputs | None" = None,  # as text, which `help` does not write out
     interpolate: str = HOLD,
     planned: Plan | None = None,
     progress: Callable[[Sequence[int]], Iterable[int]] | None = None,

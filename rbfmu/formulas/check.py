@@ -41,7 +41,7 @@ class Texts:
         self.loads = {name: self._shaped(f"loads.{name}", text, (3,)) for name, text in texts.items()}
         self._take_potential(scene.load_formulas.get("potential"))
         self.states = {
-            name: self._shaped(f"states.{name}", row.rate, () if len(row.start) == 1 else (3,))
+            name: self._shaped(f"states.{name}.rate", row.rate, () if len(row.start) == 1 else (3,))
             for name, row in scene.states.items()
         }
         self.events = {name: self._changing(f"events.{name}", row.when) for name, row in scene.events.items()}

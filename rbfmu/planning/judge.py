@@ -234,6 +234,8 @@ def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, subste
     last = np.flatnonzero(np.isfinite(rates[:, 0]))[-1]
     reached = scene.run.start + math.fsum(steps[:last])
     why = f"where it turns by {np.linalg.norm(rates[last]):.2g} rad/s, or damping is stiff"
+    if scene.outputs.own:  # formulas of loads are named by the reference, which has not come so far
+        why += f", or {' or '.join(f'outputs.{name}' for name in scene.outputs.own)} is not finite from then on"
     raise too_long(scene, f"{substeps:.1e} substeps reach {reached:.3g} s, {why}")
 
 

@@ -164,8 +164,10 @@ def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
 
 
 def _in_row(row: Any, item: Any) -> Any:
-    """Return what replaces a constant's, an output's or a state's row: of a value or a start alone the rest stays."""
-    return {**row, next(iter(row)): item} if isinstance(row, Mapping) and not isinstance(item, Mapping) else item
+    """Return what replaces a constant's, an output's, a state's or an event's row, whose other keys stay."""
+    if not isinstance(row, Mapping) or item is None:
+        return item
+    return {**row, **(item if isinstance(item, Mapping) else {next(iter(row)): item})}
 
 
 def _merged(tables: Mapping[str, Any], changes: Mapping[str, Any], dotted: bool = True) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import copy
 from datetime import date, time
 from functools import partial
-from inspect import get_annotations
+from inspect import Parameter, Signature, get_annotations
 from numbers import Real
 from typing import Any, ClassVar, Self, TypeVar, dataclass_transform, get_args
 
@@ -270,6 +270,7 @@ class Section:
     _rules: ClassVar[Mapping[str, Any]] = {}
     _keys: ClassVar[Mapping[str, tuple[str, Any]]] = {}
     """The field of each key, and the rule."""
+    __signature__: ClassVar[Signature]
     _given: Mapping[str, tuple[str, object]]
     """Of the fields that are not by default the key, and the value if the key has another name."""
 
@@ -286,6 +287,14 @@ class Section:
             cls._keys |= {key: way for key, way in cls._instead.items() if way[0] == name}
         for key in cls._keys if cls._path else ():
             cls._homes.setdefault(key, joined(cls._path, key))
+        keys = [Parameter(key, Parameter.KEYWORD_ONLY, default=cls._default_of(key)) for key in cls._keys]
+        cls.__signature__ = Signature(keys)
+
+    @classmethod
+    def _default_of(cls, key: str) -> object:
+        """Return what `help` shows for a key: its default, or an ellipsis where the key stands for another one."""
+        name, _ = cls._keys[key]
+        return getattr(cls, name, Parameter.empty) if key == name else ...
 
     def __init__(self, /, **data: Any) -> None:
         self._fill(self._path, data)

@@ -43,7 +43,14 @@ def _plain(value: Any) -> Any:
         return _PlainModule(value)
     if isinstance(value, np.ndarray) and value.dtype == np.float64:
         return memoryview(value.data)  # whose numbers are Python's
+    if value is math.sqrt:
+        return _square_root
     return _plain_function(value) if hasattr(value, "py_func") else value
+
+
+def _square_root(x: float) -> float:
+    """Return the root, NaN of a number below zero as compiled code has it, for which Python's own raises an error."""
+    return math.nan if x < 0.0 else math.sqrt(x)
 
 
 @cache

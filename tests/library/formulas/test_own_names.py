@@ -100,3 +100,34 @@ def test_outputs_of_ones_own_hide_no_attribute_of_results_and_simulators():
     for name in names - {"quantities"}:  # which is a key
         with pytest.raises(rbfmu.SceneError, match=rf"outputs\.{name}: expected another name"):
             rbfmu.Scene.from_dict(scene(loads={"torque_b": "-omega_b"}, outputs={name: "t"}))
+
+
+@pytest.mark.filterwarnings("ignore::rbfmu.planning.judge.PlanningWarning")  # the reference comes no further either
+@pytest.mark.parametrize("text", ["sqrt(1 - t)", "acos(2*t)", "(1 - t)**0.5", "log(1 - t)"])
+def test_an_output_that_is_no_number_from_some_time_on_is_named(text):
+    outputs = {"quantities": ["omega_b"], "x": text}
+    one = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
+        initial={"omega_b": [0.1, 0.2, 0.3]},
+        run={"stop": 2.0, "step": 0.5},
+        outputs=outputs,
+    )
+    with pytest.raises(rbfmu.SceneError, match=r"outputs\.x is not finite"):
+        rbfmu.plan(one)
+
+
+def test_other_keys_of_a_row_stay_when_one_is_replaced():
+    tables = {
+        "states": {"u": {"start": 1.0, "rate": "-c*u", "unit": "m"}},
+        "constants": {"c": {"value": 2.0, "unit": "1/s"}},
+    }
+    one = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
+        events={"half": {"when": "u - 0.5", "direction": "falling"}},
+        run={"stop": 1.0, "step": 0.5},
+        **tables,
+    )
+    other = one.replace({"states.u.start": 3.0, "constants.c.value": 4.0, "events.half.direction": "any"})
+    assert (other.states["u"].start, other.states["u"].rate, other.states["u"].unit) == ((3.0,), "-c*u", "m")
+    assert (other.constants["c"].value, other.constants["c"].unit) == ((4.0,), "1/s")
+    assert (other.events["half"].when, other.events["half"].direction) == ("u - 0.5", "any")
