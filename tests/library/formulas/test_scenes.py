@@ -141,6 +141,7 @@ def test_other_steps_meet_the_accuracy_too(name, factor):
     assert worst(result, truth, one.outputs.quantities) <= 1.5 * one.run.accuracy
 
 
+@pytest.mark.thorough
 def test_bits_do_not_hang_on_compilation():
     one = rbfmu.Scene.from_dict(CASES["spring, thrust and a lag"][0])
     planned = rbfmu.plan(one)
