@@ -58,7 +58,9 @@ def accuracy_and_cost() -> str:
         for (motion, outputs), group in groupby(rows, lambda row: (row["motion"], row["outputs"]))
     ]
     titles = ["motion", "outputs", *(f"error {short(float(accuracy))}" for accuracy in accuracies)]
-    measured = f"Where no name stands, the other is heyoka.py. Bold is less by a factor of more than {SURE:g}."
+    measured = (
+        f"The other is heyoka.py, or by name a solver of numbalsoda. Bold is less by a factor of more than {SURE:g}."
+    )
     return f"{markdown(titles, table)}\n{measured} {machine(head)}\n"
 
 
@@ -69,7 +71,7 @@ def times(row: dict[str, str]) -> str:
         own = f"**{own}**"
     elif ratio < 1.0 / SURE:
         other = f"**{other}**"
-    return f"{own} / {other}" + (f" {row['peer']}" if row["peer"] != "heyoka.py" else "")
+    return f"{own} / {other}" + (f" {row['peer'].removeprefix('numbalsoda ')}" if row["peer"] != "heyoka.py" else "")
 
 
 def machine(head: Sequence[str]) -> str:
