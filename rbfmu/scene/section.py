@@ -287,14 +287,8 @@ class Section:
             cls._keys |= {key: way for key, way in cls._instead.items() if way[0] == name}
         for key in cls._keys if cls._path else ():
             cls._homes.setdefault(key, joined(cls._path, key))
-        keys = [Parameter(key, Parameter.KEYWORD_ONLY, default=cls._default_of(key)) for key in cls._keys]
-        cls.__signature__ = Signature(keys)
-
-    @classmethod
-    def _default_of(cls, key: str) -> object:
-        """Return what `help` shows for a key: its default, or an ellipsis where the key stands for another one."""
-        name, _ = cls._keys[key]
-        return getattr(cls, name, Parameter.empty) if key == name else ...
+        of = {key: getattr(cls, key, ... if key in cls._instead else Parameter.empty) for key in cls._keys}
+        cls.__signature__ = Signature([Parameter(key, Parameter.KEYWORD_ONLY, default=x) for key, x in of.items()])
 
     def __init__(self, /, **data: Any) -> None:
         self._fill(self._path, data)

@@ -1,5 +1,6 @@
 """The scene file: defaults, every way to write a value, round trips, other values by `Scene.replace`."""
 
+import inspect
 import json
 import math
 import pickle
@@ -209,3 +210,8 @@ def test_a_bad_change_is_a_scene_error(changes: dict[str, object], message: str)
         SCENE.replace(changes)
     assert message in str(caught.value)
     assert str(caught.value).startswith("scene: ")
+
+
+def test_help_of_a_table_shows_its_keys_and_what_they_are_by_default():
+    shown = str(inspect.signature(Body))
+    assert shown == "(*, mass, inertia, shape=Ellipsis, r_oc_b=(0.0, 0.0, 0.0), pivot=False)"
