@@ -44,7 +44,7 @@ class Texts:
             name: self._shaped(f"states.{name}.rate", row.rate, () if len(row.start) == 1 else (3,))
             for name, row in scene.states.items()
         }
-        self.events = {name: self._changing(f"events.{name}", row.when) for name, row in scene.events.items()}
+        self.events = {name: self._changing(f"events.{name}.when", row.when) for name, row in scene.events.items()}
         self.own = {name: self._shaped(f"outputs.{name}", row.value, None) for name, row in scene.outputs.own.items()}
 
     def _changing(self, key: str, text: str) -> Any:
