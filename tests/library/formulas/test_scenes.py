@@ -234,7 +234,7 @@ def test_time_may_begin_at_any_date():
 
 @pytest.mark.parametrize(("changes", "said"), [
     ({"outputs.off": {"value": "u_b[1]"}, "events.far": {"when": "off - 0.1"}},
-     r"events\.far: expected one of .* in place of off\n.*\n +\^\noff is an output: give its formula a name in \[form"),
+     r"events\.far\.when: expected one of .* in place of off\n.*\n +\^\noff is an output: give its formula a name"),
     ({"loads.torque_b": "3*n*cross(u_c, u_b)"}, r"loads\.torque_b: expected one of .* in place of u_c\n.*\n +\^"),
     ({"loads.torque_b": "n"}, r"loads\.torque_b: expected a vector of 3 numbers"),
     ({"loads.force_a": 3.0}, r"loads\.force_a = 3\.0"),
@@ -244,7 +244,7 @@ def test_time_may_begin_at_any_date():
     ({"constants": 3}, r"constants = 3: expected a table of numbers"),
     ({"constants": {"a-b": 1.0}}, r"constants\.a-b = 1\.0: expected a name of letters, digits and _"),
     ({"states": {"h": {"start": 1.0}}}, r"states\.h\.rate is missing: expected a formula"),
-    ({"states": {"h": {"start": 1.0, "rate": "u_b"}}}, r"states\.h: expected a scalar"),
+    ({"states": {"h": {"start": 1.0, "rate": "u_b"}}}, r"states\.h\.rate: expected a scalar"),
     ({"tables": {"c": {"x": [0, 0], "y": [1, 2]}}}, r"tables\.c\.x = \[0\.0, 0\.0\]: expected numbers that increase"),
     ({"outputs.tilt": "R_ab"}, r"outputs\.tilt: expected a scalar or a vector"),
     ({"outputs.plot": "n"}, r"outputs\.plot: expected another name"),
