@@ -112,9 +112,10 @@ PARTS = {
     "rotations.vec3": "Vectors", "rotations.matrix": "Rotation matrices",
     "rotations.quaternion": "Euler parameters (quaternions), and the error of an attitude",
     "rotations.euler_angles": "Euler angles",
-    "rotations.rotation_vector": "Rotation vectors, axis and angle; Gibbs (Rodrigues) parameters, and modified (MRP)",
-    "mechanics.inertia": "Inertia", "mechanics.rigid_body":
-    "Velocities and accelerations, Newton and Euler, homogeneous transforms, twists, wrenches",
+    "rotations.rotation_vector": "Rotation vectors, axis and angle",
+    "rotations.rodrigues": "Gibbs (Rodrigues) parameters and modified ones (MRP)",
+    "mechanics.kinematics": "Velocities and accelerations", "mechanics.inertia": "Inertia",
+    "mechanics.newton_euler": "Newton and Euler", "mechanics.spatial": "Homogeneous transforms, twists, wrenches",
     "exact.free_rotation": "Motion without torque", "numerics.elementary": "Elementary functions",
 }  # fmt: skip
 """Modules of functions, in the page's order, and what they are about."""

@@ -1,30 +1,18 @@
-"""What is kept on disk, such as plans of scene files, which are so planned once; files written whole; a store's lock.
+"""What is kept on disk, such as plans of scene files, which are so planned once; and files written whole.
 
 A plan is known by the bytes of its scene file, the options, and the sources and versions that it was made with. Where
 nothing can be written, or what stands there is not what was written (a checksum says so), the scene is planned anew.
 """
 
-import errno
 import hashlib
-import importlib
 import json
 import os
-import platform
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-
-try:
-    import fcntl
-except ImportError:
-    fcntl = None  # type: ignore[assignment]
-try:
-    msvcrt: Any = importlib.import_module("msvcrt")  # Windows; a type checker knows it nowhere else
-except ImportError:
-    msvcrt = None
 
 MOST = 200
 """The number of plans that are kept; the oldest go."""
@@ -103,86 +91,3 @@ def _modules(package: str, pattern: str) -> Iterator[Path]:
     spec = find_spec(package)
     for folder in (spec.submodule_search_locations or ()) if spec else ():
         yield from Path(folder).glob(pattern)
-
-
-# A lock on a store, which lets one program at a time write to it
-
-FAR = 1 << 30
-"""The byte that is locked on Windows: nobody else can read one that is, and the first ones say who holds the file."""
-_HERE: dict[str, object] = {}
-"""The stores that this process writes to: the lock of a file is that of a process, not of a thread."""
-
-
-@contextmanager
-def store_lock(store: Path) -> Iterator[None]:
-    """Hold a store, by a lock on a file beside it; raise BlockingIOError that names who holds it.
-
-    The lock ends with its process, however that ends, and is not that of processes forked from it. Where files cannot
-    be locked nothing is held.
-    """
-    key, mine, beside = str(store.resolve()), object(), store.with_name(f"{store.name}.lock")
-    if _HERE.setdefault(key, mine) is not mine:
-        raise _refusal(store, _me())
-    try:
-        handle = _lock_file(store, beside) if fcntl or msvcrt else None
-        try:
-            yield
-        finally:
-            if handle is not None:
-                _remove(beside, handle)
-    finally:
-        del _HERE[key]
-
-
-def _lock_file(store: Path, beside: Path) -> int | None:
-    """Return the descriptor of the locked file, which says who we are; None where files cannot be locked."""
-    while True:
-        try:
-            handle = os.open(beside, os.O_RDWR | os.O_CREAT, 0o666)
-        except OSError:
-            return None
-        try:
-            _try_lock(handle)
-            if fcntl is None or os.path.samestat(os.fstat(handle), os.stat(beside)):
-                os.ftruncate(handle, 0)
-                os.write(handle, _me().encode())
-                return handle
-        except FileNotFoundError:  # who held it has just removed it
-            pass
-        except OSError as error:
-            holder = os.read(handle, 200).decode(errors="replace")
-            os.close(handle)
-            if error.errno in (errno.EACCES, errno.EAGAIN):
-                raise _refusal(store, holder or "another process") from None
-            return None
-        os.close(handle)
-
-
-def _try_lock(handle: int) -> None:
-    """Lock an open file. Raises OSError where another process holds it."""
-    if fcntl:
-        fcntl.lockf(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return
-    try:
-        os.lseek(handle, FAR, os.SEEK_SET)
-        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
-    finally:
-        os.lseek(handle, 0, os.SEEK_SET)
-
-
-def _remove(beside: Path, handle: int) -> None:
-    """Remove a locked file: on POSIX before others can lock it, on Windows once it is closed, unless others have it."""
-    if fcntl is None:
-        os.close(handle)
-    with suppress(OSError):
-        beside.unlink()
-    if fcntl:
-        os.close(handle)
-
-
-def _me() -> str:
-    return f"process {os.getpid()} on {platform.node()}"
-
-
-def _refusal(store: Path, holder: str) -> OSError:
-    return BlockingIOError(errno.EAGAIN, f"is being written by {holder}: expected one program at a time", str(store))

@@ -13,9 +13,10 @@ import numpy as np
 
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
-from rbfmu.runs.inputs import HOLD, Inputs, InputTables, drive_of, input_tables, last_time, size_of, steps_until
+from rbfmu.runs.inputs import HOLD, Inputs, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.motion import Driven, Events
 from rbfmu.runs.plan import Plan, start_run, with_parameters
+from rbfmu.runs.time_grid import last_time, steps_until
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
 from rbfmu.scene.section import as_toml, fault
 from rbfmu.types import Array

@@ -16,8 +16,8 @@ from typing import NamedTuple
 from rbfmu import Plan, Scene
 from rbfmu.models.question import Question
 from rbfmu.planning.select import with_all_outputs
-from rbfmu.runs.inputs import last_time
 from rbfmu.runs.plan import filled_buffer
+from rbfmu.runs.time_grid import last_time
 from rbfmu.types import Buffer
 from rbfmu_kernels import quantities
 from rbfmu_kernels.body.shell import Model

@@ -16,9 +16,9 @@ from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
 from rbfmu import Plan, Scene, SceneError, planning
-from rbfmu.runs.inputs import time_grid
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import initialize
+from rbfmu.runs.time_grid import time_grid
 from rbfmu.types import Array
 from rbfmu_fmu.builder import kernel_hash
 from rbfmu_fmu.description import Description, describe, input_sizes

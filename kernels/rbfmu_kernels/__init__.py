@@ -11,19 +11,22 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .exact.free_rotation import *
     from .mechanics.inertia import *
-    from .mechanics.rigid_body import *
+    from .mechanics.kinematics import *
+    from .mechanics.newton_euler import *
+    from .mechanics.spatial import *
     from .numerics.elementary import *
     from .rotations.euler_angles import *
     from .rotations.matrix import *
     from .rotations.quaternion import *
+    from .rotations.rodrigues import *
     from .rotations.rotation_vector import *
     from .rotations.vec3 import *
     from .types import *
 
 _MODULES = (
     "rotations.vec3", "rotations.matrix", "rotations.quaternion", "rotations.euler_angles",
-    "rotations.rotation_vector", "mechanics.inertia", "mechanics.rigid_body", "numerics.elementary", "types",
-    "exact.free_rotation",
+    "rotations.rotation_vector", "mechanics.kinematics", "mechanics.inertia", "mechanics.newton_euler",
+    "numerics.elementary", "types", "rotations.rodrigues", "mechanics.spatial", "exact.free_rotation",
 )  # fmt: skip
 """Those with public names, which their `__all__` lists; what is seldom needed, and takes long to load, stands last."""
 

@@ -5,10 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 from rbfmu.arrays.from_kernel import array_function, checked_function, sequence_function, set_threads
 from rbfmu_kernels.mechanics import inertia as _inertia
-from rbfmu_kernels.mechanics import rigid_body as _rigid_body
+from rbfmu_kernels.mechanics import kinematics as _kinematics
+from rbfmu_kernels.mechanics import newton_euler as _newton_euler
+from rbfmu_kernels.mechanics import spatial as _spatial
 from rbfmu_kernels.rotations import euler_angles as _euler
 from rbfmu_kernels.rotations import matrix as _rotation
 from rbfmu_kernels.rotations import quaternion as _quaternion
+from rbfmu_kernels.rotations import rodrigues as _rodrigues
 from rbfmu_kernels.rotations import rotation_vector as _rotvec
 from rbfmu_kernels.rotations import vec3 as _vec3
 
@@ -86,25 +89,25 @@ rotvec_rate_a = checked_function(_rotvec.rotvec_rate_a, _rotvec.rotvec_rate_is_s
 rotvec_rate_b = checked_function(_rotvec.rotvec_rate_b, _rotvec.rotvec_rate_is_singular, FULL_TURN)
 
 # Gibbs (Rodrigues) parameters and modified ones
-gibbs_from_quaternion = checked_function(_rotvec.gibbs_from_quaternion, _rotvec.gibbs_is_singular, HALF_TURN)
-quaternion_from_gibbs = array_function(_rotvec.quaternion_from_gibbs)
-gibbs_rate_a = array_function(_rotvec.gibbs_rate_a)
-gibbs_rate_b = array_function(_rotvec.gibbs_rate_b)
-mrp_from_quaternion = array_function(_rotvec.mrp_from_quaternion)
-quaternion_from_mrp = array_function(_rotvec.quaternion_from_mrp)
-mrp_shadow = checked_function(_rotvec.mrp_shadow, _rotvec.mrp_is_singular, NO_SHADOW)
-mrp_rate_a = array_function(_rotvec.mrp_rate_a)
-mrp_rate_b = array_function(_rotvec.mrp_rate_b)
+gibbs_from_quaternion = checked_function(_rodrigues.gibbs_from_quaternion, _rodrigues.gibbs_is_singular, HALF_TURN)
+quaternion_from_gibbs = array_function(_rodrigues.quaternion_from_gibbs)
+gibbs_rate_a = array_function(_rodrigues.gibbs_rate_a)
+gibbs_rate_b = array_function(_rodrigues.gibbs_rate_b)
+mrp_from_quaternion = array_function(_rodrigues.mrp_from_quaternion)
+quaternion_from_mrp = array_function(_rodrigues.quaternion_from_mrp)
+mrp_shadow = checked_function(_rodrigues.mrp_shadow, _rodrigues.mrp_is_singular, NO_SHADOW)
+mrp_rate_a = array_function(_rodrigues.mrp_rate_a)
+mrp_rate_b = array_function(_rodrigues.mrp_rate_b)
 
 # The error of an attitude
 attitude_error = array_function(_quaternion.attitude_error)
 attitude_error_rate = array_function(_quaternion.attitude_error_rate)
 
 # Velocities and accelerations
-compose_omega = array_function(_rigid_body.compose_omega)
-vector_rate = array_function(_rigid_body.vector_rate)
-point_velocity = array_function(_rigid_body.point_velocity)
-point_acceleration = array_function(_rigid_body.point_acceleration)
+compose_omega = array_function(_kinematics.compose_omega)
+vector_rate = array_function(_kinematics.vector_rate)
+point_velocity = array_function(_kinematics.point_velocity)
+point_acceleration = array_function(_kinematics.point_acceleration)
 
 # Inertia
 beam_inertia = checked_function(_inertia.beam_inertia, _inertia.is_negative, NEGATIVE)
@@ -117,24 +120,24 @@ rotate_inertia = array_function(_inertia.rotate_inertia)
 principal_axes = array_function(_inertia.principal_axes)
 
 # Newton-Euler
-euler_equation = array_function(_rigid_body.euler_equation)
-newton_euler_c = array_function(_rigid_body.newton_euler_c)
-newton_euler_o = array_function(_rigid_body.newton_euler_o)
-inverse_newton_euler_c = array_function(_rigid_body.inverse_newton_euler_c)
-inverse_newton_euler_o = array_function(_rigid_body.inverse_newton_euler_o)
-linear_momentum = array_function(_rigid_body.linear_momentum)
-angular_momentum = array_function(_rigid_body.angular_momentum)
-angular_momentum_o = array_function(_rigid_body.angular_momentum_o)
-kinetic_energy = array_function(_rigid_body.kinetic_energy)
+euler_equation = array_function(_newton_euler.euler_equation)
+newton_euler_c = array_function(_newton_euler.newton_euler_c)
+newton_euler_o = array_function(_newton_euler.newton_euler_o)
+inverse_newton_euler_c = array_function(_newton_euler.inverse_newton_euler_c)
+inverse_newton_euler_o = array_function(_newton_euler.inverse_newton_euler_o)
+linear_momentum = array_function(_newton_euler.linear_momentum)
+angular_momentum = array_function(_newton_euler.angular_momentum)
+angular_momentum_o = array_function(_newton_euler.angular_momentum_o)
+kinetic_energy = array_function(_newton_euler.kinetic_energy)
 
 # Homogeneous transforms, twists, wrenches
-transform_from_matrix = array_function(_rigid_body.transform_from_matrix)
-transform_compose = array_function(_rigid_body.transform_compose)
-transform_invert = array_function(_rigid_body.transform_invert)
-transform_point = array_function(_rigid_body.transform_point)
-twist_at = array_function(_rigid_body.twist_at)
-wrench_at = array_function(_rigid_body.wrench_at)
-spatial_inertia = array_function(_rigid_body.spatial_inertia)
+transform_from_matrix = array_function(_spatial.transform_from_matrix)
+transform_compose = array_function(_spatial.transform_compose)
+transform_invert = array_function(_spatial.transform_invert)
+transform_point = array_function(_spatial.transform_point)
+twist_at = array_function(_spatial.twist_at)
+wrench_at = array_function(_spatial.wrench_at)
+spatial_inertia = array_function(_spatial.spatial_inertia)
 
 _LATER = ("check_inertia", "free_rotation", "inertia_of_points")
 

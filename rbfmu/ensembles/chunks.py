@@ -18,8 +18,9 @@ from rbfmu.ensembles.statistics import MOST_NUMBERS, MOST_SAMPLED, Summary, most
 from rbfmu.ensembles.variables import ALL, COUNT, FINAL, FIRST, STATISTICS, Columns, columns_of, flat, varied_rows
 from rbfmu.exceptions import SceneError
 from rbfmu.models.model_buffer import refusal
-from rbfmu.runs.inputs import HOLD, communication_steps, drive_of
+from rbfmu.runs.inputs import HOLD, drive_of
 from rbfmu.runs.plan import Plan, filled_buffer
+from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import refused_step
 from rbfmu.types import Array, Indices

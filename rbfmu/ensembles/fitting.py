@@ -19,9 +19,9 @@ from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.planning.fitting import REACHED
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, likely_order, ratio_to, series_cost, series_of_all, series_plan
-from rbfmu.runs.inputs import communication_steps
 from rbfmu.runs.motion import FLOORS
 from rbfmu.runs.plan import Plan, start_run
+from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import interpreted

@@ -8,8 +8,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
+from rbfmu.ensembles.attitudes import ATTITUDE
 from rbfmu.ensembles.result import Drivers
-from rbfmu.ensembles.variables import ATTITUDE, differ
+from rbfmu.ensembles.variables import differ
 from rbfmu.plot import COLORS, Picture, open_frame, quantity_label, with_file
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import indices

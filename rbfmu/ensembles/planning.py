@@ -39,8 +39,8 @@ from rbfmu.planning.fitting import held_over_a_run
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, ever_tighter, whole_series, with_cost
 from rbfmu.planning.select import cheapest, series_serve_alone
-from rbfmu.runs.inputs import communication_steps
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.ensemble import SOBOL
 from rbfmu.scene.scene import Scene, SceneError, faults_of, warn
 from rbfmu.scene.variations import SHAPE

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu.ensembles import variables as names
+from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, moments_of
 from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.store import Checkpoint
-from rbfmu.ensembles.variables import coordinates, differ, flat, moments_of, output_rows, variables_of, varied_rows
+from rbfmu.ensembles.variables import coordinates, differ, flat, output_rows, variables_of, varied_rows
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
@@ -192,7 +193,7 @@ class EnsembleResult:
         if name in self.mean:
             return np.atleast_1d(self.mean[name][-1]), np.atleast_1d(self.std[name][-1])
         ends = self.ends(name)[self.good].reshape(-1, self.rows[name].size)
-        if name == names.ANGLES:
+        if name == ANGLES:
             ends = np.stack([np.sin(ends), np.cos(ends)], axis=2).reshape(-1, 6)
         middle = ends.mean(axis=0) if len(ends) else np.full(ends.shape[1], np.nan)
         apart = ends - middle
@@ -207,7 +208,7 @@ class EnsembleResult:
                 found[name] = (variable.dims, np.asarray(self._arrays[name]), variable.attributes)
                 row = self.rows.get(name) or self.rows.get(name.rpartition("_")[0])
                 if row is not None and (axis := {"parameter", "angle", "axis"} & {*variable.dims}):
-                    is_turn = name in (f"{names.ATTITUDE}_std", f"{names.ATTITUDE}_covariance")
+                    is_turn = name in (f"{ATTITUDE}_std", f"{ATTITUDE}_covariance")
                     named[axis.pop()] = [*"xyz"] if is_turn else list(row.components)
         return needed("xarray", "ensemble").Dataset(found, coordinates(self.time) | named)
 

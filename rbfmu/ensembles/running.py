@@ -15,13 +15,13 @@ from typing import Any
 
 from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk, origin, run_chunk
 from rbfmu.ensembles.control import control_of
+from rbfmu.ensembles.lock import store_lock
 from rbfmu.ensembles.members import with_runs
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.result import EnsembleResult
 from rbfmu.ensembles.store import Store, refuse_existing
 from rbfmu.exceptions import SimulationError, named
 from rbfmu.extras import needed
-from rbfmu.on_disk import store_lock
 from rbfmu.progress import bar
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene, of_scene_or_path

@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rbfmu.ensembles.attitudes import ATTITUDE, around
 from rbfmu.ensembles.loops import LANES, compiled, moments
-from rbfmu.ensembles.variables import ATTITUDE, Columns, around
+from rbfmu.ensembles.variables import Columns
 from rbfmu.types import Array, Indices
 
 MOST_POINTS, LEAST_POINTS = 256, 32

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from rbfmu.ensembles import variables as names
+from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, around, moments_of
 from rbfmu.ensembles.chunks import Chunk, Work, origin
 from rbfmu.ensembles.statistics import Statistics, exact_quantiles
-from rbfmu.ensembles.variables import around, moments_of
-from rbfmu.runs.inputs import communication_steps, time_grid
 from rbfmu.runs.motion import attitude_error
+from rbfmu.runs.time_grid import communication_steps, time_grid
 from rbfmu.types import Array
 
 EXTENDABLE = ("random", "sobol")
@@ -288,8 +288,8 @@ def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any
         for name, own in columns.summed.items()
     }
     middle = np.full((len(statistics.mean), columns.width), np.nan)
-    if names.ANGLES in moments:
-        middle[:, columns.angles] = moments[names.ANGLES][0]
+    if ANGLES in moments:
+        middle[:, columns.angles] = moments[ANGLES][0]
     ranked, rank_error = statistics.quantiles(probabilities, middle[:, columns.ranked])
     quantiles = np.empty((len(probabilities), *middle.shape))
     quantiles[:, :, columns.ranked] = ranked
@@ -300,7 +300,7 @@ def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any
         if mean.shape[1] == 1:
             mean, std, covariance = mean[:, 0], std[:, 0], covariance[:, 0, 0]
         found |= {f"{name}_mean": mean, f"{name}_std": std, f"{name}_covariance": covariance}
-        if name == names.ATTITUDE and kept:
+        if name == ATTITUDE and kept:
             kept[name] = exact_quantiles(attitude_error(mean, statistics.sample(work.share)), probabilities)
         found[f"{name}_quantiles"] = kept[name] if kept else _of_all(name, mean, rows[name], probabilities)
     return found
@@ -313,9 +313,9 @@ def _of_all(name: str, mean: Array, values: Any, probabilities: Array) -> Array:
     for first in range(0, values.shape[1], times):
         some = slice(first, first + times)
         part = values[:, some]
-        if name == names.ATTITUDE:
+        if name == ATTITUDE:
             part = attitude_error(mean[some], part)
-        elif name == names.ANGLES:
+        elif name == ANGLES:
             part = around(mean[some], part)
         parts.append(exact_quantiles(part, probabilities))
     return np.concatenate(parts, axis=1)

@@ -1,8 +1,4 @@
-"""The variables of an ensemble: columns of a member's outputs; names, dimensions, units and frames of what is kept.
-
-Also means of what is no number: attitudes, of which q and -q are one, and angles, which begin anew after a turn. Both
-come of sums that merge as those of numbers do: of q q^T, and of sines and cosines.
-"""
+"""The variables of an ensemble: columns of a member's outputs; names, dimensions, units and frames of what is kept."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -11,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE
 from rbfmu.result import AXES
 from rbfmu.scene.body import TRIANGLE
 from rbfmu.scene.scene import Scene
@@ -19,7 +16,6 @@ from rbfmu.types import Array, Indices
 from rbfmu_kernels.buffer import places
 from rbfmu_kernels.quantities import OUTPUT, TIME, Load, Output, Parameter, Quantity
 
-ATTITUDE, ANGLES = "quaternion", "rpy"
 FINAL, STATISTICS, ALL = "final", "statistics", "all"
 """What may be kept of the runs."""
 SIZES = {"sides": 3, "length": 1, "radius": 1, "semiaxes": 3}
@@ -220,55 +216,3 @@ def coordinates(time: Array) -> dict[str, tuple[str, Any, dict[str, str]]]:
         TIMES: (TIMES, time, {"units": TIME.unit, "long_name": TIME.meaning}),
         PROBABILITY: (PROBABILITY, np.array(PROBABILITIES), parts),
     }
-
-
-# Means of attitudes and angles
-
-
-def moments_of(name: str, count: int, mean: Array, products: Array) -> tuple[Array, Array]:
-    """Return mean and covariance of a quantity; NaN of no member, and of one.
-
-    mean (n, k), products (n, k, k): of so many members' numbers, and summed up of their deviations; of angles those of
-    sine and cosine, of one after the other.
-    """
-    if name == ATTITUDE and count:
-        mean, products = _mean_attitude(count, mean, products)
-    elif name == ANGLES:
-        mean, products = _mean_direction(mean, products)
-    if count < 2:
-        products = np.full_like(products, np.nan)
-    return (mean if count else np.full_like(mean, np.nan)), products / (count - 1.0)
-
-
-def _mean_attitude(count: int, mean: Array, products: Array) -> tuple[Array, Array]:
-    """Return the attitude q (n, 4) to which sum (q q_i)^2 is largest, whatever the signs of q_i.
-
-    And the sums (n, 3, 3) of products of twice the vector parts of q* q_i: of small rotations, in b. Markley, Cheng,
-    Crassidis and Oshman, Journal of Guidance, Control, and Dynamics 30 (2007).
-    """
-    q = np.linalg.eigh(products + count * mean[:, :, None] * mean[:, None, :])[1][:, :, -1]
-    turned = np.sum(q * np.vstack([mean[:1], q[:-1]]), axis=1) < 0.0
-    q = q * np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]  # without jumps, from the members' own sign on
-    w, x, y, z = q.T
-    vector = np.array([[-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]).transpose(2, 0, 1)
-    return q, _mapped(2.0 * vector, count, mean, products)
-
-
-def _mean_direction(mean: Array, products: Array) -> tuple[Array, Array]:
-    """Return the angles (n, k) of the sums of unit vectors, and sums (n, k, k) of products of sines of deviations."""
-    angle = np.arctan2(mean[:, 0::2], mean[:, 1::2])
-    sine = np.zeros((len(mean), angle.shape[1], mean.shape[1]))
-    for k in range(angle.shape[1]):
-        sine[:, k, 2 * k], sine[:, k, 2 * k + 1] = np.cos(angle[:, k]), -np.sin(angle[:, k])
-    return angle, _mapped(sine, 0, mean, products)
-
-
-def _mapped(A: Array, count: int, mean: Array, products: Array) -> Array:
-    """Return the sums of products (n, i, i) of A x, less a mean of 0; those of a mean that is not 0 are added."""
-    of_mean = (A @ mean[:, :, None])[:, :, 0]
-    return np.asarray(A @ products @ A.transpose(0, 2, 1) + count * of_mean[:, :, None] * of_mean[:, None, :])
-
-
-def around(mean: Array, angles: Array) -> Array:
-    """Return angles less the whole turns by which they are nearer to the mean so."""
-    return np.asarray(angles - 2.0 * np.pi * np.rint((angles - mean) / (2.0 * np.pi)))

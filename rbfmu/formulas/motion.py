@@ -15,7 +15,7 @@ from rbfmu.formulas.graph import Graph, Number, gradient
 from rbfmu.formulas.text import FUNCTIONS, Array, Function, value_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, angular_acceleration, steady_acceleration
-from rbfmu_kernels.mechanics.rigid_body import relative_acceleration
+from rbfmu_kernels.mechanics.newton_euler import relative_acceleration
 from rbfmu_kernels.quantities import elements
 from rbfmu_kernels.rotations.quaternion import quaternion_rate_b
 from rbfmu_kernels.rotations.vec3 import skew

@@ -7,8 +7,9 @@ from itertools import takewhile
 
 import numpy as np
 
+from rbfmu.models.disturbances import lost_by_symmetry, lost_near_separatrix
 from rbfmu.models.model_buffer import BodyAtStart
-from rbfmu.models.question import Question, lost_by_symmetry, lost_near_separatrix
+from rbfmu.models.question import Question
 from rbfmu.types import Array
 from rbfmu_kernels import quantities
 from rbfmu_kernels.body.shell import Model

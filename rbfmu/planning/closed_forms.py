@@ -10,13 +10,14 @@ from dataclasses import replace
 import numpy as np
 
 from rbfmu.models import registry
-from rbfmu.models.question import GROWING, GROWTH, Question, growth_rate
+from rbfmu.models.disturbances import GROWTH, growth_rate
+from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import ModelSpec
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import EXACT
-from rbfmu.runs.inputs import communication_steps, thinned_steps
 from rbfmu.runs.motion import largest_error, least_sizes, lost_to_cancellation, motion_of
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import interpreted

@@ -19,8 +19,8 @@ from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import FREE_BODY_FORCE, LOADED_TAYLOR, ONE_AXIS_TAYLOR, moments_of
 from rbfmu.planning import methods
 from rbfmu.planning.judge import Judge
-from rbfmu.runs.inputs import communication_steps
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import SceneError
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in

@@ -14,8 +14,8 @@ from rbfmu.models.question import Question
 from rbfmu.planning import fitting, methods
 from rbfmu.planning.closed_forms import exact_closed_form, exact_plan, what_is_left_out
 from rbfmu.planning.judge import Judge
-from rbfmu.runs.inputs import communication_steps
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import PARAMETERS, SECTIONS, Scene, SceneError
 from rbfmu_kernels.models.formula_events import MOST_LISTED
 

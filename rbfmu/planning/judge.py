@@ -16,9 +16,9 @@ import numpy as np
 from rbfmu.exceptions import PlanningWarning as PlanningWarning
 from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
-from rbfmu.runs.inputs import communication_steps, thinned_steps
 from rbfmu.runs.motion import Steps, largest_error, least_sizes, motion_of, record, substeps_counted
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import evaluated

@@ -80,9 +80,9 @@ FAULTS = {
     "Strang's first kick whole": Fault(
         "integrators/splitting", "loads, (0.5, 0.5), (1.0,))", "loads, (1.0, 0.5), (1.0,))"
     ),
-    "damping": Fault("mechanics/rigid_body", "-damping_b[2] * omega_b[2])", "-damping_b[2] * omega_b[2] * 1.00001)"),
+    "damping": Fault("mechanics/newton_euler", "-damping_b[2] * omega_b[2])", "-damping_b[2] * omega_b[2] * 1.00001)"),
     "gyroscopic torque": Fault(
-        "mechanics/rigid_body",
+        "mechanics/newton_euler",
         "return cross(omega, transform(rest, omega))",
         "return cross(omega, transform(rest, (omega[0], omega[1] * 1.00001, omega[2])))",
     ),

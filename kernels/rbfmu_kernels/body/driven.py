@@ -20,8 +20,8 @@ DRIVEN = memory.COMMON | RATES | RATES_2 | {"before": STATE_SIZE, "step_size": 1
 """The buffer of such a model begins with these blocks."""
 _LAYOUT = places(DRIVEN)
 _AT = _LAYOUT.at
-STEP_SIZE = _AT.step_size
-"""The place of the step size; the count of substeps stands next to it."""
+STEP_SIZE, SUBSTEPS = _AT.step_size, _AT.substeps
+"""The places of the step size and, next to it, of the count of substeps."""
 RATES_START, RATES_2_START = (_LAYOUT.blocks[next(iter(names))].start for names in (RATES, RATES_2))
 NUMBER_OF_INPUTS = sum(memory.INPUTS.values())
 

@@ -3,7 +3,7 @@
 from ..buffer import NOT_FINITE
 from ..buffer_access import are_finite, matrix_at, put_quaternion_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
-from ..mechanics import rigid_body
+from ..mechanics import newton_euler
 from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration, angular_jerk, linear_acceleration
 from ..rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from ..rotations.matrix import transform
@@ -33,10 +33,10 @@ def outputs(z: Buffer) -> int:
     if memory.is_set(z, SHOWN.omega_a):
         put_vec3_at(z, AT.omega_a, rotate(q, omega))
     if memory.is_set(z, SHOWN.angular_momentum_a):
-        put_vec3_at(z, AT.angular_momentum_a, rotate(q, rigid_body.angular_momentum(matrix_at(z, AT.M), omega)))
+        put_vec3_at(z, AT.angular_momentum_a, rotate(q, newton_euler.angular_momentum(matrix_at(z, AT.M), omega)))
     if memory.is_set(z, SHOWN.kinetic_energy):
         mass = 0.0 if memory.has_pivot(z) else z[AT.mass]
-        z[AT.kinetic_energy] = rigid_body.kinetic_energy(mass, matrix_at(z, AT.M), memory.centre_of(z).v_c, omega)
+        z[AT.kinetic_energy] = newton_euler.kinetic_energy(mass, matrix_at(z, AT.M), memory.centre_of(z).v_c, omega)
     return 0
 
 
@@ -64,7 +64,7 @@ def _put_accelerations(z: Buffer, q: Quaternion, omega: Vec3) -> None:
 def accelerations(q: Quaternion, omega: Vec3, body: Body, loads: Loads, r_oc: Vec3) -> tuple[Vec3, Vec3]:
     """Return (alpha_b, acceleration of o in a) of a body under loads; with a pivot o stays."""
     alpha = angular_acceleration(q, omega, body, loads)
-    relative = rigid_body.relative_acceleration(omega, alpha, r_oc)
+    relative = newton_euler.relative_acceleration(omega, alpha, r_oc)
     a_o = subtract(linear_acceleration(q, body, loads), rotate(q, relative))
     return alpha, ((0.0, 0.0, 0.0) if body.is_free == 0.0 else a_o)
 
@@ -80,7 +80,7 @@ def output_rates(z: Buffer) -> int:
     _put_accelerations(z, q, omega)
     M, alpha = body.inertia, vec3_at(z, AT.alpha_b)
     alpha_rate = angular_jerk(q, omega, alpha, body, loads)
-    torque = add(transform(M, alpha), rigid_body.gyroscopic_torque(M, omega))
+    torque = add(transform(M, alpha), newton_euler.gyroscopic_torque(M, omega))
     yaw, pitch, roll = euler_from_quaternion(ZYX, q)
     d_yaw, d_pitch, d_roll = euler_rate_b(ZYX, (yaw, pitch, roll), omega)
     put_quaternion_at(z, AT.d_quaternion, quaternion_rate_b(q, omega))
@@ -94,7 +94,7 @@ def output_rates(z: Buffer) -> int:
     put_vec3_at(z, AT.d_position, vec3_at(z, AT.velocity))
     put_vec3_at(z, AT.d_velocity, vec3_at(z, AT.acceleration))
     r_oc = vec3_at(z, AT.r_oc_b)
-    relative = rigid_body.relative_jerk(omega, alpha, alpha_rate, r_oc)
+    relative = newton_euler.relative_jerk(omega, alpha, alpha_rate, r_oc)
     jerk = rotate(q, subtract(cross(omega, scale(body.inverse_mass, loads.force_b)), relative))
     put_vec3_at(z, AT.d_acceleration, (0.0, 0.0, 0.0) if memory.has_pivot(z) else jerk)
     return 0

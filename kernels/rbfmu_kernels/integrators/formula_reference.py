@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble
-from ..numerics.elementary import angle_of, natural_exponential, natural_logarithm, sine_and_cosine
+from ..numerics.double_double_functions import angle_of, exponential, natural_logarithm, sine_and_cosine
 from ..types import Array, Indices
 from . import polynomials
 
@@ -87,7 +87,7 @@ def _value(kind: int, i: int, a: int, b: int, c: int, s: Array) -> DoubleDouble:
     if kind == _SQRT:
         return dd.root(x) if x[0] >= 0.0 else (math.nan, 0.0)
     if kind == _EXP:
-        return natural_exponential(x)
+        return exponential(x)
     if kind == _LOG:
         return natural_logarithm(x)
     if kind == _SIN:
@@ -97,7 +97,7 @@ def _value(kind: int, i: int, a: int, b: int, c: int, s: Array) -> DoubleDouble:
     if kind == _ATAN2:
         return angle_of(x, y)
     if kind == _POWER:
-        return natural_exponential(dd.multiply(y, natural_logarithm(x)))
+        return exponential(dd.multiply(y, natural_logarithm(x)))
     if kind == _SIDE:
         return (math.copysign(1.0, x[0]), 0.0)
     if kind == _SELECT:

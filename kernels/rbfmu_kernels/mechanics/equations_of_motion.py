@@ -15,7 +15,7 @@ from ..rotations.matrix import transform
 from ..rotations.quaternion import invert_quaternion, quaternion_rate_b, rotate
 from ..rotations.vec3 import add, add_scaled, cross, is_nonzero, scale, subtract
 from ..types import Buffer, Matrix, Quaternion, Vec3
-from .rigid_body import damping_torque, gyroscopic_torque
+from .newton_euler import damping_torque, gyroscopic_torque
 
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
 STATE_BLOCKS = {"q": 4, "omega": 3, "pad": 1, "r_c": 3, "v_c": 3, "pad_2": 2}

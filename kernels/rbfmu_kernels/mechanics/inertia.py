@@ -300,9 +300,7 @@ def box_inertia(mass: float, sides: Vec3) -> Matrix:
     Units: mass in kg, sides in m; M in kg m^2.  Frames: axes along the sides.
     Error <= 1.6 eps.  Singular: a negative mass or size gives NaN.  Source: the integral of lecture, "Inertia dyadic".
     """
-    x, y, z = sides[0] * sides[0], sides[1] * sides[1], sides[2] * sides[2]
-    m = math.nan if one_is_negative(mass, sides) else mass / 12.0
-    return diagonal((m * (y + z), m * (z + x), m * (x + y)))
+    return _of_extents(mass, 12.0, sides)
 
 
 @kernel
@@ -337,6 +335,12 @@ def ellipsoid_inertia(mass: float, semiaxes: Vec3) -> Matrix:
     Units: mass in kg, semiaxes in m; M in kg m^2.  Frames: axes along the semiaxes.
     Error <= 1.6 eps.  Singular: a negative mass or size gives NaN.  Source: the integral of lecture, "Inertia dyadic".
     """
-    x, y, z = semiaxes[0] * semiaxes[0], semiaxes[1] * semiaxes[1], semiaxes[2] * semiaxes[2]
-    m = math.nan if one_is_negative(mass, semiaxes) else mass / 5.0
+    return _of_extents(mass, 5.0, semiaxes)
+
+
+@kernel
+def _of_extents(mass: float, parts: float, extents: Vec3) -> Matrix:
+    """Return mass / parts (e^2 I - diag(e_i^2)) of a body with extents e along the axes; NaN where one is negative."""
+    x, y, z = extents[0] * extents[0], extents[1] * extents[1], extents[2] * extents[2]
+    m = math.nan if one_is_negative(mass, extents) else mass / parts
     return diagonal((m * (y + z), m * (z + x), m * (x + y)))

@@ -8,7 +8,7 @@ that cannot go on in one, are taken alone.
 
 import math
 
-from ..body.driven import STEP_SIZE, finish_steadily, keep, keep_inputs, load_polynomial_of, part_to_integrate
+from ..body.driven import STEP_SIZE, SUBSTEPS, finish_steadily, keep, keep_inputs, load_polynomial_of, part_to_integrate
 from ..body.members import Control, Driving, Members, Room, Run, begin, drive, note, pieces_before, record
 from ..body.memory import MEMORY, STATE_START, body_of
 from ..body.shell import Lanes, bind
@@ -220,7 +220,7 @@ def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
     z[_SERIES] = NONE
     z[_AT.cool_down] -= 1.0
     z[STEP_SIZE] = lane_at(c, LANE.size, lane)
-    z[STEP_SIZE + 1] += lane_at(c, LANE.count, lane)
+    z[SUBSTEPS] += lane_at(c, LANE.count, lane)
     keep_inputs(z, _AT.held_inputs)
     return OK
 

@@ -8,7 +8,7 @@ across turns in the body by (I_s - I_t) / I_t times that angle, and fades. The a
 Source: Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).
 """
 
-from ..body import closed_form, memory
+from ..body import closed_form, fixed_axis, memory
 from ..body.outputs import outputs
 from ..body.principal import is_sphere, symmetric_frame
 from ..body.shell import make_model
@@ -17,7 +17,7 @@ from ..buffer_access import matrix_at, put_matrix_at, put_pair_at, put_vec3_at, 
 from ..compile.decorator import kernel
 from ..integrators.splitting import is_symmetric_top
 from ..mechanics.equations_of_motion import angular_acceleration
-from ..mechanics.rigid_body import damping_torque
+from ..mechanics.newton_euler import damping_torque
 from ..numerics.elementary import relaxed, sincos
 from ..rotations.matrix import invert_matrix, transform
 from ..rotations.vec3 import add_scaled, cross, dot, is_nonzero
@@ -109,8 +109,8 @@ def _set_up_spin_up(z: Buffer) -> int:
         return NO_SPIN_UP
     put_matrix_at(z, _AT.axes, axes)
     put_vec3_at(z, _AT.rates, transform(axes, memory.rotation_of(z).omega_b))
-    z[_AT.drive], z[_AT.damping_rate] = closed_form.drive_and_damping_rate(z, axes[2])
-    _, z[_AT.damping_rate_across] = closed_form.drive_and_damping_rate(z, axes[0])
+    z[_AT.drive], z[_AT.damping_rate] = fixed_axis.drive_and_damping_rate(z, axes[2])
+    _, z[_AT.damping_rate_across] = fixed_axis.drive_and_damping_rate(z, axes[0])
     z[_AT.ratio] = (own - across) / across
     return closed_form.start_clocks(z)
 

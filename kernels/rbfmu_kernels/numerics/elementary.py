@@ -1,6 +1,4 @@
-"""Elementary functions, such as sine, cosine and arctangent: the same bits everywhere.
-
-Those in plain doubles are for scalar code and vectors, the last four in double-double arithmetic, for references.
+"""Sine, cosine and arctangent in plain double arithmetic: the same bits everywhere, in scalar code and in vectors.
 
 Branch-free, so that LLVM vectorises them inside loops; no libm symbol but sqrt, fabs and copysign, no fused operation,
 no cast. Polynomials are split into pairs (Estrin) for short chains.
@@ -12,8 +10,7 @@ import numpy as np
 
 from ..compile.decorator import kernel
 from ..compile.wide import bits_of, choose, number_of
-from . import double_double as dd
-from .double_double import PI, DoubleDouble, two_product
+from .double_double import PI, two_product
 
 __all__ = ["atan2", "sincos"]
 
@@ -267,70 +264,3 @@ def logarithm(x: float) -> float:
     half = 0.5 * f * f
     n = (number_of(bits_of(_ROUND) + k) - _ROUND) - choose(small, 54.0, 0.0)
     return choose(inside, n * _LN_2 - ((half - (s * (half + (odd + even)) + n * _LN_2_LOW)) - f), beyond)
-
-
-# In double-double arithmetic, to some 1e-31
-
-_EXACT_LN_2 = (0.6931471805599453, 2.3190468138462996e-17)
-_HALVINGS, _TERMS_OF_EXP, _TERMS_OF_SINE = 9, 10, 17
-"""|x| <= ln 2 / 2^10 to the 11th power is below 1e-39, and (pi / 4)^35 / 35! below 1e-43."""
-_LARGEST_EXPONENT, _LARGEST_LOGARITHM = 700.0, 665.5
-
-
-@kernel(inline=False)
-def natural_exponential(x: DoubleDouble) -> DoubleDouble:
-    """Return e^x, by a series of the 512th part of what is left beside a power of two; 0 or infinity out of range."""
-    if not abs(x[0]) <= _LARGEST_EXPONENT:
-        return (x[0] if x[0] != x[0] else math.inf if x[0] > 0.0 else 0.0, 0.0)
-    k = math.floor(x[0] / _EXACT_LN_2[0] + 0.5)
-    r = dd.scale(2.0**-_HALVINGS, dd.subtract(x, dd.multiply_float(_EXACT_LN_2, k)))
-    total = (0.0, 0.0)
-    for n in range(_TERMS_OF_EXP, 0, -1):  # e^r - 1, whose digits squaring keeps
-        total = dd.divide(dd.multiply(r, dd.add_float(total, 1.0)), (float(n), 0.0))
-    for _ in range(_HALVINGS):
-        total = dd.add(dd.scale(2.0, total), dd.multiply(total, total))
-    half = k // 2  # 2^k alone may be out of range
-    return dd.scale(math.ldexp(1.0, int(k - half)), dd.scale(math.ldexp(1.0, int(half)), dd.add_float(total, 1.0)))
-
-
-@kernel(inline=False)
-def sine_and_cosine(x: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
-    """Return (sin x, cos x); an error of 1e-31 |x| beyond a turn. NaN where x is not finite."""
-    k = math.floor(x[0] / (0.5 * PI[0]) + 0.5) if abs(x[0]) < 2.0**52 else math.nan
-    r = dd.subtract(x, dd.multiply_float(dd.scale(0.5, PI), k))
-    square = dd.multiply(r, r)
-    s, c = (1.0, 0.0), (1.0, 0.0)
-    for n in range(_TERMS_OF_SINE, 0, -1):
-        s = dd.subtract((1.0, 0.0), dd.divide(dd.multiply(square, s), (2.0 * n * (2.0 * n + 1.0), 0.0)))
-        c = dd.subtract((1.0, 0.0), dd.divide(dd.multiply(square, c), (2.0 * n * (2.0 * n - 1.0), 0.0)))
-    s = dd.multiply(r, s)
-    quadrant = int(k) & 3 if k == k else 0
-    if quadrant & 1:
-        s, c = c, dd.negate(s)
-    return (dd.negate(s), dd.negate(c)) if quadrant & 2 else (s, c)
-
-
-@kernel(inline=False)
-def natural_logarithm(x: DoubleDouble) -> DoubleDouble:
-    """Return ln x, from that in doubles by one step of Halley's method, whose error is the cube of its.
-
-    NaN where x or 1/x is beyond 1e289, where low parts of products are out of range.
-    """
-    first = logarithm(x[0])
-    if not abs(first) <= _LARGEST_LOGARITHM:
-        return (first if abs(first) == math.inf else math.nan, 0.0)
-    power = natural_exponential((first, 0.0))
-    change = dd.divide(dd.subtract(x, power), dd.add(x, power))
-    return dd.add_float(dd.scale(2.0, change), first)
-
-
-@kernel(inline=False)
-def angle_of(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
-    """Return the angle of the point (x, y) in (-pi, pi], from that in doubles by the tangent of what is left."""
-    first = atan2(y[0], x[0])
-    s, c = sine_and_cosine((first, 0.0))
-    across, along = dd.subtract(dd.multiply(y, c), dd.multiply(x, s)), dd.add(dd.multiply(x, c), dd.multiply(y, s))
-    if along[0] == 0.0:
-        return (first, 0.0)
-    tangent = dd.divide(across, along)
-    return dd.add_float(tangent, first)

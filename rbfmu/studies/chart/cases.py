@@ -22,9 +22,9 @@ from rbfmu.models.question import Question
 from rbfmu.planning.judge import MAX_REFERENCE_STEPS
 from rbfmu.planning.methods import ORDERS_OF_SERIES, whole_series
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
-from rbfmu.runs.inputs import communication_steps
 from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan, start_run
+from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of

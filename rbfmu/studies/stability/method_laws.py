@@ -15,7 +15,7 @@ from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_I
 from rbfmu.studies.stability import CURVE, OWN, Columns, Finding, Study, exponent, finding, motions
 from rbfmu.studies.stability.motions import SPHERE, TUMBLING, UPRIGHT, ZERO, at, attitude_after, free_body, spin
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, angular_acceleration
-from rbfmu_kernels.mechanics.rigid_body import angular_momentum, kinetic_energy
+from rbfmu_kernels.mechanics.newton_euler import angular_momentum, kinetic_energy
 from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 from rbfmu_kernels.rotations.quaternion import angle_between

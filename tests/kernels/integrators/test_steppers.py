@@ -13,7 +13,7 @@ from rbfmu.scene.scene import Scene, load_scene
 from rbfmu.studies.reference_methods import rk4_not_normalised_step, rk4_step
 from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
-from rbfmu_kernels.mechanics.rigid_body import kinetic_energy
+from rbfmu_kernels.mechanics.newton_euler import kinetic_energy
 from tests.support.paths import SCENES
 from tests.support.references import free_rotation_mp
 from tests.support.references import reference_mp as reference

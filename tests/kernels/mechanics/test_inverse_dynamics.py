@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rbfmu
-from rbfmu_kernels.mechanics import inertia, rigid_body
+from rbfmu_kernels.mechanics import inertia, kinematics, newton_euler
 from rbfmu_kernels.rotations import matrix, vec3
 from tests.support.references import exact
 from tests.support.references.exact import EPS
@@ -66,15 +66,15 @@ def worst_of_two(value, truth, scale):
 
 LAWS = [
     Law(vec3.cross, exact.cross, cases(A, B), 1.0, lambda a, b: exact.norm(a) * exact.norm(b)),
-    Law(rigid_body.linear_momentum, exact.scaled, cases(MASSES, A), 0.5, lambda m, v: m * exact.norm(v)),
-    Law(rigid_body.angular_momentum_o,
+    Law(newton_euler.linear_momentum, exact.scaled, cases(MASSES, A), 0.5, lambda m, v: m * exact.norm(v)),
+    Law(newton_euler.angular_momentum_o,
         lambda m, M, r, v, w: exact.add(exact.apply(M, w), exact.scaled(m, exact.cross(r, v))),
         cases(MASSES, BODIES, A, B, C), 1.2,
         lambda m, M, r, v, w: size(M) * exact.norm(w) + m * exact.norm(r) * exact.norm(v)),
-    Law(rigid_body.inverse_newton_euler_c, lambda m, M, w, a, alpha: [exact.scaled(m, a), torque(M, w, alpha)],
+    Law(newton_euler.inverse_newton_euler_c, lambda m, M, w, a, alpha: [exact.scaled(m, a), torque(M, w, alpha)],
         cases(MASSES, BODIES, A, B, C), 1.0,
         lambda m, M, w, a, alpha: [m * exact.norm(a), size_of_torque(M, w, alpha)], worst_of_two),
-    Law(rigid_body.inverse_newton_euler_o, loads_o, cases(MASSES, BODIES, A, B, C, D), 1.8,
+    Law(newton_euler.inverse_newton_euler_o, loads_o, cases(MASSES, BODIES, A, B, C, D), 1.8,
         lambda m, M, r, w, a, alpha: [
             m * (exact.norm(a) + exact.norm(r) * (exact.norm(alpha) + exact.norm(w) ** 2)),
             size_of_torque(M, w, alpha) + m * exact.norm(r) * exact.norm(a),
@@ -104,8 +104,8 @@ def distance(a, b):
 @given(masses, sides, any_quaternion, any_vector, any_vector, any_vector)
 def test_loads_of_the_accelerations_that_loads_give_are_those_loads_about_c(mass, box, q, omega, force, torque_c):
     M, condition = body(mass, box, q)
-    a_c, alpha = rigid_body.newton_euler_c(mass, M, omega, force, torque_c)
-    again = rigid_body.inverse_newton_euler_c(mass, M, omega, a_c, alpha)
+    a_c, alpha = newton_euler.newton_euler_c(mass, M, omega, force, torque_c)
+    again = newton_euler.inverse_newton_euler_c(mass, M, omega, a_c, alpha)
     torques = vec3.norm(torque_c) + np.linalg.norm(M, 2) * vec3.dot(omega, omega)
     assert distance(again[0], force) <= 1.5 * EPS * vec3.norm(force)
     assert distance(again[1], torque_c) <= 3.0 * EPS * condition * torques
@@ -114,7 +114,9 @@ def test_loads_of_the_accelerations_that_loads_give_are_those_loads_about_c(mass
 @given(masses, sides, any_quaternion, any_vector, any_vector, any_vector)
 def test_accelerations_of_the_loads_of_accelerations_are_those_accelerations_about_c(mass, box, q, omega, a_c, alpha):
     M, condition = body(mass, box, q)
-    again = rigid_body.newton_euler_c(mass, M, omega, *rigid_body.inverse_newton_euler_c(mass, M, omega, a_c, alpha))
+    again = newton_euler.newton_euler_c(
+        mass, M, omega, *newton_euler.inverse_newton_euler_c(mass, M, omega, a_c, alpha)
+    )
     rates = vec3.norm(alpha) + vec3.dot(omega, omega)
     assert distance(again[0], a_c) <= 1.5 * EPS * vec3.norm(a_c)
     assert distance(again[1], alpha) <= 4.0 * EPS * condition**2 * rates
@@ -126,8 +128,8 @@ def test_loads_of_the_accelerations_that_loads_give_are_those_loads_about_o(mass
     r_oc = vec3.scale(1e-3, r_oc)
     M_c, _ = body(mass, box, q)
     M_o = inertia.parallel_axis(M_c, mass, r_oc)
-    a_o, alpha = rigid_body.newton_euler_o(mass, M_o, r_oc, omega, force, torque_o)
-    again = rigid_body.inverse_newton_euler_o(mass, M_o, r_oc, omega, a_o, alpha)
+    a_o, alpha = newton_euler.newton_euler_o(mass, M_o, r_oc, omega, force, torque_o)
+    again = newton_euler.inverse_newton_euler_o(mass, M_o, r_oc, omega, a_o, alpha)
     r, rates = vec3.norm(r_oc), vec3.norm(alpha) + vec3.dot(omega, omega)
     forces = vec3.norm(force) + mass * r * rates
     torques = vec3.norm(torque_o) + np.linalg.norm(M_o, 2) * rates + r * forces
@@ -141,9 +143,9 @@ def test_loads_about_o_are_those_about_c_moved_to_o(mass, box, q, r_oc, omega, a
     """T_o = T_c + r_c x F, of one motion."""
     M_c, _ = body(mass, box, q)
     M_o = inertia.parallel_axis(M_c, mass, r_oc)
-    a_c = rigid_body.point_acceleration(a_o, omega, alpha, r_oc, ZERO, ZERO)
-    force_c, torque_c = rigid_body.inverse_newton_euler_c(mass, M_c, omega, a_c, alpha)
-    force_o, torque_o = rigid_body.inverse_newton_euler_o(mass, M_o, r_oc, omega, a_o, alpha)
+    a_c = kinematics.point_acceleration(a_o, omega, alpha, r_oc, ZERO, ZERO)
+    force_c, torque_c = newton_euler.inverse_newton_euler_c(mass, M_c, omega, a_c, alpha)
+    force_o, torque_o = newton_euler.inverse_newton_euler_o(mass, M_o, r_oc, omega, a_o, alpha)
     r, rates = vec3.norm(r_oc), vec3.norm(alpha) + vec3.dot(omega, omega)
     forces = mass * (vec3.norm(a_o) + r * rates)
     assert distance(force_o, force_c) <= 4.0 * EPS * forces
@@ -154,20 +156,20 @@ def test_loads_about_o_are_those_about_c_moved_to_o(mass, box, q, r_oc, omega, a
 @given(masses, sides, any_quaternion, any_vector, any_vector, any_vector)
 def test_loads_about_o_at_the_centre_of_mass_are_those_about_c(mass, box, q, omega, a, alpha):
     M, _ = body(mass, box, q)
-    about_c = rigid_body.inverse_newton_euler_c(mass, M, omega, a, alpha)
-    assert rigid_body.inverse_newton_euler_o(mass, M, ZERO, omega, a, alpha) == about_c
+    about_c = newton_euler.inverse_newton_euler_c(mass, M, omega, a, alpha)
+    assert newton_euler.inverse_newton_euler_o(mass, M, ZERO, omega, a, alpha) == about_c
 
 
 def test_a_ball_on_a_string_is_held_by_the_centripetal_force():
     """Mass 2 at 3 m from o, turning at 4 rad/s about z: 2 * 3 * 16 = 96 N towards o, and no torque about o."""
     M_o = inertia.parallel_axis(inertia.sphere_inertia(2.0, 0.5), 2.0, (3.0, 0.0, 0.0))
-    loads = rigid_body.inverse_newton_euler_o(2.0, M_o, (3.0, 0.0, 0.0), (0.0, 0.0, 4.0), ZERO, ZERO)
+    loads = newton_euler.inverse_newton_euler_o(2.0, M_o, (3.0, 0.0, 0.0), (0.0, 0.0, 4.0), ZERO, ZERO)
     assert loads == ((-96.0, 0.0, 0.0), ZERO)
 
 
 def test_a_rate_about_no_principal_axis_needs_a_torque_to_stay():
     """Diag(1, 2, 3) at omega = (1, 1, 0): omega x (M omega) = (0, 0, 1)."""
-    loads = rigid_body.inverse_newton_euler_c(1.0, inertia.diagonal((1.0, 2.0, 3.0)), (1.0, 1.0, 0.0), ZERO, ZERO)
+    loads = newton_euler.inverse_newton_euler_c(1.0, inertia.diagonal((1.0, 2.0, 3.0)), (1.0, 1.0, 0.0), ZERO, ZERO)
     assert loads == (ZERO, (0.0, 0.0, 1.0))
 
 

@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import given
 
-from rbfmu_kernels.mechanics import rigid_body
+from rbfmu_kernels.mechanics import kinematics
 from rbfmu_kernels.rotations import matrix, vec3
 from tests.support.references import exact
 from tests.support.references.exact import EPS, mp
@@ -41,13 +41,13 @@ def size_of_acceleration(a_o, omega, alpha, r, dr, ddr):
 
 
 LAWS = [
-    Law(rigid_body.compose_omega, lambda w, R, v: exact.add(w, exact.apply(R, v)), rows(A, MATRICES, B), 2.0,
+    Law(kinematics.compose_omega, lambda w, R, v: exact.add(w, exact.apply(R, v)), rows(A, MATRICES, B), 2.0,
         lambda w, R, v: sizes(w, v)),
-    Law(rigid_body.vector_rate, lambda R, w, u, du: exact.apply(R, exact.add(du, exact.cross(w, u))),
+    Law(kinematics.vector_rate, lambda R, w, u, du: exact.apply(R, exact.add(du, exact.cross(w, u))),
         rows(MATRICES, A, B, C), 2.0, lambda R, w, u, du: sizes(du) + exact.norm(w) * exact.norm(u)),
-    Law(rigid_body.point_velocity, lambda v, w, r, dr: exact.add(v, exact.cross(w, r), dr), rows(A, B, C, D), 1.5,
+    Law(kinematics.point_velocity, lambda v, w, r, dr: exact.add(v, exact.cross(w, r), dr), rows(A, B, C, D), 1.5,
         lambda v, w, r, dr: sizes(v, dr) + exact.norm(w) * exact.norm(r)),
-    Law(rigid_body.point_acceleration, point_acceleration, rows(A, B, C, D, E, F), 3.0, size_of_acceleration),
+    Law(kinematics.point_acceleration, point_acceleration, rows(A, B, C, D, E, F), 3.0, size_of_acceleration),
 ]  # fmt: skip
 
 
@@ -60,10 +60,10 @@ def test_error_is_as_stated(law):
 def test_angular_velocities_compose_in_any_grouping(q, p, first, second, third):
     """omega_ad = omega_ab + R_ab omega_bc + R_ab R_bc omega_cd."""
     R_ab, R_bc = matrix.matrix_from_quaternion(q), matrix.matrix_from_quaternion(p)
-    left = rigid_body.compose_omega(
-        rigid_body.compose_omega(first, R_ab, second), matrix.compose_matrices(R_ab, R_bc), third
+    left = kinematics.compose_omega(
+        kinematics.compose_omega(first, R_ab, second), matrix.compose_matrices(R_ab, R_bc), third
     )
-    right = rigid_body.compose_omega(first, R_ab, rigid_body.compose_omega(second, R_bc, third))
+    right = kinematics.compose_omega(first, R_ab, kinematics.compose_omega(second, R_bc, third))
     size = vec3.norm(first) + vec3.norm(second) + vec3.norm(third)
     assert vec3.norm(vec3.subtract(left, right)) <= 8.0 * EPS * size
 
@@ -99,8 +99,8 @@ def test_velocity_and_acceleration_of_a_point_are_derivatives_of_its_position(t)
     seen = [exact.apply(R, derivatives(lambda s: motion(s)[2], t, n)) for n in range(3)]
     origin = [derivatives(lambda s: motion(s)[1], t, n) for n in range(3)]
     omega, alpha = omega_at(t), derivatives(omega_at, t, 1)
-    velocity = rigid_body.point_velocity(*exact.rounded([origin[1], omega, seen[0], seen[1]]))
-    acceleration = rigid_body.point_acceleration(*exact.rounded([origin[2], omega, alpha, *seen]))
+    velocity = kinematics.point_velocity(*exact.rounded([origin[1], omega, seen[0], seen[1]]))
+    acceleration = kinematics.point_acceleration(*exact.rounded([origin[2], omega, alpha, *seen]))
     # arguments are rounded: up to 1/2 eps of each term
     assert exact.error(velocity, derivatives(position, t, 1), 1 + exact.norm(omega) * exact.norm(seen[0])) <= 3.0
     scale = size_of_acceleration(origin[2], omega, alpha, *seen)
@@ -113,7 +113,7 @@ def test_rate_of_a_vector_is_the_derivative_of_its_inertial_components(t):
     R, _, u = motion(t)
     du = derivatives(lambda s: motion(s)[2], t, 1)
     omega_b = exact.apply(exact.transpose(R), omega_at(t))
-    rate = rigid_body.vector_rate(*exact.rounded([R, omega_b, u, du]))
+    rate = kinematics.vector_rate(*exact.rounded([R, omega_b, u, du]))
     truth = derivatives(lambda s: exact.apply(motion(s)[0], motion(s)[2]), t, 1)
     assert exact.error(rate, truth, exact.norm(du) + exact.norm(omega_b) * exact.norm(u)) <= 3.0
 
@@ -121,15 +121,15 @@ def test_rate_of_a_vector_is_the_derivative_of_its_inertial_components(t):
 def test_a_point_fixed_in_a_spinning_body_falls_towards_the_axis():
     """omega about z, r along x: speed omega r along y, acceleration -omega^2 r along x."""
     zero, omega, r = (0.0, 0.0, 0.0), (0.0, 0.0, 3.0), (2.0, 0.0, 0.0)
-    assert rigid_body.point_velocity(zero, omega, r, zero) == (0.0, 6.0, 0.0)
-    assert rigid_body.point_acceleration(zero, omega, zero, r, zero, zero) == (-18.0, 0.0, 0.0)
+    assert kinematics.point_velocity(zero, omega, r, zero) == (0.0, 6.0, 0.0)
+    assert kinematics.point_acceleration(zero, omega, zero, r, zero, zero) == (-18.0, 0.0, 0.0)
 
 
 def test_the_lecture_s_homework_acceleration_of_a_point_from_the_centre_of_mass():
     """a_p = a_c + alpha x r_cp + omega x (omega x r_cp): the same point by way of o, of a body at c."""
     a_o, omega, alpha = (1.0, -2.0, 0.5), (0.3, 1.1, -0.7), (2.0, 0.1, -0.4)
     r_oc, r_cp, zero = (0.2, -0.1, 0.4), (-0.5, 0.6, 0.1), (0.0, 0.0, 0.0)
-    a_c = rigid_body.point_acceleration(a_o, omega, alpha, r_oc, zero, zero)
-    a_p = rigid_body.point_acceleration(a_c, omega, alpha, r_cp, zero, zero)
-    direct = rigid_body.point_acceleration(a_o, omega, alpha, vec3.add(r_oc, r_cp), zero, zero)
+    a_c = kinematics.point_acceleration(a_o, omega, alpha, r_oc, zero, zero)
+    a_p = kinematics.point_acceleration(a_c, omega, alpha, r_cp, zero, zero)
+    direct = kinematics.point_acceleration(a_o, omega, alpha, vec3.add(r_oc, r_cp), zero, zero)
     assert a_p == pytest.approx(direct, rel=8.0 * EPS)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rbfmu
-from rbfmu_kernels.mechanics import inertia, rigid_body
+from rbfmu_kernels.mechanics import inertia, newton_euler
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 from rbfmu_kernels.rotations.quaternion import normalize, rotate
 
@@ -76,7 +76,7 @@ def test_angular_momentum_is_inertia_times_rate():
     worst = 0.0
     for _ in range(300):
         M, (omega,) = random_inertia(rng), vectors(rng, 1)
-        h = rigid_body.angular_momentum(M, omega)
+        h = newton_euler.angular_momentum(M, omega)
         scale = np.linalg.norm(M, 2) * np.linalg.norm(omega)
         worst = max(worst, difference(h, transform(M, exact(omega))) / scale)
     assert worst <= 1.5 * EPS
@@ -101,7 +101,7 @@ def test_kinetic_energy_loses_two_eps_at_most():
     worst = 0.0
     for _ in range(300):
         M, mass, (v_c, omega) = random_inertia(rng), rng.uniform(0.5, 2.0), vectors(rng, 2)
-        found = rigid_body.kinetic_energy(mass, M, v_c, omega)
+        found = newton_euler.kinetic_energy(mass, M, v_c, omega)
         v, w = exact(v_c), exact(omega)
         truth = (Fraction(mass) * dot(v, v) + dot(w, transform(M, w))) / 2
         worst = max(worst, float(abs(Fraction(found) - truth) / truth))
@@ -114,7 +114,7 @@ def test_euler_equation_solves_its_equation(diagonal):
     worst = 0.0
     for _ in range(300):
         M, (omega, torque) = random_inertia(rng, diagonal), vectors(rng, 2)
-        alpha = rigid_body.euler_equation(M, omega, torque)
+        alpha = newton_euler.euler_equation(M, omega, torque)
         w = exact(omega)
         gyroscopic = cross(w, transform(M, w))
         truth = solve(M, add(exact(torque), scaled(-1, gyroscopic)))
@@ -133,7 +133,7 @@ def test_euler_equation_in_principal_axes_keeps_each_component_s_digits():
         for _ in range(100):
             moments = (1.0 + near * rng.uniform(-0.3, 0.3, 3)).tolist()
             (omega,) = vectors(rng, 1)
-            alpha = rigid_body.euler_equation(inertia.diagonal(tuple(moments)), omega, (0.0, 0.0, 0.0))
+            alpha = newton_euler.euler_equation(inertia.diagonal(tuple(moments)), omega, (0.0, 0.0, 0.0))
             (a, b, c), (x, y, z) = exact(moments), exact(omega)
             truth = [(b - c) * y * z / a, (c - a) * z * x / b, (a - b) * x * y / c]
             worst = max(worst, *(float(abs(Fraction(f) / t - 1)) for f, t in zip(alpha, truth, strict=True)))
@@ -142,14 +142,14 @@ def test_euler_equation_in_principal_axes_keeps_each_component_s_digits():
 
 @given(st.floats(1e-3, 1e3), VECTOR)
 def test_a_ball_has_no_gyroscopic_torque(mass, omega):
-    assert rigid_body.gyroscopic_torque(inertia.sphere_inertia(mass, 0.7), omega) == (0.0, 0.0, 0.0)
+    assert newton_euler.gyroscopic_torque(inertia.sphere_inertia(mass, 0.7), omega) == (0.0, 0.0, 0.0)
 
 
 @given(st.integers(0, 2), st.floats(0.1, 3.0), st.floats(0.1, 3.0), VECTOR)
 def test_a_symmetric_body_has_no_gyroscopic_torque_about_its_own_axis(axis, transverse, own, omega):
     moments = [transverse] * 3
     moments[axis] = own
-    assert rigid_body.gyroscopic_torque(inertia.diagonal(tuple(moments)), omega)[axis] == 0.0
+    assert newton_euler.gyroscopic_torque(inertia.diagonal(tuple(moments)), omega)[axis] == 0.0
 
 
 def test_the_gyroscopic_torque_does_no_work():
@@ -157,7 +157,7 @@ def test_the_gyroscopic_torque_does_no_work():
     worst = 0.0
     for _ in range(100):
         M, (omega,) = random_inertia(rng), vectors(rng, 1)
-        work = np.dot(omega, rigid_body.gyroscopic_torque(M, omega))
+        work = np.dot(omega, newton_euler.gyroscopic_torque(M, omega))
         worst = max(worst, abs(work) / (np.linalg.norm(M, 2) * np.linalg.norm(omega) ** 3))
     assert worst <= 0.25 * EPS
 
@@ -167,7 +167,7 @@ def test_a_beam_does_not_accelerate_about_itself(rate, torque, axis):
     """Its rate about itself is zero, as a scene demands; the others are free, and so is the torque."""
     moments, omega = [0.75] * 3, list(rate)
     moments[axis] = omega[axis] = 0.0
-    alpha = rigid_body.euler_equation(inertia.diagonal(tuple(moments)), tuple(omega), torque)
+    alpha = newton_euler.euler_equation(inertia.diagonal(tuple(moments)), tuple(omega), torque)
     assert alpha[axis] == 0.0
     for i in range(3):
         assert i == axis or abs(alpha[i] - torque[i] / 0.75) <= 3 * EPS * abs(torque[i])
@@ -181,7 +181,7 @@ def test_a_turned_beam_does_not_accelerate_about_itself_but_for_round_off():
         M = inertia.rotate_inertia(R, inertia.beam_inertia(1.0, 3.0))  # its axis is R's first column
         across, torque = rng.normal(size=2), rng.normal(size=3)
         omega = np.array(R) @ np.array([0.0, *across])
-        alpha = np.array(rigid_body.euler_equation(M, tuple(omega.tolist()), tuple(torque.tolist())))
+        alpha = np.array(newton_euler.euler_equation(M, tuple(omega.tolist()), tuple(torque.tolist())))
         scale = (np.linalg.norm(torque) + omega @ omega) / 0.75
         worst = max(worst, abs(alpha @ np.array(R)[:, 0]) / scale)
     assert worst <= 3 * EPS
@@ -191,8 +191,8 @@ def test_newton_euler_c_is_newton_and_euler():
     rng = np.random.default_rng(8)
     for _ in range(50):
         M, mass, (omega, force, torque) = random_inertia(rng), float(rng.uniform(0.5, 2.0)), vectors(rng, 3)
-        a_c, alpha = rigid_body.newton_euler_c(mass, M, omega, force, torque)
-        assert alpha == rigid_body.euler_equation(M, omega, torque)
+        a_c, alpha = newton_euler.newton_euler_c(mass, M, omega, force, torque)
+        assert alpha == newton_euler.euler_equation(M, omega, torque)
         assert difference(a_c, scaled(1 / Fraction(mass), exact(force))) <= 1 * EPS * size(force) / mass
 
 
@@ -203,7 +203,7 @@ def test_newton_euler_o_solves_its_equations():
     for _ in range(200):
         mass, (r_oc, omega, force, torque) = float(rng.uniform(0.5, 2.0)), vectors(rng, 4)
         M_o = inertia.parallel_axis(random_inertia(rng), mass, r_oc)
-        a_o, alpha = map(exact, rigid_body.newton_euler_o(mass, M_o, r_oc, omega, force, torque))
+        a_o, alpha = map(exact, newton_euler.newton_euler_o(mass, M_o, r_oc, omega, force, torque))
         m, r, w = Fraction(mass), exact(r_oc), exact(omega)
         push = scaled(m, add(a_o, cross(alpha, r), cross(w, cross(w, r))))
         turn = add(transform(M_o, alpha), cross(w, transform(M_o, w)), scaled(m, cross(r, a_o)))
@@ -224,8 +224,8 @@ def test_newton_euler_about_o_and_about_c_are_one_motion():
         M_c, mass, (r_oc, omega, force, torque_c) = random_inertia(rng), float(rng.uniform(0.5, 2.0)), vectors(rng, 4)
         torque_o = tuple(np.add(torque_c, np.cross(r_oc, force)).tolist())
         M_o = inertia.parallel_axis(M_c, mass, r_oc)
-        a_c, alpha_c = rigid_body.newton_euler_c(mass, M_c, omega, force, torque_c)
-        a_o, alpha_o = rigid_body.newton_euler_o(mass, M_o, r_oc, omega, force, torque_o)
+        a_c, alpha_c = newton_euler.newton_euler_c(mass, M_c, omega, force, torque_c)
+        a_o, alpha_o = newton_euler.newton_euler_o(mass, M_o, r_oc, omega, force, torque_o)
         ill = np.linalg.cond(np.array(M_c)) * np.linalg.norm(M_o, 2) / np.linalg.norm(M_c, 2)
         scale = (np.linalg.norm(torque_o) + np.linalg.norm(M_o, 2) * np.dot(omega, omega)) * np.linalg.norm(
             inertia.inverse_inertia(M_c), 2
@@ -241,7 +241,9 @@ def test_newton_euler_o_loses_the_digits_that_the_lever_takes(lever):
     """M_o holds M_c to eps m r^2 only: the error of alpha is that over the smallest moment about c."""
     M_c, r_oc, zero = inertia.diagonal((1.1, 1.3, 1.7)), (lever / 3.0, lever / 7.0, -lever / 1.7), (0.0, 0.0, 0.0)
     truth = np.array([1.0, 1.0, 1.0]) / [1.1, 1.3, 1.7]
-    _, alpha = rigid_body.newton_euler_o(1.0, inertia.parallel_axis(M_c, 1.0, r_oc), r_oc, zero, zero, (1.0, 1.0, 1.0))
+    _, alpha = newton_euler.newton_euler_o(
+        1.0, inertia.parallel_axis(M_c, 1.0, r_oc), r_oc, zero, zero, (1.0, 1.0, 1.0)
+    )
     error = np.max(np.abs(alpha - truth))
     assert 0.02 * EPS * lever**2 < error < 0.2 * EPS * lever**2
 
@@ -254,8 +256,8 @@ def test_dynamics_do_not_depend_on_the_axes():
         M, (omega, torque) = random_inertia(rng, diagonal=True), vectors(rng, 2)
         q = normalize(tuple(rng.normal(size=4).tolist()))
         turned = inertia.rotate_inertia(matrix_from_quaternion(q), M)
-        alpha = rigid_body.euler_equation(turned, rotate(q, omega), rotate(q, torque))
-        again = rotate(q, rigid_body.euler_equation(M, omega, torque))
+        alpha = newton_euler.euler_equation(turned, rotate(q, omega), rotate(q, torque))
+        again = rotate(q, newton_euler.euler_equation(M, omega, torque))
         scale = np.linalg.norm(inertia.inverse_inertia(M), 2) * (
             np.linalg.norm(torque) + np.linalg.norm(M, 2) * np.dot(omega, omega)
         )
@@ -269,7 +271,7 @@ def test_power_is_the_rate_of_the_energy():
     worst = 0.0
     for _ in range(100):
         M, (omega, torque) = random_inertia(rng), vectors(rng, 2)
-        alpha = rigid_body.euler_equation(M, omega, torque)
+        alpha = newton_euler.euler_equation(M, omega, torque)
         scale = (
             np.linalg.cond(np.array(M))
             * np.linalg.norm(omega)
@@ -280,12 +282,12 @@ def test_power_is_the_rate_of_the_energy():
 
 
 def test_damping_takes_energy_about_every_axis():
-    assert rigid_body.damping_torque((0.5, 1.0, 2.0), (1.0, -2.0, 3.0)) == (-0.5, 2.0, -6.0)
+    assert newton_euler.damping_torque((0.5, 1.0, 2.0), (1.0, -2.0, 3.0)) == (-0.5, 2.0, -6.0)
 
 
 def test_a_body_point_moves_around_the_origin_of_its_arm():
     """omega x (omega x r) points at the axis, alpha x r along the circle."""
-    found = rigid_body.relative_acceleration((0.0, 0.0, 2.0), (0.0, 0.0, 5.0), (3.0, 0.0, 0.0))
+    found = newton_euler.relative_acceleration((0.0, 0.0, 2.0), (0.0, 0.0, 5.0), (3.0, 0.0, 0.0))
     assert found == (-12.0, 15.0, 0.0)
 
 
@@ -310,7 +312,7 @@ def test_array_functions_broadcast_the_kernel(name):
         for a, d in zip(arguments, map(_depth, names), strict=True)
     ]
     for i, j in pairs(range(4), range(2)):
-        single = getattr(rigid_body, name)(*(_tuples(a[i, j]) for a in rows))
+        single = getattr(newton_euler, name)(*(_tuples(a[i, j]) for a in rows))
         parts = zip(found, single, strict=True) if name.startswith("newton") else [(found, single)]
         for many, one in parts:
             np.testing.assert_array_equal(many[i, j], one)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu_kernels.mechanics import rigid_body
+from rbfmu_kernels.mechanics import spatial
 from tests.support.references import exact
 from tests.support.references.exact import EPS
 from tests.support.references.hard_cases import random_quaternions, random_vectors, rotation_matrices
@@ -83,21 +83,21 @@ def symmetric(a, b):
 PAIRS = list(zip(transforms(R_1, A), transforms(R_2, B), strict=True))
 SIX = [(*a, *b) for a, b in zip(A, B, strict=True)]
 LAWS = [
-    Law(rigid_body.transform_from_matrix, homogeneous, lambda: list(zip(R_1, A, strict=True)), 0.0),
-    Law(rigid_body.transform_compose, exact.product, lambda: PAIRS, 2.0,
+    Law(spatial.transform_from_matrix, homogeneous, lambda: list(zip(R_1, A, strict=True)), 0.0),
+    Law(spatial.transform_compose, exact.product, lambda: PAIRS, 2.0,
         lambda T, U: exact.norm(place(T)) + exact.norm(place(U)), by_parts),
-    Law(rigid_body.transform_invert, inverse, lambda: [(T,) for T, _ in PAIRS], 1.5, lambda T: exact.norm(place(T)),
+    Law(spatial.transform_invert, inverse, lambda: [(T,) for T, _ in PAIRS], 1.5, lambda T: exact.norm(place(T)),
         by_parts),
-    Law(rigid_body.transform_point, lambda T, p: exact.add(place(T), exact.apply(rotation(T), p)),
+    Law(spatial.transform_point, lambda T, p: exact.add(place(T), exact.apply(rotation(T), p)),
         lambda: [(T, p) for (T, _), p in zip(PAIRS, C, strict=True)], 2.0,
         lambda T, p: exact.norm(place(T)) + exact.norm(p)),
-    Law(rigid_body.twist_at, lambda V, r: [*V[:3], *exact.add(V[3:], exact.cross(V[:3], r))],
+    Law(spatial.twist_at, lambda V, r: [*V[:3], *exact.add(V[3:], exact.cross(V[:3], r))],
         lambda: list(zip(SIX, C, strict=True)), 1.5,
         lambda V, r: exact.norm(V[3:]) + exact.norm(V[:3]) * exact.norm(r), second_half),
-    Law(rigid_body.wrench_at, lambda F, r: [*exact.add(F[:3], exact.cross(F[3:], r)), *F[3:]],
+    Law(spatial.wrench_at, lambda F, r: [*exact.add(F[:3], exact.cross(F[3:], r)), *F[3:]],
         lambda: list(zip(SIX, C, strict=True)), 1.5,
         lambda F, r: exact.norm(F[:3]) + exact.norm(F[3:]) * exact.norm(r), first_half),
-    Law(rigid_body.spatial_inertia, inertia, lambda: list(zip(MASSES, map(symmetric, A, B), C, strict=True)), 2.0,
+    Law(spatial.spatial_inertia, inertia, lambda: list(zip(MASSES, map(symmetric, A, B), C, strict=True)), 2.0,
         sizes_of_blocks, block_by_block),
 ]  # fmt: skip
 
@@ -146,9 +146,9 @@ def test_power_is_the_same_at_any_point():
 
 def test_a_transform_and_its_inverse_make_none():
     for T, U in PAIRS[:20]:
-        back = np.array(rigid_body.transform_compose(rigid_body.transform_invert(T), T))
+        back = np.array(spatial.transform_compose(spatial.transform_invert(T), T))
         np.testing.assert_allclose(back, np.eye(4), atol=8.0 * EPS * (1.0 + np.linalg.norm(place(T))))
-        point = rigid_body.transform_point(rigid_body.transform_compose(T, U), (0.3, -1.0, 2.0))
-        two = rigid_body.transform_point(T, rigid_body.transform_point(U, (0.3, -1.0, 2.0)))
+        point = spatial.transform_point(spatial.transform_compose(T, U), (0.3, -1.0, 2.0))
+        two = spatial.transform_point(T, spatial.transform_point(U, (0.3, -1.0, 2.0)))
         size = 3.0 + np.linalg.norm(place(T)) + np.linalg.norm(place(U))
         np.testing.assert_allclose(point, two, atol=8.0 * EPS * size)

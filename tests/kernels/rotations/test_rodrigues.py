@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import rbfmu
-from rbfmu_kernels.rotations import quaternion, vec3
-from rbfmu_kernels.rotations import rotation_vector as rodrigues
+from rbfmu_kernels.rotations import quaternion, rodrigues, vec3
 from tests.support.references import exact
 from tests.support.references.exact import EPS, mp
 from tests.support.references.hard_cases import (

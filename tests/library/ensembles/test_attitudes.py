@@ -5,8 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rbfmu import run_ensemble
+from rbfmu.ensembles.attitudes import around, moments_of
 from rbfmu.ensembles.statistics import Statistics, keys_of, sample_of, summary_of
-from rbfmu.ensembles.variables import Columns, around, moments_of
+from rbfmu.ensembles.variables import Columns
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.quantities import OUTPUT
 

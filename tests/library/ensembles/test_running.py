@@ -15,8 +15,8 @@ from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble
 from rbfmu.ensembles import running
 from rbfmu.ensembles import store as stores
 from rbfmu.ensembles.chunks import origin, run_chunk
+from rbfmu.ensembles.lock import store_lock
 from rbfmu.ensembles.zarr_store import ZarrStore
-from rbfmu.on_disk import store_lock
 from rbfmu.runs.plan import Plan
 from tests.support.covering import some_of
 from tests.support.ensembles.satellite import PLAN, assert_same, run, satellite
@@ -331,7 +331,7 @@ def test_damage_of_what_a_folder_says_of_its_numbers_is_said(scene, tmp_path):
 HELD = """
 import sys
 from pathlib import Path
-from rbfmu.on_disk import store_lock
+from rbfmu.ensembles.lock import store_lock
 with store_lock(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

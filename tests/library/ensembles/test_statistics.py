@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from rbfmu import run_ensemble
+from rbfmu.ensembles.attitudes import moments_of
 from rbfmu.ensembles.statistics import MOST_POINTS, Statistics, exact_quantiles, most_points, summary_of
-from rbfmu.ensembles.variables import Columns, moments_of
+from rbfmu.ensembles.variables import Columns
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.quantities import Output
 

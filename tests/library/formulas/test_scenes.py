@@ -234,7 +234,8 @@ def test_time_may_begin_at_any_date():
 
 @pytest.mark.parametrize(("changes", "said"), [
     ({"outputs.off": {"value": "u_b[1]"}, "events.far": {"when": "off - 0.1"}},
-     r"events\.far\.when: expected one of .* in place of off\n.*\n +\^\noff is an output: give its formula a name"),
+     r"events\.far\.when: expected one of .* in place of off\n.*\n +\^\n"
+     r"off is an output: give its formula a name in \[form"),
     ({"loads.torque_b": "3*n*cross(u_c, u_b)"}, r"loads\.torque_b: expected one of .* in place of u_c\n.*\n +\^"),
     ({"loads.torque_b": "n"}, r"loads\.torque_b: expected a vector of 3 numbers"),
     ({"loads.force_a": 3.0}, r"loads\.force_a = 3\.0"),

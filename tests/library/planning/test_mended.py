@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rbfmu.runs.inputs import time_grid
+from rbfmu.runs.time_grid import time_grid
 from rbfmu_kernels.integrators.splitting import is_symmetric_top
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
 from tests.support.covering import some_of

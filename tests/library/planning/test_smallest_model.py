@@ -10,13 +10,14 @@ from hypothesis import strategies as st
 from numba import config
 
 import rbfmu
-from rbfmu.models.question import GROWTH, Question, growth_rate
+from rbfmu.models.disturbances import GROWTH, growth_rate
+from rbfmu.models.question import Question
 from rbfmu.models.registry import CLOSED_FORMS, smaller_closed_forms
 from rbfmu.planning.closed_forms import SHARE
 from rbfmu.planning.select import plan
-from rbfmu.runs.inputs import time_grid
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
+from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError
 from rbfmu_kernels.body.memory import INPUTS, OUTPUTS

@@ -10,9 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rbfmu
-from rbfmu.runs.inputs import time_grid
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu.simulation import SimulationError
 from tests.support.paths import SCENES, SHARED

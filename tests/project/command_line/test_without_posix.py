@@ -50,7 +50,7 @@ def test_commands_need_nothing_of_posix(tmp_path):
 
 LOCK = """
 from pathlib import Path
-from rbfmu.on_disk import store_lock
+from rbfmu.ensembles.lock import store_lock
 with store_lock(Path("runs.npz")):
     print("mine")
     {}

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rbfmu.runs.inputs import time_grid
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.python.slave_access import HELD

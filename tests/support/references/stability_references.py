@@ -6,7 +6,7 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 
-from rbfmu.runs.inputs import time_grid
+from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.stability.motions import CHECK_TIMES, MOTIONS, PRESCRIBED, REFERENCES, map_scene, ratios_of_moments
 from tests.support.references import reference_mp
