@@ -57,9 +57,9 @@ def plot_changes(
     figure, panels = _panels(len(changes), height=2.2)
     for axes, (name, lines) in zip(panels, changes.items(), strict=True):
         for k, (key, sizes) in enumerate(lines.items()):
-            style = ("-", "--", ":")[k // len(COLORS) % 3]
+            style, moves = ("-", "--", ":")[k // len(COLORS) % 3], any(of[key].any() for of in changes.values())
             axes.plot(time, np.where(sizes > 0.0, sizes, np.nan), style, color=COLORS[k % len(COLORS)], linewidth=1.3,
-                      label=key)  # fmt: skip
+                      label=key if moves else f"{key}: without effect")  # fmt: skip
         axes.set_yscale("log")
         row = OUTPUT.get(name)
         axes.set_ylabel("attitude (rad)" if name == "attitude" else quantity_label(row) if row else name, fontsize=9)

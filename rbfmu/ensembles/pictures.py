@@ -115,7 +115,7 @@ def _event(axes: Any, beside: Any, result: "EnsembleResult", name: str) -> None:
     axes.set_xlabel("time (s)", fontsize=9)
     often, runs = np.unique(counts, return_counts=True)
     beside.bar(often, runs, color=COLORS[0], alpha=0.6)
-    beside.xaxis.get_major_locator().set_params(integer=True, nbins=5)
+    beside.xaxis.get_major_locator().set_params(integer=True, nbins=5, min_n_ticks=1)
     beside.set_xlabel(f"how often {name} happens", fontsize=8)
     beside.set_ylabel("runs", fontsize=8)
     for one in (axes, beside):

@@ -95,6 +95,12 @@ def test_a_covariance_is_carried_along():
         rbfmu.sensitivity(one, ["initial.omega_b"], covariance=[1.0])
 
 
+def test_a_picture_names_what_is_without_effect():
+    found = rbfmu.sensitivity(scene(), ["initial.omega_b", "body.mass"])
+    legend = found.plot().axes[0].get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["initial.omega_b", "body.mass: without effect"]
+
+
 def test_an_inertia_has_the_numbers_that_are_not_zero():
     along_axes, full = scene(), scene(body={"mass": 2.0, "inertia": [[1.0, 0.1, 0.0], [0.1, 2.0, 0.0], [0, 0, 2.5]]})
     assert rbfmu.sensitivity(along_axes, ["body.inertia"]).numbers == tuple(f"body.inertia[{k},{k}]" for k in (1, 2, 3))

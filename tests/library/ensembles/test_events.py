@@ -67,6 +67,9 @@ def test_runs_without_one_are_counted_and_are_in_no_mean(scene, planned, result,
     assert f"fast: in {len(result.first_of('fast'))} of 40 runs, first at" in done.stdout
     assert "never: in 0 of 40 runs" in lines
     assert (tmp_path / "flips.png").stat().st_size > 10_000
+    often = [axes for axes in result.plot().axes if axes.get_xlabel().startswith("how often")]
+    assert often
+    assert all(float(tick).is_integer() for axes in often for tick in axes.get_xticks())
 
 
 @pytest.mark.parametrize("ending", [".npz", ".zarr"])
