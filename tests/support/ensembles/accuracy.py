@@ -1,5 +1,6 @@
 """Whether all members of an ensemble meet its accuracy: random ensembles of series, each member against tight series.
 
+Of all that were run, the CHECKED members that look worst, and as many others, are judged in quadruple precision.
 By hand: python -m tests.support.ensembles.accuracy 0 200 1000
 """
 
@@ -8,13 +9,39 @@ import sys
 import time
 import warnings
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 import rbfmu
 from rbfmu.ensembles.chunks import Chunk, Work, run_chunk
+from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.runs.motion import attitude_error
+from tests.support.quadruple.errors import quantity_error
+from tests.support.quadruple.reference import TooDearError, motion, parameters_of
+
+CHECKED = 30
+
+
+class Member(NamedTuple):
+    """A member, its error over the accuracy beside tight series, and its outputs."""
+
+    error: float
+    seed: int
+    row: int
+    outputs: dict[str, np.ndarray]
+
+    def in_quadruple(self, runs: int) -> float:
+        """Its error over the accuracy in quadruple precision; NaN where that takes too long."""
+        scene = drawn(self.seed, runs)
+        own = member(scene, draw(scene, 0, runs), self.row)
+        steps = np.diff(np.linspace(0.0, own.run.stop, round(own.run.stop / own.run.step) + 1))
+        try:
+            truth = motion(parameters_of(own), steps)
+        except TooDearError:
+            return float("nan")
+        return max(quantity_error(name, rows, truth) for name, rows in self.outputs.items()) / scene.run.accuracy
 
 
 def drawn(seed: int, runs: int) -> rbfmu.Scene:
@@ -46,11 +73,14 @@ def drawn(seed: int, runs: int) -> rbfmu.Scene:
     return rbfmu.Scene.from_dict({**tables, "ensemble": {"runs": runs, "keep": ["all"], "vary": vary}}, f"seed {seed}")
 
 
+def run(scene: rbfmu.Scene, plan: rbfmu.Plan) -> Chunk:
+    """All members."""
+    return run_chunk(Work(scene, plan, scene.ensemble.runs), 0)
+
+
 def errors(scene: rbfmu.Scene, plan: rbfmu.Plan) -> np.ndarray:
     """The error of each member over the accuracy; NaN of those that fail."""
-    return errors_beside(
-        scene, plan, *(run_chunk(Work(scene, one, scene.ensemble.runs), 0) for one in (plan, tight(plan)))
-    )
+    return errors_beside(scene, plan, run(scene, plan), run(scene, tight(plan)))
 
 
 def errors_beside(scene: rbfmu.Scene, plan: rbfmu.Plan, found: Chunk, truth: Chunk) -> np.ndarray:
@@ -74,7 +104,9 @@ def tight(plan: rbfmu.Plan) -> rbfmu.Plan:
 
 def main(first: int, last: int, runs: int) -> None:
     warnings.simplefilter("ignore")
-    beyond, longest = [], 0.0
+    beyond, longest, chosen = [], 0.0, random.Random(first)
+    worst_looking: list[Member] = []
+    others: list[Member] = []
     for seed in range(first, last):
         scene = drawn(seed, runs)
         begin = time.process_time()
@@ -88,14 +120,24 @@ def main(first: int, last: int, runs: int) -> None:
         if plan.model != "body under loads, by series":
             print(seed, plan.model)
             continue
-        found = errors(scene, plan)
+        rows = run(scene, plan)
+        found = errors_beside(scene, plan, rows, run(scene, tight(plan)))
         worst = np.nanmax(found)
+        outputs = Work(scene, plan, 1).columns.split(rows.rows)
+        of_row = lambda i: Member(found[i], seed, i, {name: v[i] for name, v in outputs.items()})  # noqa: B023, E731
+        worst_looking = sorted([*worst_looking, of_row(int(np.nanargmax(found)))], reverse=True)[:CHECKED]
+        others.append(of_row(chosen.choice(np.flatnonzero(np.isfinite(found)).tolist())))
         beyond += [seed] if worst > 1.0 else []
         how = "all pilots" if plan.span == 0.0 else "one by one"
         print(f"{seed}: worst {worst:.2g} median {np.nanmedian(found):.2g} of {scene.run.accuracy:.1e}, {how}, order "
               f"{plan.order}, pilots {plan.error / scene.run.accuracy:.2g}, planned in {taken:.3f} s"
               f"{' BEYOND' if worst > 1.0 else ''}", flush=True)  # fmt: skip
     print(f"beyond: {beyond}; longest plan {longest:.2f} s")
+    for name, some in (("worst", worst_looking), ("other", chosen.sample(others, min(CHECKED, len(others))))):
+        for one in some:
+            true = one.in_quadruple(runs)
+            found = f"{one.error:.3g}, in quadruple precision {true:.3g}"
+            print(f"{name} {one.seed}, member {one.row}: {found}", flush=True)
 
 
 if __name__ == "__main__":
