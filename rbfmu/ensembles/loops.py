@@ -164,6 +164,30 @@ def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any
     return 0
 
 
+def merge_blocks(x: Any, size: int, room: Any) -> int:
+    """Sort rows (r, c), of which every `size` numbers are sorted; c is size times a power of 2. room (c,).
+
+    Two neighbours are merged from both ends at once, half of their numbers from each, so that none runs out. No branch
+    hangs on the numbers: a processor would guess it wrongly every other time, which is what most of sorting costs.
+    """
+    for i in range(len(x)):
+        source, target, block = x[i], room, size
+        while block < len(room):
+            for first in range(0, len(room), 2 * block):
+                a, b = first, first + block
+                c, d = b - 1, b + block - 1
+                for k in range(block):
+                    p, q = source[a], source[b]
+                    target[first + k] = min(p, q)
+                    a, b = a + (p <= q), b + (p > q)
+                    p, q = source[c], source[d]
+                    target[first + 2 * block - 1 - k] = max(p, q)
+                    c, d = c - (p > q), d - (p <= q)
+            source, target, block = target, source, 2 * block
+        x[i] = source
+    return 0
+
+
 _GIVEN = (
     types.FunctionType(types.void(*CONTROLLED)),
     types.NamedTuple((_NUMBERS, _INDICES, _TABLE, _INDICES, _BLOCK, _PAIRS, _INDICES, _TABLE), Members),
@@ -173,6 +197,7 @@ _GIVEN = (
 _SIGNATURES: dict[Callable[..., Any], Any] = {
     run_members: int64(_INITIALIZE, _STEP, *_GIVEN, _NUMBERS, _NUMBERS),
     moments: int64(_BLOCK, _INDICES, int64, _INDICES, _PAIRS, _TABLE, _TABLE, _TABLE),
+    merge_blocks: int64(types.Array(float64, 2, "A"), int64, _NUMBERS),
 }
 
 
