@@ -4,7 +4,6 @@ Such doubts are warnings: a wrong unit, or too long a communication step.
 """
 
 import math
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
@@ -15,6 +14,7 @@ from typing import Annotated, Any, Concatenate, ParamSpec, Self, TypeVar
 import numpy as np
 
 from rbfmu.exceptions import SceneWarning as SceneWarning
+from rbfmu.exceptions import warn_caller
 from rbfmu.notebook import table
 from rbfmu.scene import own as named
 from rbfmu.scene.body import ZERO, Body
@@ -294,10 +294,10 @@ PERIODIC = tuple(row.name for row in OUTPUTS if row.error == ANGLE or row.unit =
 """Quantities that do not show a turn between two points."""
 
 
-def warn(scene: Scene, doubts: Iterable[str], stacklevel: int = 3) -> None:
+def warn(scene: Scene, doubts: Iterable[str]) -> None:
     """Issue a SceneWarning for each doubt."""
     for doubt in doubts:
-        warnings.warn(f"{scene.name}: {doubt}", SceneWarning, stacklevel=stacklevel)
+        warn_caller(f"{scene.name}: {doubt}", SceneWarning)
 
 
 def doubts_before(scene: Scene) -> Iterator[str]:
