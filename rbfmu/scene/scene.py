@@ -66,12 +66,6 @@ class Scene(Section):
         """Return the parameters of one's own, constants and starts of states, by the keys that set them."""
         return named.parameters(vars(self))
 
-    def _contradictions(self) -> Iterator[str]:
-        if self.has_formulas or self.formulas or self.tables:
-            from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
-
-            yield from faults_of_texts(self._worded())
-
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         return {**data, "ensemble": as_written(data.get("ensemble"), data, faults)}, {}
 
@@ -89,6 +83,12 @@ class Scene(Section):
         if good.get("ensemble") is not None:
             yield from faults_with(good["ensemble"], good)
             good["ensemble"] = without_idle_shape(good["ensemble"], good.get("body"))
+        if {"inputs", "constants", "formulas", "states", "tables"} <= good.keys():  # of which formulas read names
+            good |= {name: getattr(type(self), name) for name in self._rules.keys() - good.keys()}
+            if self.has_formulas or self.formulas or self.tables:
+                from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
+
+                yield from faults_of_texts(self._worded())
 
     def _worded(self) -> Self:
         """Return the scene with the same texts, names and sizes and other numbers, so that many have this one."""
