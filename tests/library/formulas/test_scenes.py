@@ -271,6 +271,22 @@ def test_what_leads_nowhere_is_refused():
         rbfmu.plan(rbfmu.Scene.from_dict(singular))
 
 
+@pytest.mark.filterwarnings("ignore::rbfmu.exceptions.PlanningWarning")  # of a motion that is not followed
+@pytest.mark.parametrize(("gain", "text"), [(-1.0, "sqrt(gain)"), (1.0, "log(-gain - t)")])
+def test_an_output_that_is_not_finite_at_the_start_is_called_so(gain, text):
+    """And no parameter, where an input's value or the formula is at fault."""
+    made = rbfmu.Scene.from_dict(
+        {
+            "body": B,
+            "inputs": {"ports": [{"name": "gain", "size": 1, "start": gain}]},
+            "outputs": {"root": text},
+            "run": {"stop": 1.0, "step": 0.5},
+        }
+    )
+    with pytest.raises(rbfmu.SceneError, match=r"^scene: outputs: expected finite numbers with these parameters"):
+        rbfmu.simulate(made)
+
+
 def test_a_body_that_starts_at_rest_and_one_that_turns_back_have_drag():
     """Where norm(v) is zero its root has no series: it begins there, or touches zero as the body turns back."""
     drag = lambda t, R, w, p, v, own: {"force_a": -0.5 * np.linalg.norm(v) * v}  # noqa: E731
