@@ -3,7 +3,6 @@
 import json
 import shlex
 import tomllib
-import warnings
 from contextlib import AbstractContextManager, nullcontext
 from itertools import groupby
 from pathlib import Path
@@ -38,7 +37,7 @@ from rbfmu.cli_output import (
     usage_errors,
     write,
 )
-from rbfmu.exceptions import SceneWarning, named
+from rbfmu.exceptions import SceneWarning, named, warn_caller
 from rbfmu.extras import needed
 from rbfmu.on_disk import kept_plan
 from rbfmu.progress import bar, progress_bar
@@ -114,7 +113,7 @@ def show_plan(asked: Asked, as_json: bool, code: bool) -> None:
         return
     known = _plan_of(asked, asked.opened())
     for doubt in known["doubts"]:
-        warnings.warn(doubt, SceneWarning, stacklevel=2)  # of a plan that was made now they are said already
+        warn_caller(doubt, SceneWarning)  # of a plan that was made now they are said already
     click.echo(json.dumps(known["plan"] | {"variables": known["variables"]}, indent=1) if as_json else known["text"])
 
 

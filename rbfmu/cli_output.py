@@ -14,12 +14,14 @@ from typing import Any, TypedDict
 import click
 
 import rbfmu
-from rbfmu.exceptions import SceneError, SceneWarning, SimulationError
+from rbfmu.exceptions import PlanningWarning, SceneError, SceneWarning, SimulationError
 
 MOST_TIMES = 5
 """The times of an event that are printed."""
 MOST_FAILED = 5
 """Runs that failed whose messages are printed."""
+
+DOUBTS = (SceneWarning, PlanningWarning)
 
 
 class Commands(click.Group):
@@ -44,13 +46,14 @@ class Commands(click.Group):
 
 @contextmanager
 def doubts_in_lines() -> Iterator[None]:
-    """Print each doubt about a scene as one line, once."""
+    """Print each doubt about a scene, and that planning takes long, as one line, once."""
     with warnings.catch_warnings():
-        warnings.simplefilter("always", SceneWarning)
+        for kind in DOUBTS:
+            warnings.simplefilter("always", kind)
         show, said = warnings.showwarning, set[str]()
 
         def in_a_line(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-            if not issubclass(category, SceneWarning):
+            if not issubclass(category, DOUBTS):
                 show(message, category, *place, **more)
             elif str(message) not in said:
                 said.add(str(message))

@@ -1,8 +1,14 @@
 """The errors and warnings of the library, and what they name; nothing else is loaded with them."""
 
+import sys
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
+
+NOT_THE_CALLER = ("rbfmu", "rbfmu_kernels", "rbfmu_fmu", "functools", "contextlib")
+"""Packages at whose lines nobody is warned: our own, and what calls functions of ours for us."""
 
 
 class SceneError(ValueError):
@@ -28,6 +34,15 @@ class SimulationError(RuntimeError):
 
 class PlanningWarning(RuntimeWarning):
     """A warning that a plan is made, but takes long."""
+
+
+def warn_caller(message: str, category: type[Warning]) -> None:
+    """Give a warning at the line from which the library was called, however deep inside the reason lies."""
+    frame: FrameType | None = sys._getframe()  # of this function itself, which is level 1
+    level = 1
+    while frame and frame.f_globals.get("__name__", "").partition(".")[0] in NOT_THE_CALLER:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, category, stacklevel=level)
 
 
 @contextmanager

@@ -81,7 +81,7 @@ def simulate(
     quantities = {name: (rows[:, 0] if rows.shape[1] == 1 else rows).copy() for name, rows in shown.items()}
     happened = [run.events.times(run.events.taken, touched) for touched in (False, True)] if run.events else ()
     result = Result(time, quantities, planned.formulas.own_rows if planned.formulas else {}, *happened)
-    warn(scene, doubts_after(scene, result.quantities), stacklevel=4)
+    warn(scene, doubts_after(scene, result.quantities))
     return result
 
 

@@ -39,8 +39,8 @@ MAX_SUBSTEPS = 1e7
 """Substeps in one communication step (seconds of work) above which a step is refused rather than hang the host."""
 
 
-NO_MASS, TWO_ZERO_MOMENTS, NO_ATTITUDE, NOT_FINITE, BEAM_TURNS = 1, 6, 7, 8, 9
-"""Faults of parameters; those from 2 to 5 are one more than what `mechanics.inertia.check_inertia` returns."""
+NO_MASS, TWO_ZERO_MOMENTS, NO_ATTITUDE, NOT_FINITE, BEAM_TURNS, NO_OUTPUTS = 1, 6, 7, 8, 9, 10
+"""Faults at the start; those from 2 to 5 are one more than what `mechanics.inertia.check_inertia` returns."""
 CHANGED = "*"
 """As the block of a fault: whatever was changed from what the model was planned for."""
 
@@ -58,6 +58,7 @@ FAULTS: dict[int, tuple[str, str]] = {
     NO_ATTITUDE: ("quaternion_0", "expected finite numbers, not all zero"),
     NOT_FINITE: ("", "expected finite numbers in all parameters and initial values"),
     BEAM_TURNS: ("omega_b_0", "expected no rate about a slender beam's own axis, where it has no inertia"),
+    NO_OUTPUTS: ("outputs", "expected finite numbers with these parameters, initial values and inputs"),
     TORQUE_ACTS: (CHANGED, "expected loads without torque: this model is torque-free"),
     NO_TOP: (CHANGED, "expected two equal moments, no damping: this model is a symmetric top"),
     RESONANT: (CHANGED, "expected a rate at which the planned substep is below half the resonance of a top's "
@@ -74,4 +75,5 @@ FAULTS: dict[int, tuple[str, str]] = {
 NEGATIVE = max(FAULTS) + 1
 """The fault of a first load that must not be negative; those of others follow."""
 FAULTS |= {NEGATIVE + i: (load.name, f"expected no negative number ({load.unit})") for i, load in enumerate(BOUNDED)}
-"""What a model's `initialize` refuses, by its return value: the block of variables, and what was expected."""
+"""What a model's `initialize` refuses, by its return value: the block of variables, or what has none, and what was
+expected."""

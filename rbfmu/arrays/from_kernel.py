@@ -3,8 +3,6 @@
 import inspect
 import itertools
 import math
-import sys
-import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
@@ -13,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rbfmu.exceptions import warn_caller
 from rbfmu.types import Array
 from rbfmu_kernels.compile.gufunc import STREAMED, Item, core_shapes, gufuncs
 from rbfmu_kernels.rotations.euler_angles import sequence
@@ -324,12 +323,4 @@ def warn_of_singular(message: str) -> None:
     if mode == "raise":
         raise FloatingPointError(message)
     if mode != "ignore":
-        warnings.warn(message, RuntimeWarning, stacklevel=_frames_of_this_package())
-
-
-def _frames_of_this_package() -> int:
-    """Return how many frames up the stack the first one outside this package is."""
-    level, frame = 0, sys._getframe(1)
-    while frame is not None and frame.f_globals.get("__name__", "").startswith("rbfmu."):
-        level, frame = level + 1, frame.f_back  # type: ignore[assignment]
-    return level + 1
+        warn_caller(message, RuntimeWarning)

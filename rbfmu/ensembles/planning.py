@@ -97,7 +97,7 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
         *_of_growth(scene, growth, wild),
     )
     if not scene.inputs.ports:  # through which anything may act
-        warn(scene, _of_no_effect(scene, chosen), stacklevel=4)
+        warn(scene, _of_no_effect(scene, chosen))
     return replace(chosen, reasons=reasons)
 
 

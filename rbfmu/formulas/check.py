@@ -31,12 +31,12 @@ class Texts:
     def __init__(self, scene: Any, given: Given) -> None:
         self.motion = Motion(given)
         self.faults: list[str] = []
+        self._wrong: set[str] = set()  # names that are at fault: nothing is said of a formula that reads one
         self._scene = scene
         self._check_names(scene)
         for name, row in scene.tables.items():
             self.motion.names[name] = Table.through(row.x, row.y, row.method == "cubic")
-        if not self.faults:
-            self._read_formulas(scene.formulas)
+        self._read_formulas(scene.formulas)
         texts = {name: text for name, text in scene.load_formulas.items() if name != "potential"}
         self.loads = {name: self._shaped(f"loads.{name}", text, (3,)) for name, text in texts.items()}
         self._take_potential(scene.load_formulas.get("potential"))
@@ -45,7 +45,9 @@ class Texts:
             for name, row in scene.states.items()
         }
         self.events = {name: self._changing(f"events.{name}.when", row.when) for name, row in scene.events.items()}
-        self.own = {name: self._shaped(f"outputs.{name}", row.value, None) for name, row in scene.outputs.own.items()}
+        self.own = {
+            name: self._shaped(f"outputs.{name}.value", row.value, None) for name, row in scene.outputs.own.items()
+        }
 
     def _changing(self, key: str, text: str) -> Any:
         """Return the value of a scalar formula that changes with the motion, the time or an input."""
@@ -57,23 +59,18 @@ class Texts:
 
     def _take_potential(self, text: str | None) -> None:
         """Add the force and the torque of a potential, and let outputs read energies."""
-        potential: Any = 0.0
-        if self.faults:
-            return
-        if text is not None:
-            potential = self._shaped("loads.potential", text, ())
-            if potential is None:
-                return
-            if not self._reads_place_alone(potential):
-                self.faults.append(f"loads.potential: expected a formula of position and attitude: {text}")
-                return
+        potential: Any = None if text is None else self._shaped("loads.potential", text, ())
+        if potential is not None and not self._reads_place_alone(potential):
+            self.faults.append(f"loads.potential: expected a formula of position and attitude: {text}")
+        elif potential is not None:
             for name, force in self.motion.forces_of(potential).items():
                 known = self.loads.get(name)
                 self.loads[name] = force + (np.array(getattr(self._scene.loads, name)) if known is None else known)
         if asked := [name for name in ENERGIES if name in self._scene.outputs.own]:
             self.faults += self._without_potential(asked[0])
-        rates = self.motion.rates(self.loads)
-        kinetic, energy = self.motion.outputs(rates)["kinetic_energy"][0], self.motion.potential_energy(potential)
+        rates = self.motion.rates({name: load for name, load in self.loads.items() if load is not None})
+        kinetic = self.motion.outputs(rates)["kinetic_energy"][0]
+        energy = self.motion.potential_energy(0.0 if potential is None else potential)
         energies = {"kinetic_energy": kinetic, "potential_energy": energy, "total_energy": kinetic + energy}
         self.motion.names |= energies
 
@@ -102,6 +99,7 @@ class Texts:
         seen: dict[str, str] = {}
         for table, names in tables.items():
             for name in names:
+                known = len(self.faults)
                 if table == "inputs" and name == "h":
                     self.faults.append("inputs.ports: expected another name: h is a simulator's step")
                 elif (name in taken or name in beside.get(table, ())) and not (
@@ -110,6 +108,7 @@ class Texts:
                     self.faults.append(f"{table}.{name}: expected another name: {name} means something else here")
                 elif name in seen:
                     self.faults.append(f"{table}.{name}: expected another name: there is {seen[name]}.{name}")
+                self._wrong |= {name} if len(self.faults) > known else set()
                 seen.setdefault(name, table)
         for name in scene.events:
             for other in (f"{name}_count", f"{name}_time"):
@@ -122,26 +121,21 @@ class Texts:
         """Take formulas in an order in which each comes after those that it names."""
         left = dict(texts)
         while left:
-            ready = [name for name, text in left.items() if not self._names_in(text) & {*left}]
+            ready = [name for name, text in left.items() if not names_in(text) & {*left}]
             if not ready:
-                circle = " -> ".join(_circle({n: self._names_in(t) & {*left} for n, t in left.items()}))
-                self.faults.append(f"formulas.{next(iter(left))}: expected formulas without a circle, not {circle}")
+                circle = _circle({n: names_in(t) & {*left} for n, t in left.items()})
+                self._wrong |= {*left}
+                said = f"expected formulas without a circle, not {' -> '.join(circle)}"
+                self.faults.append(f"formulas.{circle[0]}: {said}")
                 return
             for name in ready:
                 found = self._shaped(f"formulas.{name}", left.pop(name), None)
-                if found is not None:
-                    self.motion.names[name] = found
-
-    @staticmethod
-    def _names_in(text: str) -> set[str]:
-        try:
-            return names_in(text)
-        except FormulaError:
-            return set()
+                self.motion.names[name] = found
+                self._wrong |= {name} if found is None else set()
 
     def _shaped(self, key: str, text: str, shape: tuple[int, ...] | None) -> Array:
         """Return what a formula gives, of a shape if one is asked for; None where something is wrong."""
-        if self.faults and not key.startswith("formulas"):  # whose names may be missing
+        if names_in(text) & self._wrong:
             return None
         try:
             found = self.motion.value(text)
@@ -150,7 +144,7 @@ class Texts:
             if shape is None and not key.startswith("formulas") and shape_of(found) not in ((), (3,)):
                 raise FormulaError(text, 0, "a scalar or a vector of 3 numbers")
         except FormulaError as error:
-            own = sorted(self._names_in(text) & {*self._scene.outputs.own} - {*self.motion.names})
+            own = sorted(names_in(text) & {*self._scene.outputs.own} - {*self.motion.names})
             hint = f"\n{own[0]} is an output: give its formula a name in [formulas], which both can read" if own else ""
             self.faults.append(f"{key}: {error}{hint}")
             return None
@@ -194,6 +188,6 @@ def unit_numbers() -> dict[str, list[float]]:
 @lru_cache(maxsize=32)
 def faults_of_texts(scene: Any) -> tuple[str, ...]:
     """Return what is wrong with a scene's formulas; their graph takes milliseconds, and equal scenes are asked once."""
-    if scene.body is None:
+    if "omega_b" in scene.inputs.ports:
         return ("loads: expected no formulas: the port omega_b prescribes the rates, and nothing else is modelled",)
-    return tuple(Texts(scene, given_to(scene, unit_numbers(), scene.body.pivot)).faults)
+    return tuple(Texts(scene, given_to(scene, unit_numbers(), bool(scene.body and scene.body.pivot))).faults)

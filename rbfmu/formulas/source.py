@@ -28,7 +28,7 @@ HEAD = '''\
 
 import math
 
-from rbfmu_kernels.buffer import NOT_FINITE
+from rbfmu_kernels.buffer import NO_OUTPUTS
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
 from rbfmu_kernels.compile.wide import choose
@@ -123,7 +123,7 @@ class _Writer:
         places = {f"z[{self._place(element)}]": x for element, x in wanted.items()}
         lines = [*self._now(wanted.values()), *(f"{at} = {self._text(x)}" for at, x in places.items())]
         sums = " + ".join(["0.0", *(f"0.0 * {at}" for at in places)])
-        return _kernel(name, "z: Buffer", "int", [*lines, f"return 0 if {sums} == 0.0 else NOT_FINITE"])
+        return _kernel(name, "z: Buffer", "int", [*lines, f"return 0 if {sums} == 0.0 else NO_OUTPUTS"])
 
     def feedthrough(self, changes: Changes) -> str:
         """Return the text of the kernel that, given by how much inputs change, sets by how much outputs do at once.

@@ -7,7 +7,7 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,6 +43,7 @@ def _window(text: str, column: int, width: int = 100) -> tuple[str, int]:
     return flat[first : first + width], column - first
 
 
+@lru_cache(maxsize=256)
 def read(text: str) -> ast.expr:
     """Return the expression of a text, of allowed parts alone. Raises FormulaError."""
     if len(text) > LONGEST:

@@ -20,7 +20,7 @@ from rbfmu.formulas.program import Program
 from rbfmu.formulas.source import SERIES, module_of, source_of, source_of_lanes, source_over
 from rbfmu.models.model_buffer import BLOCKS, BodyAtStart, size_of_block
 from rbfmu.scene.own import DIRECTIONS
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels import buffer
 from rbfmu_kernels.body import driven, memory
 from rbfmu_kernels.body.shell import Lanes, Model
@@ -354,7 +354,10 @@ def texts_of(scene: Scene, varied: Iterable[str] = ()) -> tuple[Scene, Given, Te
     start.check()
     given = given_to(scene, {name: start.z[block].tolist() for name, block in BLOCKS.items()}, bool(start.has_pivot))
     given = replace(given, symbolic=given.symbolic.union(varied))
-    return scene, given, Texts(scene, given)
+    texts = Texts(scene, given)
+    if texts.faults:  # such as a division by a number of the scene that is zero
+        raise SceneError(texts.faults, scene.name)
+    return scene, given, texts
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ uses; only where that takes too long, by two series of doubles whose difference 
 """
 
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
@@ -14,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from rbfmu.exceptions import PlanningWarning as PlanningWarning
+from rbfmu.exceptions import warn_caller
 from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
 from rbfmu.runs.motion import Steps, largest_error, least_sizes, motion_of, record, substeps_counted
@@ -80,7 +80,7 @@ class Judge:
         """Return the truth, at communication points and between them; raise SceneError where it takes too long."""
         if self._exact is not None:
             return self._exact
-        warnings.warn(f"{self.scene.name}: {LONG}", PlanningWarning, stacklevel=2)
+        warn_caller(f"{self.scene.name}: {LONG}", PlanningWarning)
         self.arithmetic = "double precision"
         self.doing = "its motion is followed in small steps, for it turns fast, or damping is stiff"
         one, other = (self._tight_motion(order) for order in (20, 24))

@@ -1,6 +1,6 @@
 """What a scene names itself: constants, formulas, states and outputs, and loads given as text.
 
-Texts are checked where all of them are together, see `rbfmu.formulas.check`.
+What texts mean is checked where all of them are together, see `rbfmu.formulas.check`.
 """
 
 import keyword
@@ -53,8 +53,23 @@ def _is_name(value: object) -> bool:
     return isinstance(value, str) and value.isidentifier() and value.isascii() and not keyword.iskeyword(value)
 
 
+class Text(rules.Rule):
+    """The rule of a formula: what it may be by itself; its names are looked up where all are together."""
+
+    def read(self, value: object, path: str) -> str:
+        """Return the text."""
+        from rbfmu.formulas.text import FormulaError, read  # what has none starts sooner
+
+        text: str = super().read(value, path)
+        try:
+            read(text)
+        except FormulaError as error:
+            raise SceneError(f"{path}: {error}") from None
+        return text
+
+
 NUMBERS = rules.Rule("a number, or 3 numbers", _one_or_three)
-TEXT = rules.Rule("a formula, such as 2*k*sin(t)", _text)
+TEXT = Text("a formula, such as 2*k*sin(t)", _text)
 _NAME = rules.Rule("letters, digits and _", lambda value: value if _is_name(value) else None)
 _ROW = rules.Rule("a list of numbers", _row)
 

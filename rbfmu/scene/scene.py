@@ -4,7 +4,6 @@ Such doubts are warnings: a wrong unit, or too long a communication step.
 """
 
 import math
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
@@ -15,6 +14,7 @@ from typing import Annotated, Any, Concatenate, ParamSpec, Self, TypeVar
 import numpy as np
 
 from rbfmu.exceptions import SceneWarning as SceneWarning
+from rbfmu.exceptions import warn_caller
 from rbfmu.notebook import table
 from rbfmu.scene import own as named
 from rbfmu.scene.body import ZERO, Body
@@ -66,12 +66,6 @@ class Scene(Section):
         """Return the parameters of one's own, constants and starts of states, by the keys that set them."""
         return named.parameters(vars(self))
 
-    def _contradictions(self) -> Iterator[str]:
-        if self.has_formulas or self.formulas or self.tables:
-            from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
-
-            yield from faults_of_texts(self._worded())
-
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         return {**data, "ensemble": as_written(data.get("ensemble"), data, faults)}, {}
 
@@ -89,6 +83,12 @@ class Scene(Section):
         if good.get("ensemble") is not None:
             yield from faults_with(good["ensemble"], good)
             good["ensemble"] = without_idle_shape(good["ensemble"], good.get("body"))
+        if {"inputs", "constants", "formulas", "states", "tables"} <= good.keys():  # of which formulas read names
+            good |= {name: getattr(type(self), name) for name in self._rules.keys() - good.keys()}
+            if self.has_formulas or self.formulas or self.tables:
+                from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
+
+                yield from faults_of_texts(self._worded())
 
     def _worded(self) -> Self:
         """Return the scene with the same texts, names and sizes and other numbers, so that many have this one."""
@@ -294,10 +294,10 @@ PERIODIC = tuple(row.name for row in OUTPUTS if row.error == ANGLE or row.unit =
 """Quantities that do not show a turn between two points."""
 
 
-def warn(scene: Scene, doubts: Iterable[str], stacklevel: int = 3) -> None:
+def warn(scene: Scene, doubts: Iterable[str]) -> None:
     """Issue a SceneWarning for each doubt."""
     for doubt in doubts:
-        warnings.warn(f"{scene.name}: {doubt}", SceneWarning, stacklevel=stacklevel)
+        warn_caller(f"{scene.name}: {doubt}", SceneWarning)
 
 
 def doubts_before(scene: Scene) -> Iterator[str]:

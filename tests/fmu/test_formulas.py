@@ -175,6 +175,34 @@ def test_variables_say_what_they_are_and_depend_on(fmus: dict[str, Path]) -> Non
     assert "3*n**2 * cross(u_b, M_c @ u_b) - c*h" in page
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_outputs_that_are_not_finite_at_the_start_are_called_so(
+    fmus: dict[str, Path], kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """No parameter is at fault where the formula or the value of an input is."""
+    fmpy.extract(str(fmus[kind]), str(tmp_path))
+    model = fmpy.read_model_description(str(tmp_path))
+    said: list[str] = []
+    log = lambda *message: said.append(message[-1].decode())  # noqa: E731
+    one = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=log)
+    at = {v.name: v.valueReference for v in model.modelVariables}
+    if kind == "fmi3":
+        one.enterInitializationMode(startTime=0.0)
+    else:
+        one.setupExperiment(startTime=0.0)
+        one.enterInitializationMode()
+    (one.setFloat64 if kind == "fmi3" else one.setReal)([at["torque_b[3]"]], [-3.0])
+    with pytest.raises((FMICallException, OSError)):
+        one.exitInitializationMode()
+    words = "outputs: expected finite numbers with these parameters, initial values and inputs"
+    assert words in "".join(said) + capfd.readouterr().err
+    if kind != "python":  # an error of pythonfmu's is the unit's end
+        (one.setFloat64 if kind == "fmi3" else one.setReal)([at["torque_b[3]"]], [-1.0])
+        one.exitInitializationMode()
+        one.terminate()
+    one.freeInstance()
+
+
 def test_derivatives_refusals_and_what_is_not_finite(fmus: dict[str, Path], tmp_path: Path) -> None:
     fmpy.extract(str(fmus["native"]), str(tmp_path))
     model = fmpy.read_model_description(str(tmp_path))

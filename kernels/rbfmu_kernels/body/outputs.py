@@ -1,6 +1,6 @@
 """The outputs of a body's model and their time derivatives, from its state and the inputs now set."""
 
-from ..buffer import NOT_FINITE
+from ..buffer import NO_OUTPUTS
 from ..buffer_access import are_finite, matrix_at, put_quaternion_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..mechanics import newton_euler
@@ -102,9 +102,9 @@ def output_rates(z: Buffer) -> int:
 
 @kernel(inline=False)
 def first_outputs(z: Buffer) -> int:
-    """Set the outputs at the start; return 0, or a key of `buffer.FAULTS` where the parameters overflow them."""
+    """Set the outputs at the start; return 0, or a key of `buffer.FAULTS` where one is not finite."""
     outputs(z)
-    return 0 if are_finite(z, _FIRST, _END) else NOT_FINITE
+    return 0 if are_finite(z, _FIRST, _END) else NO_OUTPUTS
 
 
 _AT_REST = (0.0, 0.0, 0.0)

@@ -143,9 +143,9 @@ ANY_BODY = [
 FAULTY = [(model, *fault) for model in MODELS if model != "prescribed rates" for fault in ANY_BODY]
 FAULTY += [
     ("torque-free symmetric body", 9, {"omega_b_0": [1e-3, 1.0, 0.0]}),
-    ("torque-free body", 8, {"omega_b_0": [1e200, 1e200, 1e200]}),
-    ("body under loads, by series", 8, {"omega_b_0": [1e200, 1e200, 1e200]}),
-    ("body under loads, by series", 8, {"mass": 1e-310}),
+    ("torque-free body", 10, {"omega_b_0": [1e200, 1e200, 1e200]}),
+    ("body under loads, by series", 10, {"omega_b_0": [1e200, 1e200, 1e200]}),
+    ("body under loads, by series", 10, {"mass": 1e-310}),
     ("torque-free body", 11, {"constant_torque_a": [0.0, 1e-9, 0.0]}),
     ("torque-free body", 11, {"damping_b": [0.0, 0.0, 1.0]}),
     ("torque-free body", 11, {"r_oc_b": [1.0, 0.0, 0.0], "constant_force_a": [0.0, 1.0, 0.0]}),

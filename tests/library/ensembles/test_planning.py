@@ -195,8 +195,8 @@ def test_progress_is_told_up_to_the_end():
 def test_a_key_without_effect_is_said(recwarn):
     vary = {"body.mass": {"uniform": [40.0, 60.0]}, "initial.omega_b": {"relative": 0.1}}
     plan_ensemble(Scene.from_dict(FREE | {"name": "it", "ensemble": {"vary": vary}}))
-    (said,) = [str(w.message) for w in recwarn if issubclass(w.category, rbfmu.SceneWarning)]
-    assert said == "it: ensemble.vary: body.mass varies without effect on any output"
+    (said,) = [(str(w.message), w.filename) for w in recwarn if issubclass(w.category, rbfmu.SceneWarning)]
+    assert said == ("it: ensemble.vary: body.mass varies without effect on any output", __file__)
 
 
 @pytest.mark.parametrize(("exponent", "shape"), [(1.0, "as 1/d beside a separatrix"), (0.1, "much the same in all")])

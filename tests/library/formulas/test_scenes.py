@@ -247,7 +247,7 @@ def test_time_may_begin_at_any_date():
     ({"states": {"h": {"start": 1.0}}}, r"states\.h\.rate is missing: expected a formula"),
     ({"states": {"h": {"start": 1.0, "rate": "u_b"}}}, r"states\.h\.rate: expected a scalar"),
     ({"tables": {"c": {"x": [0, 0], "y": [1, 2]}}}, r"tables\.c\.x = \[0\.0, 0\.0\]: expected numbers that increase"),
-    ({"outputs.tilt": "R_ab"}, r"outputs\.tilt: expected a scalar or a vector"),
+    ({"outputs.tilt": "R_ab"}, r"outputs\.tilt\.value: expected a scalar or a vector"),
     ({"outputs.plot": "n"}, r"outputs\.plot: expected another name"),
     ({"loads.potential": "dot(velocity, velocity)"}, r"loads\.potential: expected a formula of position and attitude"),
     ({"outputs.quantities": ["total_energy"]}, r"quantities: expected no total_energy: torque_b has no pot"),
@@ -262,10 +262,29 @@ def test_what_leads_nowhere_is_refused():
     relay = scene(loads={"torque_b": "[0, 0, where(omega_b[3] > 0, -1, 1)]"}, body=B | {"r_oc_b": [0.0, 0.0, 0.0]})
     with pytest.raises(rbfmu.SceneError, match=r"before t = .*, where loads\.torque_b slides along a corner"):
         rbfmu.plan(rbfmu.Scene.from_dict(relay))
+    upright = scene(loads={"torque_b": "[1/gravity_a[1], 0, 0]"}, body=B)
+    with pytest.raises(rbfmu.SceneError, match=r"loads\.torque_b: expected a finite number"):
+        rbfmu.plan(rbfmu.Scene.from_dict(upright))
     singular = scene(loads={"force_a": "-position/norm(position)**3"}, initial=A, quantities=("position",))
     singular["body"] = B | {"r_oc_b": [0.0, 0.0, 0.0]}
     with pytest.raises(rbfmu.SceneError, match=r"before t = 0 s, where loads\.force_a is not finite"):
         rbfmu.plan(rbfmu.Scene.from_dict(singular))
+
+
+@pytest.mark.filterwarnings("ignore::rbfmu.exceptions.PlanningWarning")  # of a motion that is not followed
+@pytest.mark.parametrize(("gain", "text"), [(-1.0, "sqrt(gain)"), (1.0, "log(-gain - t)")])
+def test_an_output_that_is_not_finite_at_the_start_is_called_so(gain, text):
+    """And no parameter, where an input's value or the formula is at fault."""
+    made = rbfmu.Scene.from_dict(
+        {
+            "body": B,
+            "inputs": {"ports": [{"name": "gain", "size": 1, "start": gain}]},
+            "outputs": {"root": text},
+            "run": {"stop": 1.0, "step": 0.5},
+        }
+    )
+    with pytest.raises(rbfmu.SceneError, match=r"^scene: outputs: expected finite numbers with these parameters"):
+        rbfmu.simulate(made)
 
 
 def test_a_body_that_starts_at_rest_and_one_that_turns_back_have_drag():

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from numba import config
 
-from rbfmu import Scene, SceneError
+import rbfmu
+import rbfmu_fmu
+from rbfmu import Scene, SceneError, on_disk
 from rbfmu.models.question import Question
 from rbfmu.planning import fitting, select
 from rbfmu.planning import judge as judge_module
@@ -24,6 +26,7 @@ from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import formula_reference as kernels
 from rbfmu_kernels.integrators.substeps import tolerance_of_substep
+from tests.support.command_line import call
 from tests.support.quadruple import reference as quadruple
 from tests.support.scenes.model_cases import MOVING, OFFSET
 
@@ -212,6 +215,24 @@ def test_planning_that_takes_long_says_why():
     with pytest.warns(PlanningWarning, match="scene: planning takes more than some seconds, for .* damping is stiff"):
         assert plan(scene, progress=parts.append).error <= 1e-9
     assert parts[-1] == 1.0
+
+
+@compiled
+def test_that_planning_takes_long_is_said_where_it_was_asked_for(monkeypatch, tmp_path):
+    monkeypatch.setattr(judge_module, "MAX_REFERENCE_STEPS", 1)
+    scene = scene_of("from rest", stop=1.0)
+    for ask in (rbfmu.plan, rbfmu.simulate, partial(rbfmu_fmu.build, path=tmp_path / "it.fmu")):
+        with pytest.warns(PlanningWarning) as caught:
+            ask(scene)
+        assert [w.filename for w in caught] == [__file__]
+    path = tmp_path / "slow.toml"
+    path.write_text(
+        "body = { mass = 1.0, inertia = [1, 2, 2.5] }\nloads = { gravity_a = [0, 0, 0], torque_b = [0.1, 0, 0.3] }\n"
+        "run = { stop = 1.0, step = 0.5, accuracy = 1e-9 }\n"
+    )
+    monkeypatch.setattr(on_disk, "_folder", lambda: tmp_path)  # where no plan is kept that took long before
+    said = call("plan", path).stderr.splitlines()
+    assert said == [f"Warning: slow: {judge_module.LONG}"]
 
 
 @pytest.mark.parametrize(("span", "part", "allowed"), [(0.0, 0.1, 1e-6), (10.0, 0.1, 1e-8), (1e9, 1e-6, EPS)])

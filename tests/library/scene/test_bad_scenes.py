@@ -101,6 +101,30 @@ def test_all_faults_are_reported_at_once():
     assert sorted(fault.split(" = ")[0] for fault in faults) == sorted(keys)
 
 
+def test_wrong_formulas_are_reported_with_all_else():
+    """What does not parse always; a name that nothing has where the tables with names are sound."""
+    faults = faults_of(
+        body={"mass": -1, "inertia": [1, 2, 2]},
+        loads={"torque_b": ["foo(", "0", "0"], "forc_b": "t"},
+        constants={"k": "a"},
+        run={"stopp": 1},
+    )
+    keys = ["body.mass", "constants.k.value", "loads.forc_b", "loads.torque_b", "run.stopp"]
+    assert sorted(fault.split(" = ")[0].split(":")[0] for fault in faults) == keys
+    faults = faults_of(
+        body={"mass": -1, "inertia": [1, 2, 2]},
+        loads={"torque_b": "[0, 0, foo]", "force_b": "[bar(2), 0, 0]"},
+        formulas={"a": "b + c", "b": "foo", "c": "2*d", "d": "c"},
+        states={"u": {"start": 1.0, "rate": "omega_b"}},
+        outputs={"x": "a", "y": "t - ", "z": "kinetic_energy"},
+        events={"v": "2", "w": "d"},
+        run={"stopp": 1},
+    )
+    keys = ["body.mass", "events.v.when", "formulas.b", "formulas.c", "loads.force_b", "loads.torque_b"]
+    keys += ["outputs.y.value", "run.stopp", "states.u.rate"]
+    assert sorted(fault.split(" = ")[0].split(":")[0] for fault in faults) == keys
+
+
 def test_sections_are_compared_though_others_are_bad():
     faults = faults_of(body={"mass": 1, "shape": {"kind": "beam", "length": 1}}, initial={"omega_b": [1, 0, 0]}, run=1)
     assert [fault.split(" = ")[0] for fault in faults] == ["run", "initial.omega_b"]

@@ -60,8 +60,10 @@ def test_more_than_a_turn_a_step(turns: float) -> None:
 def test_a_body_that_is_spun_up_during_the_run() -> None:
     made = scene(loads={"torque_b": [0.0, 0.0, 2000.0]}, run=SLOW)
     assert list(doubts_before(made)) == []
-    with pytest.warns(rbfmu.SceneWarning, match=r"run.step = 0.1: 12.7 turns a communication step at the fastest"):
+    said = r"run.step = 0.1: 12.7 turns a communication step at the fastest"
+    with pytest.warns(rbfmu.SceneWarning, match=said) as caught:
         result = rbfmu.simulate(made)
+    assert [w.filename for w in caught] == [__file__]
     assert len(list(doubts_after(made, result.quantities))) == 1
     assert list(doubts_after(made, {"quaternion": result.quaternion})) == []  # no rates to look at
 
