@@ -53,7 +53,7 @@ class Start:
         self.set(q, [(dx - x * along) / size for x, dx in zip(q, changes, strict=True)])
 
     def begin(self, motion: Motion) -> None:
-        """Let all change but the attitude, which does before: the centre of mass stands beside o as b is turned."""
+        """Let all else change, once the attitude does, which turns what lies between o and the centre of mass."""
         known, omega, pivot = motion.names, motion.omega, motion.given.pivot
         self.set(omega, self.of(self.leaves("omega_b_0", 3)))
         mass, arm, M = known["mass"], known["r_oc_b"], inertia_of(motion)

@@ -47,7 +47,7 @@ class Column(NamedTuple):
         return self.element.partition("[")[0]
 
 
-class Variation:
+class VariedStart:
     """What a small change of each column makes of the start of all errors, and of places of the graph."""
 
     def __init__(self, scene: Scene, columns: Sequence[Column]) -> None:
@@ -62,10 +62,10 @@ class Variation:
         self._by_column = {f"{CHANGE}{x}": row for x, row in zip(names, np.eye(len(names)), strict=True)}
 
     def at(self, z: Array) -> dict[str, Array]:
-        """Return it by their names, (columns,) each; what is zero is left out. z: the numbers of the body's blocks."""
+        """Return rows (columns,) by names, without those that are zero; z: the numbers of the body's blocks."""
         known = dict(by_element({name: z[block] for name, block in BLOCKS.items()})) | self._by_column
         M = np.reshape(numbers_of(self._graph, self._inertia, known), (3, 3))
-        known |= by_element({"M_inverse": np.linalg.pinv(M, rcond=INERTIA_TOLERANCE)})
+        known |= by_element({"M_inverse": np.linalg.pinv(M, rcond=INERTIA_TOLERANCE)})  # of M, as z need not be set
         rows = numbers_of(self._graph, [*self._changes.values()], known)
         return {name: row for name, row in zip(self._changes, rows, strict=True) if np.any(row)}
 
@@ -88,8 +88,8 @@ class VariedModel(FormulaModel):
     """The model of a motion and its errors."""
 
     def __init__(self, scene: Scene, columns: Sequence[Column]) -> None:
-        self._variation = Variation(scene, columns)
-        varied = self._variation.at(_generic(scene, columns))
+        self._start = VariedStart(scene, columns)
+        varied = self._start.at(_generic(scene, columns))
         super().__init__(texts_of(scene, varied))
         motion = self.motion
         graph, plain = motion.graph, [name for name in self.rates if name != "t" and not name.startswith("q[")]
@@ -178,13 +178,13 @@ class VariedModel(FormulaModel):
 
     def numbers(self, z: Array) -> dict[str, list[float]]:
         """Return what the buffer's blocks of errors begin with; z: the buffer, once the body is set."""
-        variation = self._variation.at(z)
+        varied = self._start.at(z)
         errors = np.zeros((len(self.errors), self.columns))
         for i, name in enumerate(self.errors):
-            row = variation.get(name, ())
+            row = varied.get(name, ())
             errors[i, : len(row)] = row
         zero = np.zeros(self.columns)
-        seeds = [float(variation.get(name, zero)[d]) for name, d in self.seeded]
+        seeds = [float(varied.get(name, zero)[d]) for name, d in self.seeded]
         return {"errors": errors.ravel().tolist(), "seeds": seeds, "pattern": self.pattern}
 
     def slopes_at(self, name: str, errors: Array, values: Array, columns: int) -> Array:

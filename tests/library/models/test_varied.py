@@ -4,7 +4,7 @@ import pytest
 
 import rbfmu
 from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
-from rbfmu.models.varied import Variation, VariedModel
+from rbfmu.models.varied import VariedModel, VariedStart
 from rbfmu.sensitivities import columns_of
 from rbfmu_kernels.quantities import elements
 from tests.support.references import exact
@@ -75,7 +75,7 @@ def test_what_a_motion_begins_with_changes_as_its_parameters_do(pivot):
     scene = scene_of(pivot)
     columns = columns_by(scene, KEYS if pivot else [*KEYS, "initial.velocity"])
     z, p = BodyAtStart(scene).z, parameters_of(scene)
-    found, q = Variation(scene, columns).at(z), exact.unit(exact.exact(z[BLOCKS["quaternion_0"]]))
+    found, q = VariedStart(scene, columns).at(z), exact.unit(exact.exact(z[BLOCKS["quaternion_0"]]))
     for n, column in enumerate(columns):
         after, before = (begun(p | {column.element: p[column.element] + h}, q, pivot) for h in (STEP, -STEP))
         for name in after:
