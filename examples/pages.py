@@ -138,7 +138,7 @@ def functions() -> str:
 def formulas() -> str:
     """Return the functions that formulas know."""
     scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.0, 1.0]})
-    known = Motion(given_to(scene, unit_numbers(), pivot=False)).functions
+    known = Motion(given_to(scene, unit_numbers())).functions
     rows = [[f"`{name}({function.takes})`", function.meaning] for name, function in known.items()]
     return markdown(["function", "what it gives"], rows)
 

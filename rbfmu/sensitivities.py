@@ -1,6 +1,5 @@
 """How a motion hangs on each number of its scene: derivatives along it, by the variational equations."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,12 +10,11 @@ from numpy.typing import ArrayLike
 
 from rbfmu import arrays
 from rbfmu.exceptions import named
-from rbfmu.formulas.motion import CONSTANT, STATE
 from rbfmu.models.formulas import EVENT
-from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
+from rbfmu.models.model_buffer import BodyAtStart
 from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS
-from rbfmu.models.varied import TURN, Column, VariedModel, variation_of
+from rbfmu.models.varied import TURN, Column, VariedModel
 from rbfmu.planning import methods
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.motion import Driven
@@ -139,9 +137,7 @@ class Varied:
         self.columns = [column for key in by for column in columns_of(scene, key)]
         if not self.columns:
             raise ValueError("by: expected at least one key")
-        seeds = variation_of(scene, self.columns, _generic(scene, self.columns)).seeds
-        rows = {name: np.flatnonzero(row).tolist() for name, row in seeds.items()}
-        self.model = VariedModel(scene, self.columns, rows)
+        self.model = VariedModel(scene, self.columns)
         self.numbers = tuple(column.name for column in self.columns)
 
     def along(self, scene: Scene, drive: Drive, planned: Plan | None = None, covariance: Any = None) -> Sensitivity:
@@ -184,9 +180,7 @@ def _names_of_numbers(scene: Scene) -> dict[str, tuple[str, list[str]]]:
         if name != "quaternion_0":
             row = BY_NAME[name]
             found[key] = BLOCK_OF[name], [f"{key}[{e}]" for e in row.elements] or elements(key, row.size)
-    own = {f"{CONSTANT}{name}": len(row.value) for name, row in scene.constants.items()}
-    own |= {f"{STATE}{name}": len(row.start) for name, row in scene.states.items()}
-    return found | {key: (key, elements(key, size)) for key, size in own.items()}
+    return found | {key: (row.block, elements(key, row.size)) for key, row in scene.own_parameters.items()}
 
 
 def columns_of(scene: Scene, key: str) -> list[Column]:
@@ -195,7 +189,8 @@ def columns_of(scene: Scene, key: str) -> list[Column]:
     if whole not in known:
         raise ValueError(f"by = {key!r}: expected one of {', '.join(known)}")
     block, names = known[whole]
-    found = [Column(n, block, i) for i, n in enumerate(names)]
+    on_graph = elements(block, len(names))
+    found = [Column(name, on_graph[i], i) for i, name in enumerate(names)]
     if whole != key:
         found = [column for column in found if column.name == key]
         if not found:
@@ -210,21 +205,6 @@ def columns_of(scene: Scene, key: str) -> list[Column]:
     return found
 
 
-def block_of(column: Column) -> str:
-    """Return the block of a buffer that has a number; an attitude has none."""
-    return f"{column.block}_0" if column.block.startswith(STATE) else column.block
-
-
-def _generic(scene: Scene, columns: Sequence[Column]) -> Array:
-    """Return the body's numbers with those that vary changed a little: what is zero there, is so whatever they are."""
-    z = BodyAtStart(scene).z.copy()
-    for n, column in enumerate(columns):
-        if column.block in BLOCKS:
-            at = BLOCKS[column.block].start + column.at
-            z[at] += 1e-3 * math.sqrt(n + 2.0) * (abs(z[at]) or 1.0)
-    return z
-
-
 class _Run:
     """A run of a motion with its errors, recorded."""
 
@@ -233,11 +213,11 @@ class _Run:
         run = Driven(scene, plan, drive, [name for name in self._model.shown if name in OUTPUT])
         blocks, z = plan.kernels.BLOCKS, run.z
         z[blocks["bounded"]] = bounded
-        for name, row in self._model.numbers(variation_of(scene, varied.columns, z)).items():
+        for name, row in self._model.numbers(z).items():
             z[blocks[name]] = row
         tiered(plan.kernels.outputs)(z)
-        at = [-1 if c.block == "rotvec_b" else blocks[block_of(c)].start + c.at for c in varied.columns]
-        self.sizes = np.array([abs(z[i]) if i >= 0 else 0.0 for i in at])
+        numbers = (column.element for column in varied.columns)
+        self.sizes = np.array([0.0 if name in TURN else abs(z[self._model.place(name)]) for name in numbers])
         self.time, self.values = course(scene, run, drive.time, (*self._model.shown, "errors", "slopes"))
         self._event = run.events.taken[-1].name if run.events and run.ended is not None else ""
         self._slopes = self.values.pop("slopes")

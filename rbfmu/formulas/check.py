@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu.formulas.graph import Symbol
-from rbfmu.formulas.motion import CONSTANT, LOADS, Given, Motion
+from rbfmu.formulas.motion import CONSTANT, LOADS, STATE, Given, Motion, by_element
 from rbfmu.formulas.text import CONSTANTS, FUNCTIONS, Array, FormulaError, Table, names_in, shape_of
 from rbfmu_kernels.body.driven import DRIVEN
 from rbfmu_kernels.body.memory import BLOCKS
@@ -32,7 +32,7 @@ class Texts:
         self.motion = Motion(given)
         self.faults: list[str] = []
         self._wrong: set[str] = set()  # names that are at fault: nothing is said of a formula that reads one
-        self._scene = scene
+        self.scene = scene
         self._check_names(scene)
         for name, row in scene.tables.items():
             self.motion.names[name] = Table.through(row.x, row.y, row.method == "cubic")
@@ -48,6 +48,12 @@ class Texts:
         self.own = {
             name: self._shaped(f"outputs.{name}.value", row.value, None) for name, row in scene.outputs.own.items()
         }
+
+    @property
+    def rates(self) -> dict[str, Any]:
+        """Return the rates of the states of the body and of one's own, by their elements' names."""
+        own = {f"{STATE}{name}": rate for name, rate in self.states.items()}
+        return {**self.motion.rates(self.loads), **dict(by_element(own))}
 
     def _changing(self, key: str, text: str) -> Any:
         """Return the value of a scalar formula that changes with the motion, the time or an input."""
@@ -65,8 +71,8 @@ class Texts:
         elif potential is not None:
             for name, force in self.motion.forces_of(potential).items():
                 known = self.loads.get(name)
-                self.loads[name] = force + (np.array(getattr(self._scene.loads, name)) if known is None else known)
-        if asked := [name for name in ENERGIES if name in self._scene.outputs.own]:
+                self.loads[name] = force + (np.array(getattr(self.scene.loads, name)) if known is None else known)
+        if asked := [name for name in ENERGIES if name in self.scene.outputs.own]:
             self.faults += self._without_potential(asked[0])
         rates = self.motion.rates({name: load for name, load in self.loads.items() if load is not None})
         kinetic = self.motion.outputs(rates)["kinetic_energy"][0]
@@ -76,9 +82,9 @@ class Texts:
 
     def _without_potential(self, asked: str) -> Iterator[str]:
         """Yield what is wrong where loads act that have no potential."""
-        loads, inputs = self._scene.loads, self._scene.inputs
+        loads, inputs = self.scene.loads, self.scene.inputs
         acting = [name for name in ("force_b", "torque_a", "torque_b") if any(getattr(loads, name))]
-        acting += [*(name for name in self._scene.load_formulas if name != "potential"), *inputs.ports]
+        acting += [*(name for name in self.scene.load_formulas if name != "potential"), *inputs.ports]
         if acting or any(loads.damping_b):
             name = acting[0] if acting else "damping_b"
             yield f"outputs.quantities: expected no {asked}: {name} has no potential"
@@ -144,7 +150,7 @@ class Texts:
             if shape is None and not key.startswith("formulas") and shape_of(found) not in ((), (3,)):
                 raise FormulaError(text, 0, "a scalar or a vector of 3 numbers")
         except FormulaError as error:
-            own = sorted(names_in(text) & {*self._scene.outputs.own} - {*self.motion.names})
+            own = sorted(names_in(text) & {*self.scene.outputs.own} - {*self.motion.names})
             hint = f"\n{own[0]} is an output: give its formula a name in [formulas], which both can read" if own else ""
             self.faults.append(f"{key}: {error}{hint}")
             return None
@@ -159,16 +165,20 @@ def _circle(reads: Mapping[str, set[str]]) -> list[str]:
     return path[path.index(path[-1]) :]
 
 
-def given_to(scene: Any, numbers: Mapping[str, Sequence[float]], pivot: bool) -> Given:
-    """Return what a scene gives its formulas; numbers: of the body's blocks of a buffer, by name."""
+def given_to(scene: Any, numbers: Mapping[str, Sequence[float]], varied: Iterable[str] = ()) -> Given:
+    """Return what a scene gives its formulas.
+
+    numbers: of the body's blocks of a buffer, by name; varied: numbers of blocks whose zeros may become others.
+    """
     numbers = {**numbers, **{f"{CONSTANT}{name}": row.value for name, row in scene.constants.items()}}
     constants = {name: len(row.value) for name, row in scene.constants.items()}
     states = {name: len(row.start) for name, row in scene.states.items()}
     own = scene.inputs.own
     ports = {name: own[name].size if name in own else 3 for name in scene.inputs.ports}
     listed = (*scene.inputs.parameters, *(scene.ensemble.parameters if scene.ensemble else ()))
-    symbolic = frozenset({*(f"{CONSTANT}{name}" for name in constants), *_blocks_of(listed)})
-    return Given(numbers, symbolic, ports, states, constants, pivot)
+    blocks = (name.partition("[")[0] for name in varied)
+    symbolic = frozenset({*(f"{CONSTANT}{name}" for name in constants), *_blocks_of(listed), *blocks})
+    return Given(numbers, symbolic, ports, states, constants, bool(scene.body and scene.body.pivot))
 
 
 def _blocks_of(parameters: Iterable[str]) -> Iterator[str]:
@@ -190,4 +200,4 @@ def faults_of_texts(scene: Any) -> tuple[str, ...]:
     """Return what is wrong with a scene's formulas; their graph takes milliseconds, and equal scenes are asked once."""
     if "omega_b" in scene.inputs.ports:
         return ("loads: expected no formulas: the port omega_b prescribes the rates, and nothing else is modelled",)
-    return tuple(Texts(scene, given_to(scene, unit_numbers(), bool(scene.body and scene.body.pivot))).faults)
+    return tuple(Texts(scene, given_to(scene, unit_numbers())).faults)

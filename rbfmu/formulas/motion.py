@@ -75,7 +75,7 @@ class Motion:
     """A body under formulas: `names` for formulas to read, and the rates of its states once loads are known."""
 
     def __init__(self, given: Given) -> None:
-        self.graph, self._given = Graph(dict(by_element(given.numbers))), given
+        self.graph, self.given = Graph(dict(by_element(given.numbers))), given
         q = self.q = self._leaves("state", "q", 4)
         self.omega = self._leaves("state", "omega", 3)
         self.t = self.graph.leaf("state", "t")
@@ -92,7 +92,7 @@ class Motion:
         self.names = self._names(r_oc)
 
     def _names(self, r_oc: Array) -> dict[str, Array]:
-        given = self._given
+        given = self.given
         inertia = self._places("inertia")
         M_c = np.array([[inertia[i] for i in row] for row in ((0, 3, 4), (3, 1, 5), (4, 5, 2))], object)
         known = {
@@ -137,23 +137,23 @@ class Motion:
         The work in a small displacement is -dV: the force is minus the slope over the path, and the torque about c
         (about o with a pivot) minus that over a small turn about each axis of b.
         """
-        slopes = np.array(gradient(potential, [*self.q, *([] if self._given.pivot else self._r_c)]), object)
+        slopes = np.array(gradient(potential, [*self.q, *([] if self.given.pivot else self._r_c)]), object)
         torque = np.array([-1.0 * (slopes[:4] @ turn) for turn in self.turns()], object)
-        if self._given.pivot:
+        if self.given.pivot:
             return {"torque_b": torque}
         force = -1.0 * slopes[4:]
         return {"force_a": force, "torque_b": _add(torque, -1.0, np.cross(self._arm, self.to_b(force)))}
 
     def potential_energy(self, potential: Number) -> Number:
         """Return the potential of gravity, of a constant force_a and of a load's own."""
-        is_free, mass = not self._given.pivot, self._places("mass")[0]
+        is_free, mass = not self.given.pivot, self._places("mass")[0]
         centre = self._r_c if is_free else self.position + self.to_a(self._places("r_oc_b"))
         total: Number = potential - mass * (self._places("gravity_a") @ centre)
         return total - self._places("constant_force_a") @ self.position if is_free else total
 
     def rates(self, loads: Mapping[str, Array]) -> Mapping[str, Number]:
         """Return the rates of the body's states by their elements' names; loads: those given by formulas."""
-        given = self._given
+        given = self.given
         known = {name: loads[name] if name in loads else self._places(f"constant_{name}") for name in LOADS}
         for name in LOADS:
             if name in given.ports:
@@ -186,7 +186,7 @@ class Motion:
         momentum = self._M @ omega
         energy = omega @ momentum
         acceleration = np.array(_ZERO, object)
-        if not self._given.pivot:
+        if not self.given.pivot:
             relative = interpreted(relative_acceleration)(tuple(omega), tuple(alpha), tuple(self._places("r_oc_b")))
             acceleration = np.array([rates[name] for name in elements("v_c", 3)], object)
             acceleration = _add(acceleration, -1.0, R @ np.array(relative, object))
@@ -202,7 +202,7 @@ class Motion:
 
     def _places(self, name: str) -> Array:
         """Return numbers of the buffer; those that are zero and stay so are 0."""
-        values, stays = self._given.numbers[name], name not in self._given.symbolic
+        values, stays = self.given.numbers[name], name not in self.given.symbolic
         leaves = self._leaves("place", name, len(values))
         return np.array([0.0 if stays and x == 0.0 else leaf for x, leaf in zip(values, leaves, strict=True)], object)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.graph import SYMBOLIC, Symbol, gradient, numbers_of, side
-from rbfmu.formulas.motion import CONSTANT, STATE, Given, by_element, closure, groups_of
+from rbfmu.formulas.motion import CONSTANT, STATE, by_element, closure, groups_of
 from rbfmu.formulas.program import Program
 from rbfmu.formulas.source import SERIES, module_of, source_of, source_of_lanes, source_over
 from rbfmu.models.model_buffer import BLOCKS, BodyAtStart, size_of_block
@@ -49,19 +49,20 @@ _MADE: dict[str, Model] = {}
 class FormulaModel:
     """The model of formulas: `model` runs it, `source` is what a reader can print, `program` what the judge walks."""
 
-    def __init__(self, scene: Scene, given: Given, texts: Texts) -> None:
-        """Take a scene and what its formulas give, as `texts_of` does."""
-        motion, asked = texts.motion, scene.outputs.quantities
-        self.scene, self.given, self.texts, self.motion = scene, given, texts, motion
+    def __init__(self, texts: Texts) -> None:
+        """Take what a scene's formulas give, as `texts_of` does."""
+        scene, motion = texts.scene, texts.motion
+        self.scene: Scene = scene
+        self.given, self.texts, self.motion = motion.given, texts, motion
         self.events = {name: (texts.events[name], DIRECTIONS[row.direction]) for name, row in scene.events.items()}
         whens = {f"{EVENT}{name}": np.array(when, object) for name, (when, _) in self.events.items()}
         loads, states, own = texts.loads, texts.states, texts.own  # without faults, none is None
         tables = {"loads": loads, "states": states, "outputs": own, "events": texts.events}
         self.loads = loads
         self.by_key = {f"{table}.{name}": value for table, rows in tables.items() for name, value in rows.items()}
-        self.all_rates = {**motion.rates(loads), **dict(by_element({f"{STATE}{n}": x for n, x in states.items()}))}
+        self.all_rates = texts.rates
         known = {**motion.outputs(self.all_rates), **own}
-        names = (*dict.fromkeys(OUTPUT[name].judged_by or name for name in asked), *own)
+        names = (*dict.fromkeys(OUTPUT[name].judged_by or name for name in scene.outputs.quantities), *own)
         self.shown = {name: known[name] for name in names} | whens
         self.own_outputs = {name: int(np.size(value)) for name, value in own.items()}
         read = {name.partition("[")[0] for name in self._states_of(self._numbers(*self.shown))}
@@ -305,7 +306,7 @@ class OverClosedForm(FormulaModel):
     """The model of own outputs over a closed form, of whose motion and of the time they are functions."""
 
     def __init__(self, formulas: FormulaModel, base: str) -> None:
-        super().__init__(formulas.scene, formulas.given, formulas.texts)
+        super().__init__(formulas.texts)
         self._base, self._closed_form = base, model_named(base)
         self.program = Program(self.motion.graph, {}, dict(by_element(self.texts.own)))
 
@@ -345,19 +346,18 @@ def _module_of(name: str, text: str) -> ModuleType:
     return made
 
 
-def texts_of(scene: Scene, varied: Iterable[str] = ()) -> tuple[Scene, Given, Texts]:
-    """Return a scene and its formulas on a graph; varied: places whose zeros may become other numbers.
+def texts_of(scene: Scene, varied: Iterable[str] = ()) -> Texts:
+    """Return a scene's formulas on a graph; varied: see `given_to`.
 
     Raises SceneError where the body is refused.
     """
     start = BodyAtStart(scene)
     start.check()
-    given = given_to(scene, {name: start.z[block].tolist() for name, block in BLOCKS.items()}, bool(start.has_pivot))
-    given = replace(given, symbolic=given.symbolic.union(varied))
-    texts = Texts(scene, given)
+    numbers = {name: start.z[block].tolist() for name, block in BLOCKS.items()}
+    texts = Texts(scene, given_to(scene, numbers, varied))
     if texts.faults:  # such as a division by a number of the scene that is zero
         raise SceneError(texts.faults, scene.name)
-    return scene, given, texts
+    return texts
 
 
 @dataclass(frozen=True)
@@ -370,7 +370,7 @@ class _Tables:
 
 @lru_cache(maxsize=16)
 def _of_tables(tables: _Tables) -> FormulaModel:
-    return FormulaModel(*texts_of(tables.scene))
+    return FormulaModel(texts_of(tables.scene))
 
 
 def equations_of(scene: Scene) -> FormulaModel:

@@ -5,26 +5,25 @@ equations of motion. Errors are those of `linearization.linearize`: of the attit
 q_ab = q_ab(t) exp(u / 2), of all other states their own.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from rbfmu.formulas.dual import jacobian, variables
-from rbfmu.formulas.graph import Number, Symbol, changes_of
-from rbfmu.formulas.motion import CONSTANT, STATE, by_element
+from rbfmu.formulas.graph import Number, Symbol, changes_of, numbers_of
+from rbfmu.formulas.motion import by_element
 from rbfmu.formulas.program import WIDTH, Program
+from rbfmu.formulas.start import CHANGE, MADE, Start, inertia_of
 from rbfmu.models.formulas import FormulaModel, texts_of
-from rbfmu.models.model_buffer import BLOCKS, SIZE
+from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
-from rbfmu_kernels.body.memory import inertia_of
 from rbfmu_kernels.compile.tiered import interpreted
-from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE, parallel_axis
+from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import elements
-from rbfmu_kernels.rotations.quaternion import compose_quaternions, rotate
-from rbfmu_kernels.rotations.vec3 import cross, skew
+from rbfmu_kernels.rotations.vec3 import skew
 
 Key = TypeVar("Key", int, str)
 TURN = elements("rotvec_b", 3)
@@ -36,66 +35,49 @@ They are as long as a multiple and 8 numbers, a line of the cache, so that each 
 
 
 class Column(NamedTuple):
-    """A number by which a motion is varied: its name, the block that has it, and its place in this."""
+    """A number by which a motion is varied: its names in the scene and on the graph, and its place in its block."""
 
     name: str
-    block: str
+    element: str
     at: int
 
-
-class Variation(NamedTuple):
-    """What a small change of each column makes of the numbers that a motion begins with and hangs on, (n columns,)."""
-
-    start: Mapping[str, Array]
-    seeds: Mapping[str, Array]
+    @property
+    def block(self) -> str:
+        """The block that has it; an attitude's is in no buffer."""
+        return self.element.partition("[")[0]
 
 
-def variation_of(scene: Scene, columns: Sequence[Column], z: Array) -> Variation:
-    """Return what columns make of the start of all errors, by their names, and of the places of the graph.
+class VariedStart:
+    """What a small change of each column makes of the start of all errors, and of places of the graph."""
 
-    z: the numbers of the body's blocks, once the body is set.
-    """
-    count, numbers = len(columns), z[:SIZE].tolist()
-    turned: list[Any] = [0.0, 0.0, 0.0]
-    own: dict[str, Any] = {}
+    def __init__(self, scene: Scene, columns: Sequence[Column]) -> None:
+        names = [column.element for column in columns]
+        motion = texts_of(scene, (*MADE, *names)).motion
+        start = Start(motion.graph, names)
+        turned = np.array(start.of(start.leaves("rotvec_b", 3)), object)
+        start.set(motion.q, turned @ np.array([*motion.turns()], object))
+        start.begin(motion)
+        self._graph, self._changes = motion.graph, {repr(leaf): dx for leaf, dx in start.changes.items()}
+        self._inertia = [*np.ravel(inertia_of(motion))]
+        self._by_column = {f"{CHANGE}{x}": row for x, row in zip(names, np.eye(len(names)), strict=True)}
+
+    def at(self, z: Array) -> dict[str, Array]:
+        """Return rows (columns,) by names, without those that are zero; z: the numbers of the body's blocks."""
+        known = dict(by_element({name: z[block] for name, block in BLOCKS.items()})) | self._by_column
+        M = np.reshape(numbers_of(self._graph, self._inertia, known), (3, 3))
+        known |= by_element({"M_inverse": np.linalg.pinv(M, rcond=INERTIA_TOLERANCE)})  # of M, as z need not be set
+        rows = numbers_of(self._graph, [*self._changes.values()], known)
+        return {name: row for name, row in zip(self._changes, rows, strict=True) if np.any(row)}
+
+
+def _generic(scene: Scene, columns: Sequence[Column]) -> Array:
+    """Return the body's numbers with those that vary changed a little: what is zero there, is so whatever they are."""
+    z = BodyAtStart(scene).z.copy()
     for n, column in enumerate(columns):
-        one = variables((0.0,), n, count)[0]
-        if column.block == "rotvec_b":
-            turned[column.at] = one
-        elif column.block in BLOCKS:
-            numbers[BLOCKS[column.block].start + column.at] += one
-        else:
-            own[elements(column.block, scene.own_parameters[column.block].size)[column.at]] = one.gradient
-    body = {name: tuple(numbers[block]) for name, block in BLOCKS.items()}
-    q = interpreted(compose_quaternions)(body["q"], (1.0, *(0.5 * u for u in turned)))
-    mass, arm, omega, pivot = body["mass"][0], body["r_oc_b"], body["omega_b_0"], bool(numbers[BLOCKS["pivot"].start])
-    M = interpreted(inertia_of)(numbers)
-    M = interpreted(parallel_axis)(M, mass, arm) if pivot else M
-    values = [float(getattr(x, "value", x)) for x in np.ravel(np.array(M, object))]
-    inverse = np.linalg.pinv(np.reshape(values, (3, 3)), rcond=INERTIA_TOLERANCE)
-    by_M = jacobian([x for row in M for x in row], count)
-    lever = interpreted(rotate)(q, interpreted(cross)(omega, arm))
-    moved = [x + dx for x, dx in zip(body["position_0"], interpreted(rotate)(q, arm), strict=True)]
-    start = {"rotvec_b": turned, "omega": omega, "r_c": moved}
-    start["v_c"] = [x + dx for x, dx in zip(body["velocity_0"], lever, strict=True)]
-    derived = {
-        "M": by_M,
-        "M_inverse": -np.einsum("ij,jkn,kl->iln", inverse, by_M.reshape(3, 3, count), inverse).reshape(9, count),
-        "inverse_mass": jacobian([0.0 if pivot else 1.0 / mass], count),
-        "arm": jacobian(arm if pivot else [-1.0 * x for x in arm], count),
-    }
-    given = {name: jacobian(row, count) for name, row in body.items() if name not in derived}
-    rows = {name: jacobian(x, count) for name, x in start.items()}
-    return Variation(
-        dict(by_row(rows)) | {n: x for n, x in own.items() if n.startswith(STATE)},
-        {element: row for element, row in by_row(given | derived) if row.any()}
-        | {n: x for n, x in own.items() if n.startswith(CONSTANT)},
-    )
-
-
-def by_row(values: Mapping[str, Array]) -> list[tuple[str, Array]]:
-    """Return the rows of matrices, by their elements' names."""
-    return [one for name, rows in values.items() for one in zip(elements(name, len(rows)), rows, strict=True)]
+        if column.block in BLOCKS:
+            at = BLOCKS[column.block].start + column.at
+            z[at] += 1e-3 * math.sqrt(n + 2.0) * (abs(z[at]) or 1.0)
+    return z
 
 
 Slopes = dict[int, Number]
@@ -105,9 +87,10 @@ Slopes = dict[int, Number]
 class VariedModel(FormulaModel):
     """The model of a motion and its errors."""
 
-    def __init__(self, scene: Scene, columns: Sequence[Column], seeded: Mapping[str, Sequence[int]]) -> None:
-        """seeded: by the names of places, in which columns they vary."""
-        super().__init__(*texts_of(scene, (name.partition("[")[0] for name in seeded)))
+    def __init__(self, scene: Scene, columns: Sequence[Column]) -> None:
+        self._start = VariedStart(scene, columns)
+        varied = self._start.at(_generic(scene, columns))
+        super().__init__(texts_of(scene, varied))
         motion = self.motion
         graph, plain = motion.graph, [name for name in self.rates if name != "t" and not name.startswith("q[")]
         self.columns = -(-len(columns) // WIDTH) * WIDTH
@@ -115,7 +98,7 @@ class VariedModel(FormulaModel):
         q = [graph.leaf("state", name) for name in elements("q", 4)] if "q[1]" in self.rates else []
         turns = [*motion.turns()] if q else []
         known = {str(x.value) for x in graph.operations if x.kind == "place"}
-        self.seeded = [(name, d) for name, row in seeded.items() for d in row if name in known]
+        self.seeded = [(name, d) for name, row in varied.items() for d in np.flatnonzero(row).tolist() if name in known]
         self._changes_of_leaves: dict[int, dict[Symbol, Number]] = {
             **{i: dict(zip(q, turn, strict=True)) for i, turn in enumerate(turns)},
             **{i: {graph.leaf("state", name): 1.0} for i, name in enumerate(plain, len(turns))},
@@ -193,14 +176,15 @@ class VariedModel(FormulaModel):
             **{n.upper(): blocks[n].start for n in ("errors", "pattern", "shifts", "rates_before", "bounded")},
         }  # fmt: skip
 
-    def numbers(self, variation: Variation) -> dict[str, list[float]]:
-        """Return what the buffer's blocks of errors begin with."""
+    def numbers(self, z: Array) -> dict[str, list[float]]:
+        """Return what the buffer's blocks of errors begin with; z: the buffer, once the body is set."""
+        varied = self._start.at(z)
         errors = np.zeros((len(self.errors), self.columns))
         for i, name in enumerate(self.errors):
-            row = variation.start.get(name, ())
+            row = varied.get(name, ())
             errors[i, : len(row)] = row
         zero = np.zeros(self.columns)
-        seeds = [float(variation.seeds.get(name, zero)[d]) for name, d in self.seeded]
+        seeds = [float(varied.get(name, zero)[d]) for name, d in self.seeded]
         return {"errors": errors.ravel().tolist(), "seeds": seeds, "pattern": self.pattern}
 
     def slopes_at(self, name: str, errors: Array, values: Array, columns: int) -> Array:

@@ -10,7 +10,6 @@ from mpmath import mp, mpf
 from scipy.linalg import expm
 
 import rbfmu
-from rbfmu.formulas.dual import Dual, jacobian, variables
 from rbfmu_kernels.quantities import OUTPUT
 from tests.support.paths import SCENES
 
@@ -249,18 +248,6 @@ def test_rpy_has_no_derivative_at_its_pole():
 def test_what_is_wrong_is_refused(t, ports, message):
     with pytest.raises(ValueError, match=message):
         rbfmu.linearize(rbfmu.Scene.from_dict(FREE), t, **ports)
-
-
-def test_duals_differentiate():
-    x, y = variables([3.0, 2.0], 0, 2)
-    found = [x * y, x / y, 2.0 / y, x - y, 1.0 - x, x + 1.0, -x, x * 4.0, 5.0 * y, x / 2.0, 7.0]
-    assert [getattr(f, "value", f) for f in found] == [6.0, 1.5, 1.0, 1.0, -2.0, 4.0, -3.0, 12.0, 10.0, 1.5, 7.0]
-    expected = [[2, 3], [0.5, -0.75], [0, -0.5], [1, -1], [-1, 0], [1, 0], [-1, 0], [4, 0], [0, 5], [0.5, 0], [0, 0]]
-    assert jacobian(found, 2).tolist() == expected
-    assert x > y > 1.0
-    assert y < x
-    assert Dual(0.0, np.zeros(2)) == 0.0
-    assert Dual(0.0, np.ones(2)) != 0.0  # it begins to change
 
 
 def test_a_linear_system_says_what_it_is():
