@@ -70,7 +70,8 @@ def simulate(
     (`time`, then FMU variables such as `torque_b[1]`). Ports that are not named stay at zero.
     interpolate: "hold", a value from its time on, or "linear" between times. Communication steps are cut where a time
     lies inside. Of linear inputs a model that takes no input derivatives sees the mean over each step.
-    planned: a plan, used as it is; without one, a plan that meets the accuracy under the inputs given.
+    planned: a plan, whose model and method are used as they are; without one, a plan that meets the accuracy under the
+    inputs given.
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
     tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
@@ -326,7 +327,7 @@ def compiled_step(scene: Scene, planned: Plan | None = None) -> tuple[Callable[[
     status is 0, or 1 for a step that was refused, with nothing changed. What stands where in the buffer say the slices
     `planned.kernels.BLOCKS["torque_b"]` by name, of inputs and of quantities. Raises SceneError.
     """
-    planned = planned or plan(scene)
+    planned = (planned or plan(scene)).of_scene(scene)
     return planned.kernels.step, start_run(scene, planned)
 
 

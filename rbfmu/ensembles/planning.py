@@ -87,18 +87,18 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
             with faults_of(f"{scene.name}, pilot member {k + 1}"):
                 found.append(cheapest(judge.asked, judge))
             tell(0.9 * (k + 1) / len(judges))
-        chosen, growth = _accurate(_for_all(found).of_scene(scene), judges)
+        for_all = _for_all(found).of_scene(scene)
+        if wild:  # the worst members magnify errors far more than pilots: all that helps is to add none
+            for_all = replace(for_all, tolerance=TIGHTEST)
+        chosen, growth = _accurate(for_all, judges)
         if not wild:  # else scouts differ by round-off alone, which two runs of the same substeps have in common
             chosen = with_likely_error(scene, chosen, judges[0].names)
     tell(1.0)
-    reasons = (
-        *_of_model(judges[0].asked, chosen),
-        *_of_members(scene, chosen, len(judges), wild),
-        *_of_growth(scene, growth, wild),
-    )
+    warn(scene, _of_growth(scene, growth, wild))
     if not scene.inputs.ports:  # through which anything may act
         warn(scene, _of_no_effect(scene, chosen))
-    return replace(chosen, reasons=reasons)
+    why = (*_of_model(judges[0].asked, chosen), *_of_members(scene, chosen, len(judges), wild))
+    return replace(chosen, reasons=why)
 
 
 def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:

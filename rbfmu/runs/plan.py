@@ -90,8 +90,12 @@ class Plan:
         return self.formulas.model if self.formulas else self.spec.kernels
 
     def of_scene(self, scene: Scene) -> "Plan":
-        """Return the plan with the kernels of the scene's formulas, if it has any: a file of a plan holds none."""
-        if self.formulas is not None or not scene.has_formulas:
+        """Return the plan with the kernels of the scene's formulas, if it has any.
+
+        A file of a plan holds none, and a plan of another scene may hold those of other texts.
+        """
+        is_made = self.formulas.scene.own_texts == scene.own_texts if self.formulas else not scene.has_formulas
+        if is_made:
             return self
         from rbfmu.models.formulas import OverClosedForm, equations_of  # what has none starts sooner
 

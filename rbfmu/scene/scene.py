@@ -62,6 +62,12 @@ class Scene(Section):
         return bool(self.load_formulas or self.states or self.outputs.own or self.events)
 
     @property
+    def own_texts(self) -> tuple[object, ...]:
+        """Return all that is given as text, with what it reads but the numbers of parameters."""
+        rates = {name: row.rate for name, row in self.states.items()}
+        return self.load_formulas, self.formulas, self.tables, rates, self.events, self.outputs.own
+
+    @property
     def own_parameters(self) -> dict[str, Parameter]:
         """Return the parameters of one's own, constants and starts of states, by the keys that set them."""
         return named.parameters(vars(self))

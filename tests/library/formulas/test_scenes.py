@@ -142,6 +142,21 @@ def test_other_steps_meet_the_accuracy_too(name, factor):
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("change", [
+    {"loads.torque_b": "[gain*cos(t), 0, 0]"},
+    {"formulas.gain": "0.2"},
+    {"outputs": {"quantities": ["omega_b"], "twice": {"value": "2*omega_b[1]", "unit": "rad/s"}}},
+])  # fmt: skip
+def test_a_plan_of_other_texts_runs_those_of_the_scene(change):
+    texts = {"loads": {"torque_b": "[gain*sin(t), 0, 0]"}, "formulas": {"gain": "0.1"}}
+    one = rbfmu.Scene.from_dict(scene(**texts))
+    other = one.replace(change)
+    found, wanted = rbfmu.simulate(other, planned=rbfmu.plan(one)).quantities, rbfmu.simulate(other).quantities
+    assert found.keys() == wanted.keys()
+    for name, rows in wanted.items():
+        np.testing.assert_allclose(found[name], rows, atol=1e-6)
+
+
 def test_bits_do_not_hang_on_compilation():
     one = rbfmu.Scene.from_dict(CASES["spring, thrust and a lag"][0])
     planned = rbfmu.plan(one)
