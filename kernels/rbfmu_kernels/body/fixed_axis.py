@@ -98,7 +98,7 @@ def swing(z: Buffer, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
     q = (up * q[0], up * q[1], up * q[2], up * q[3])
     force, mass = (loads.gravity_a, z[memory.AT.mass]) if memory.has_pivot(z) else (loads.force_a, 1.0)
     lever = cross(axis, arm)
-    unit = dd.multiply(moment, dd.add(two_product(q[0], q[0]), _dot(q[1:], q[1:])))
+    unit = dd.multiply(moment, dd.add(two_product(q[0], q[0]), dd.dot_of_floats(q[1:], q[1:])))
     a, b = _turned_dot(q, lever, force), _turned_dot(q, cross(axis, lever), force)
     return dd.divide(dd.multiply_float(a, mass), unit), dd.divide(dd.multiply_float(b, mass), unit)
 
@@ -115,16 +115,11 @@ def drive_and_damping_rate(z: Buffer, axis: Vec3) -> tuple[float, float]:
 @kernel
 def _moment(z: Buffer, axis: Vec3) -> DoubleDouble:
     """Return the moment about the axis, through the centre of mass or the pivot."""
-    moment = _dot(axis, transform(memory.inertia_of(z), axis))
+    moment = dd.dot_of_floats(axis, transform(memory.inertia_of(z), axis))
     if memory.has_pivot(z):
         lever = cross(axis, vec3_at(z, memory.AT.r_oc_b))
-        moment = dd.add(moment, dd.multiply_float(_dot(lever, lever), z[memory.AT.mass]))
+        moment = dd.add(moment, dd.multiply_float(dd.dot_of_floats(lever, lever), z[memory.AT.mass]))
     return moment
-
-
-@kernel
-def _dot(a: Vec3, b: Vec3) -> DoubleDouble:
-    return dd.add(dd.add(two_product(a[0], b[0]), two_product(a[1], b[1])), two_product(a[2], b[2]))
 
 
 @kernel
@@ -140,7 +135,7 @@ def _triple(a: Vec3, b: Vec3, c: Vec3) -> DoubleDouble:
 def _turned_dot(q_ab: Quaternion, v_b: Vec3, u_a: Vec3) -> DoubleDouble:
     """Return |q|^2 u . R(q) v."""
     e = q_ab[1:]
-    square = dd.subtract(two_product(q_ab[0], q_ab[0]), _dot(e, e))
-    along = dd.multiply(_dot(u_a, e), _dot(e, v_b))
+    square = dd.subtract(two_product(q_ab[0], q_ab[0]), dd.dot_of_floats(e, e))
+    along = dd.multiply(dd.dot_of_floats(u_a, e), dd.dot_of_floats(e, v_b))
     about = dd.multiply_float(_triple(u_a, e, v_b), q_ab[0])
-    return dd.add(dd.multiply(square, _dot(u_a, v_b)), dd.scale(2.0, dd.add(along, about)))
+    return dd.add(dd.multiply(square, dd.dot_of_floats(u_a, v_b)), dd.scale(2.0, dd.add(along, about)))

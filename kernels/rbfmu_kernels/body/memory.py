@@ -133,13 +133,6 @@ def motion_of(z: Buffer) -> State:
 
 
 @kernel
-def put_motion(z: Buffer, motion: State) -> None:
-    """Set the state from `equations_of_motion.State`."""
-    put_centre(z, motion.r_c, motion.v_c)
-    put_rotation(z, motion.q_ab, motion.omega_b)
-
-
-@kernel
 def is_finite(z: Buffer) -> bool:
     """Return whether every number of the state is finite."""
     return are_finite(z, STATE_START, STATE_START + STATE_SIZE)

@@ -120,7 +120,7 @@ def _corrected(x: Vec3, half_xy: float, y: Vec3, half_xw: float, w: Vec3) -> Vec
 
 @kernel
 def _half_dot(a: Vec3, b: Vec3) -> DoubleDouble:
-    return dd.scale(0.5, dd.dot(dd.vector(a), dd.vector(b)))
+    return dd.scale(0.5, dd.dot_of_floats(a, b))
 
 
 @kernel(inline=False)

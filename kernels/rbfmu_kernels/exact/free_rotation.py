@@ -171,22 +171,14 @@ def free_attitude_at(motion: FreeRotation, t: DoubleDouble, place: Place) -> Qua
 @kernel
 def free_rate_at(motion: FreeRotation, place: Place) -> Vec3:
     """Return omega_ab_b at a place on the polhode."""
-    return in_body_axes(_polhode_rates(motion, place), motion.p, motion.r)
-
-
-@kernel
-def _polhode_rates(motion: FreeRotation, place: Place) -> Vec3:
-    """Return the rates about p, r, s with their body axes' signs."""
-    if motion.kind == STEADY:
-        return motion.rates
-    sn, cn, dn = jacobi_of(motion.kind, place, motion.series)
-    sn_2, cn_2, dn_2 = jacobi_low_parts(sn, cn, dn, motion.kc_squared)
     (w_p, w_r, w_s), (low_p, low_r, low_s) = motion.rates, motion.rates_low
-    return (
-        w_p * cn + (w_p * cn_2 + low_p * cn),
-        w_r * sn + (w_r * sn_2 + low_r * sn),
-        w_s * dn + (w_s * dn_2 + low_s * dn),
-    )
+    if motion.kind != STEADY:
+        sn, cn, dn = jacobi_of(motion.kind, place, motion.series)
+        sn_2, cn_2, dn_2 = jacobi_low_parts(sn, cn, dn, motion.kc_squared)
+        w_p = w_p * cn + (w_p * cn_2 + low_p * cn)
+        w_r = w_r * sn + (w_r * sn_2 + low_r * sn)
+        w_s = w_s * dn + (w_s * dn_2 + low_s * dn)
+    return in_body_axes((w_p, w_r, w_s), motion.p, motion.r)
 
 
 _MOMENTS, _Q, _OMEGA, _TIME, _BODY, _RESULT = 0, 3, 7, 10, 11, 12

@@ -14,8 +14,8 @@ from ..body import closed_form, fixed_axis, memory
 from ..body.outputs import output_rates
 from ..body.principal import axes_as_floats, exact_frame, exact_symmetric_frame, keeps_its_rate, rates_along
 from ..body.shell import make_model
-from ..buffer import OK, STEP_REJECTED, TORQUE_ACTS, UNSTEADY, UNSYMMETRIC, places
-from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
+from ..buffer import OK, STEP_REJECTED, TORQUE_ACTS, UNSTEADY, UNSYMMETRIC, places, with_work_space
+from ..buffer_access import matrix_at, put_matrix_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact import free_rotation as exact
 from ..exact import uniform_rotation as uniform
@@ -115,13 +115,11 @@ def _advance_free_symmetric(z: Buffer, h: float) -> int:
 FREE_SYMMETRIC = make_model("FREE_SYMMETRIC", _FREE_SYMMETRIC_LAYOUT, _set_up_free_symmetric, _advance_free_symmetric)
 
 
-FREE = closed_form.CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": FREE_ROTATION_SIZE}
-"""After CLOSED_FORM: principal axes, place on the polhode, 1 where the last step set it, constants of the motion."""
-_FREE_SERIES = FREE | dense.SERIES_BLOCKS | {"next_reach": 1}
-_, _BEFORE = places(_FREE_SERIES)
+FREE = closed_form.CLOSED_FORM | {"axes": 9, "moved": 1, "constants": FREE_ROTATION_SIZE}
+"""After CLOSED_FORM: principal axes, 1 where the last step was one in closed form, constants of the motion."""
 _FREE_WORK = FORCE_RATE
 """The size of the work space: series of rate and attitude, and the latter's products where loads would stand."""
-_FREE_TRIAXIAL_LAYOUT = places(_FREE_SERIES | {"pad_3": -_BEFORE % 8, "work": _FREE_WORK})
+_FREE_TRIAXIAL_LAYOUT = with_work_space(FREE | dense.SERIES_BLOCKS | {"next_reach": 1}, _FREE_WORK)
 _LEAST_REACH = 16.0
 """Communication steps that a series has to reach over at least: below, the closed form costs less."""
 _ROUND_OFF = 2.0**-50
@@ -193,7 +191,7 @@ def _advance_exactly(z: Buffer, h: float) -> int:
     q = exact.free_attitude_at(motion, t, place) if memory.needs_attitude(z) else memory.rotation_of(z).q_ab
     status = closed_form.finish_step(z, h, q, shown_rates(z, place))
     if status == OK:
-        keep_place(z, place)
+        z[_TRIAXIAL.moved] = 1.0
         if _LEAST_REACH * h <= z[_TRIAXIAL.next_reach]:
             _begin_series(z, h, q, _rates(z, place), memory.body_of(z))
         else:
@@ -235,18 +233,13 @@ def shown_rates(z: Buffer, place: Place) -> Vec3:
     return _rates(z, place) if memory.shows_rates(z) else memory.rotation_of(z).omega_b
 
 
-@kernel
-def keep_place(z: Buffer, place: Place) -> None:
-    """Keep where on the polhode the body is after a step."""
-    put_quaternion_at(z, _TRIAXIAL.place, place)
-    z[_TRIAXIAL.moved] = 1.0
-
-
 @kernel(inline=False)
 def rates_of_outputs(z: Buffer) -> int:
     """Set the outputs' time derivatives at constant inputs, and first the rate, which may be an earlier step's."""
     if z[_TRIAXIAL.moved] != 0.0:
-        memory.put_rotation(z, memory.rotation_of(z).q_ab, _rates(z, quaternion_at(z, _TRIAXIAL.place)))
+        motion = free_motion_of(z)
+        place = exact.place_at(motion, exact.scaled_time(motion, closed_form.time_after(z, 0.0)))
+        put_vec3_at(z, _TRIAXIAL.omega, _rates(z, place))
     return output_rates(z)
 
 
@@ -330,7 +323,7 @@ def _advance_free_body_force(z: Buffer, h: float) -> int:
     memory.put_centre(z, r, v)
     put_vec3_at(z, _FORCED.low_r, low_r)
     put_vec3_at(z, _FORCED.low_v, low_v)
-    keep_place(z, place)
+    z[_FORCED.moved] = 1.0
     return closed_form.commit_step(z, h, q, omega)
 
 
