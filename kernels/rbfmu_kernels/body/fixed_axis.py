@@ -13,11 +13,11 @@ from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble, two_product
 from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import invert_matrix, transform
-from ..rotations.quaternion import invert_quaternion, rotate
+from ..rotations.quaternion import invert_quaternion, largest_of, rotate, scale_quaternion
 from ..rotations.vec3 import add, cross, dot, is_nonzero, norm, scale
 from ..types import Buffer, Quaternion, Vec3
 from . import memory
-from .principal import is_sphere
+from .principal import is_sphere, principal_frame
 
 _PARALLEL = 8.0 * 2.0**-52
 """The part of a vector's length that lies across an axis by round-off."""
@@ -33,7 +33,7 @@ def main_axis(z: Buffer) -> Vec3:
     v = omega if is_nonzero(omega) else angular_acceleration(q, omega, body, loads)
     if _may_be_oblique(body, loads) and is_nonzero(v):
         return scale(1.0 / norm(v), v)
-    moments, R = memory.principal_frame(body.inertia)
+    moments, R = principal_frame(body.inertia)
     e = invert_matrix(R)  # its rows are the axes
     x, y, w = abs(dot(e[0], v)), abs(dot(e[1], v)), abs(dot(e[2], v))
     if not is_nonzero(v):
@@ -94,8 +94,7 @@ def swing(z: Buffer, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
     """Return (A, B), rad/s2: forces fixed in space accelerate the angle from quaternion_0 by A cos + B sin of it."""
     arm, loads = memory.body_of(z).arm_b, memory.loads_of(z)
     q, moment = quaternion_at(z, memory.AT.quaternion_0), _moment(z, axis)
-    up = power_of_two_for(max(max(abs(q[0]), abs(q[1])), max(abs(q[2]), abs(q[3]))))
-    q = (up * q[0], up * q[1], up * q[2], up * q[3])
+    q = scale_quaternion(power_of_two_for(largest_of(q)), q)
     force, mass = (loads.gravity_a, z[memory.AT.mass]) if memory.has_pivot(z) else (loads.force_a, 1.0)
     lever = cross(axis, arm)
     unit = dd.multiply(moment, dd.add(two_product(q[0], q[0]), dd.dot_of_floats(q[1:], q[1:])))

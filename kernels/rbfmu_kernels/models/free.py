@@ -22,18 +22,12 @@ from ..exact import uniform_rotation as uniform
 from ..exact.free_rotation_series import Place
 from ..exact.free_rotation_setup import FREE_ROTATION_SIZE, FreeRotation, put_free_rotation, read_free_rotation
 from ..integrators import dense_output as dense
+from ..integrators import taylor_coefficients as series
 from ..integrators.splitting import is_symmetric_top
 from ..integrators.substeps import LONGEST_STEP, Method, substeps_in
-from ..integrators.taylor_coefficients import (
-    FORCE,
-    FORCE_RATE,
-    MAX_ORDER,
-    RATE,
-    SpaceFixedLoads,
-    motion_series,
-    put_factors,
-)
+from ..integrators.taylor_coefficients import MAX_ORDER
 from ..mechanics.equations_of_motion import ROTATION, Body, steady_acceleration, turning_acceleration
+from ..mechanics.inertia import is_diagonal
 from ..numerics import double_double as dd
 from ..numerics.double_double import two_sum
 from ..rotations.matrix import invert_matrix, quaternion_from_matrix, transform
@@ -91,9 +85,8 @@ def _set_up_free_symmetric(z: Buffer) -> int:
     momentum, own = uniform.symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
     axes = axes_as_floats(exact_axes)
     put_vec3_at(z, _SYMMETRIC.omega_0, omega)
-    uniform.put_turning(
-        z, _SYMMETRIC.about_momentum, uniform.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
-    )
+    about_momentum = uniform.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
+    uniform.put_turning(z, _SYMMETRIC.about_momentum, about_momentum)
     uniform.put_turning(z, _SYMMETRIC.about_axis, uniform.Turning(axes[2], own.rate))
     return closed_form.start_clocks(z)
 
@@ -117,7 +110,7 @@ FREE_SYMMETRIC = make_model("FREE_SYMMETRIC", _FREE_SYMMETRIC_LAYOUT, _set_up_fr
 
 FREE = closed_form.CLOSED_FORM | {"axes": 9, "moved": 1, "constants": FREE_ROTATION_SIZE}
 """After CLOSED_FORM: principal axes, 1 where the last step was one in closed form, constants of the motion."""
-_FREE_WORK = FORCE_RATE
+_FREE_WORK = series.FORCE_RATE
 """The size of the work space: series of rate and attitude, and the latter's products where loads would stand."""
 _FREE_TRIAXIAL_LAYOUT = with_work_space(FREE | dense.SERIES_BLOCKS | {"next_reach": 1}, _FREE_WORK)
 _LEAST_REACH = 16.0
@@ -138,17 +131,12 @@ def _set_up_free_triaxial(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and closed_form.is_driven(z):
         return TORQUE_ACTS
     set_up_rotation(z)
-    serves, omega = memory.needs_attitude(z) and _has_exact_moments(z), memory.rotation_of(z).omega_b
+    # with moments as given about the body's own axes, doubles lose nothing
+    serves = memory.needs_attitude(z) and is_diagonal(memory.body_of(z).inertia) and not memory.has_pivot(z)
+    omega = memory.rotation_of(z).omega_b
     longest = min(LONGEST_STEP, _FARTHEST / max(norm(omega), 1e-300)) if serves else 0.0
     z[_SERIES], z[_TRIAXIAL.next_reach] = dense.NONE, longest
     return 0
-
-
-@kernel
-def _has_exact_moments(z: Buffer) -> bool:
-    """Return whether the body's own axes are principal, with moments as given, so that doubles lose nothing."""
-    M = memory.body_of(z).inertia
-    return M[0][1] == 0.0 and M[0][2] == 0.0 and M[1][2] == 0.0 and not memory.has_pivot(z)
 
 
 @kernel(inline=False)
@@ -203,12 +191,13 @@ def _advance_exactly(z: Buffer, h: float) -> int:
 def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -> None:
     """Make a series from attitude and rate on, and keep it if it reaches over many steps of h."""
     s, method = z[_TRIAXIAL.work : _TRIAXIAL.work + _FREE_WORK], Method(ROTATION, MAX_ORDER, _ROUND_OFF, 0.0)
-    put_factors(s, RATE, omega)
-    motion_series(s, 0, MAX_ORDER, 0, _undamped(body), (_NONE, _NONE, _NONE), SpaceFixedLoads(False, False, False))
-    dense.end_series(s, RATE, MAX_ORDER)
+    series.put_factors(s, series.RATE, omega)
+    no_loads = series.SpaceFixedLoads(False, False, False)
+    series.motion_series(s, 0, MAX_ORDER, 0, _undamped(body), (_NONE, _NONE, _NONE), no_loads)
+    dense.end_series(s, series.RATE, MAX_ORDER)
     reach = dense.likely_reach(s, MAX_ORDER, z[_TRIAXIAL.next_reach])
     reach, _ = dense.reach_within(s, method, 0, 1.0, reach, 1.0)
-    m = dense.attitude_series(s, FORCE, q, MAX_ORDER, reach, 0.5 * _ROUND_OFF)
+    m = dense.attitude_series(s, series.FORCE, q, MAX_ORDER, reach, 0.5 * _ROUND_OFF)
     reach, z[_TRIAXIAL.next_reach] = dense.reach_within(s, method, m, 1.0, reach, 1.0)
     dense.begin_clock(z, _SERIES, ROTATION, m, reach)
     if not _LEAST_REACH * h <= reach:

@@ -117,7 +117,7 @@ def dot(a: Vector, b: Vector) -> DoubleDouble:
 
 @kernel
 def dot_of_floats(a: Vec3, b: Vec3) -> DoubleDouble:
-    """Return a . b.  Error <= 10 u^2 |a| |b|: each product is exact."""
+    """Return a . b.  Error <= 6 u^2 |a| |b|, as the products are exact."""
     return add(add(two_product(a[0], b[0]), two_product(a[1], b[1])), two_product(a[2], b[2]))
 
 
