@@ -32,6 +32,11 @@ def places(sizes: dict[str, int], first: int = 0) -> Layout:
     return Layout(blocks, end - first)
 
 
+def with_work_space(sizes: dict[str, int], size: int) -> Layout:
+    """Return places of blocks and of a work space behind them, which begins at a cache line if the buffer does."""
+    return places(sizes | {"pad_3": -places(sizes).size % 8, "work": size})
+
+
 OK, STEP_REJECTED, PAST_STOP = 0, 1, 2
 """Values of the variable `status`; `step` returns OK or STEP_REJECTED."""
 

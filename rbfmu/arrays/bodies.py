@@ -14,15 +14,7 @@ from numpy.typing import ArrayLike
 from rbfmu.arrays.from_kernel import array_function, as_floats, clear_error, documented_by, in_order, warn_of_singular
 from rbfmu.types import Array
 from rbfmu_kernels.compile.simd import widest
-from rbfmu_kernels.exact.free_rotation import (
-    SCRATCH,
-    free_rotation_at,
-    free_rotation_is_singular,
-    free_rotation_setup,
-    free_rotations_in_eight,
-    free_rotations_in_four,
-)
-from rbfmu_kernels.exact.free_rotation import free_rotation as _kernel
+from rbfmu_kernels.exact import free_rotation as _free
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.types import Shape
 
@@ -89,14 +81,14 @@ def _said(reason: int, M: Array) -> str:
 _FEW = 8
 """Bodies from which on lanes pay."""
 _impossible = "free_rotation: some of these moments are of no body (negative, infinite, or 0 beside two that differ)"
-_one_time_per_body = array_function(_kernel, singular=free_rotation_is_singular, warning=_impossible)
-_setup = array_function(free_rotation_setup, singular=free_rotation_is_singular, warning=_impossible)
-_at = array_function(free_rotation_at)
+_one_time_per_body = array_function(_free.free_rotation, singular=_free.free_rotation_is_singular, warning=_impossible)
+_setup = array_function(_free.free_rotation_setup, singular=_free.free_rotation_is_singular, warning=_impossible)
+_at = array_function(_free.free_rotation_at)
 
 
-@documented_by(_kernel)
+@documented_by(_free.free_rotation)
 def free_rotation(*args: Any, **kwargs: Any) -> Any:
-    args, kwargs = in_order(_kernel, args, kwargs)
+    args, kwargs = in_order(_free.free_rotation, args, kwargs)
     try:
         if not kwargs and (found := _in_lanes(*args)):
             return found
@@ -104,7 +96,7 @@ def free_rotation(*args: Any, **kwargs: Any) -> Any:
             return _one_time_per_body(*args, **kwargs)
         return _at(_setup(*args[:3]), *args[3:], **kwargs)
     except (TypeError, ValueError) as error:
-        raise clear_error(_kernel, args, kwargs, error) from None
+        raise clear_error(_free.free_rotation, args, kwargs, error) from None
 
 
 def _times_exceed_bodies(moments: ArrayLike, q_0: ArrayLike, omega_b_0: ArrayLike, t: ArrayLike) -> bool:
@@ -126,8 +118,8 @@ def _in_lanes(*args: ArrayLike) -> tuple[Array, Array] | None:
     moments, q_0, omega_b_0 = (_flat(a, (*shape[:-1], 1, a.shape[-1]), a.shape[-1]) for a in arrays[:3])
     t = _flat(t, t.shape if math.prod(t.shape) == shape[-1] else shape, shape[-1])
     q, omega = np.empty((len(moments), t.shape[-1], 4)), np.empty((len(moments), t.shape[-1], 3))
-    motions = free_rotations_in_eight if widest() == 8 else free_rotations_in_four
-    if motions(moments, q_0, omega_b_0, t, np.zeros(SCRATCH), q, omega):
+    motions = _free.free_rotations_in_eight if widest() == 8 else _free.free_rotations_in_four
+    if motions(moments, q_0, omega_b_0, t, np.zeros(_free.SCRATCH), q, omega):
         warn_of_singular(_impossible)
     return q.reshape(*shape, 4), omega.reshape(*shape, 3)
 

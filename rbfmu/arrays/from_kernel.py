@@ -46,7 +46,7 @@ def array_function(kernel: Function, *constants: int, singular: Singular | None 
 
     singular: a kernel of the first few arguments; where it is true for an item, the warning of that text is given.
     """
-    loops: Any = None  # gufuncs of whole arrays, and of pieces
+    loops: Any = None  # gufuncs of whole arrays, and of pieces, made at the first call
     shapes = core_shapes(kernel)[0].values()
     limits = [(len(shape) + 1, math.prod(shape)) for shape in shapes]  # core axes and one more, numbers of an item
     report = partial(warn_of_singular, warning) if singular else None
@@ -56,8 +56,10 @@ def array_function(kernel: Function, *constants: int, singular: Singular | None 
         nonlocal loops
         if kwargs:
             args, kwargs = in_order(kernel, args, kwargs)
-            if loops and report and "axes" in kwargs:
+            if report and "axes" in kwargs:
                 kwargs["axes"] = [(), *kwargs["axes"]]  # the mark's
+        if loops is None:
+            loops = gufuncs(Item(kernel, constants, singular))
         pool = _pool  # another thread may set it meanwhile
         few = pool is None or _are_few(args, limits)
         try:
@@ -68,13 +70,8 @@ def array_function(kernel: Function, *constants: int, singular: Singular | None 
             if mark:
                 report()
             return result
-        except TypeError as error:
-            if loops is not None:
-                raise clear_error(kernel, args, kwargs, error) from None
-        except ValueError as error:
+        except (TypeError, ValueError) as error:
             raise clear_error(kernel, args, kwargs, error) from None
-        loops = gufuncs(Item(kernel, constants, singular))
-        return call(*args, **kwargs)
 
     return call
 
@@ -169,11 +166,7 @@ def _overlap(arrays: Sequence[Array], outs: Sequence[Array]) -> bool:
     that is the result itself is cut as that is, so that each chunk overlaps itself alone.
     """
     pairs = [*itertools.product(arrays, outs), *itertools.combinations(outs, 2)]
-    return any(np.may_share_memory(a, o, 1) and not _are_same(a, o) for a, o in pairs)  # type: ignore[arg-type]  # as hard as ufuncs try
-
-
-def _are_same(a: Array, b: Array) -> bool:
-    return bool(a.shape == b.shape and a.strides == b.strides and a.ctypes.data == b.ctypes.data)
+    return any(a is not o and np.may_share_memory(a, o, 1) for a, o in pairs)  # type: ignore[arg-type]  # as hard as ufuncs try
 
 
 _NUMPY_KEYWORDS = {"out", "where", "axes", "order", "subok", "casting", "dtype"}

@@ -18,7 +18,7 @@ from rbfmu.studies.one_step import OneStepMethod
 from rbfmu_kernels.body.driven import DRIVEN, STEP_SIZE, finish, keep, load_polynomial_of, part_to_integrate
 from rbfmu_kernels.body.memory import STATE_START, body_of, loads_of
 from rbfmu_kernels.body.shell import Model, make_model
-from rbfmu_kernels.buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, places
+from rbfmu_kernels.buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, with_work_space
 from rbfmu_kernels.buffer_access import copy_numbers, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.integrators.substeps import LONGEST_STEP, count_substep, substeps_in, tolerance_of_substep
@@ -56,9 +56,8 @@ E5[[0, *range(5, STAGES)]] = [
 ]  # fmt: skip
 E3[[0, 8, 11]] -= [0.2440944881889764, 0.7338466882816118, 0.022058823529411766]
 
-_, _BEFORE = places(DRIVEN)
-_LAYOUT = places(DRIVEN | {"pad_3": -_BEFORE % 8, "work": motion.STATE_SIZE * (STAGES + 1)})
-"""The work space, a trial state and then the stages' rates, begins at a cache line if the buffer does."""
+_LAYOUT = with_work_space(DRIVEN, motion.STATE_SIZE * (STAGES + 1))
+"""The work space has a trial state, and then the stages' rates."""
 _AT = _LAYOUT.at
 _WORK: int = _AT.work
 

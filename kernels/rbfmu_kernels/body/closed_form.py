@@ -73,9 +73,8 @@ def is_driven(z: Buffer) -> bool:
 @kernel(inline=False)
 def finish_step(z: Buffer, h: float, q: Quaternion, omega: Vec3) -> int:
     """Set attitude and rate, move the centre of mass, refresh outputs; or return STEP_REJECTED with all as it was."""
-    if not is_finite_rotation(q, omega) or (
-        memory.needs_translation(z) and not memory.has_pivot(z) and not _moved(z, h)
-    ):
+    moves = memory.needs_translation(z) and not memory.has_pivot(z)
+    if not is_finite_rotation(q, omega) or (moves and not _moved(z, h)):
         return STEP_REJECTED
     return commit_step(z, h, q, omega)
 

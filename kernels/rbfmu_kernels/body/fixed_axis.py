@@ -13,11 +13,11 @@ from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble, two_product
 from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import invert_matrix, transform
-from ..rotations.quaternion import invert_quaternion, rotate
+from ..rotations.quaternion import invert_quaternion, largest_of, rotate, scale_quaternion
 from ..rotations.vec3 import add, cross, dot, is_nonzero, norm, scale
 from ..types import Buffer, Quaternion, Vec3
 from . import memory
-from .principal import is_sphere
+from .principal import is_sphere, principal_frame
 
 _PARALLEL = 8.0 * 2.0**-52
 """The part of a vector's length that lies across an axis by round-off."""
@@ -33,7 +33,7 @@ def main_axis(z: Buffer) -> Vec3:
     v = omega if is_nonzero(omega) else angular_acceleration(q, omega, body, loads)
     if _may_be_oblique(body, loads) and is_nonzero(v):
         return scale(1.0 / norm(v), v)
-    moments, R = memory.principal_frame(body.inertia)
+    moments, R = principal_frame(body.inertia)
     e = invert_matrix(R)  # its rows are the axes
     x, y, w = abs(dot(e[0], v)), abs(dot(e[1], v)), abs(dot(e[2], v))
     if not is_nonzero(v):
@@ -94,11 +94,10 @@ def swing(z: Buffer, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
     """Return (A, B), rad/s2: forces fixed in space accelerate the angle from quaternion_0 by A cos + B sin of it."""
     arm, loads = memory.body_of(z).arm_b, memory.loads_of(z)
     q, moment = quaternion_at(z, memory.AT.quaternion_0), _moment(z, axis)
-    up = power_of_two_for(max(max(abs(q[0]), abs(q[1])), max(abs(q[2]), abs(q[3]))))
-    q = (up * q[0], up * q[1], up * q[2], up * q[3])
+    q = scale_quaternion(power_of_two_for(largest_of(q)), q)
     force, mass = (loads.gravity_a, z[memory.AT.mass]) if memory.has_pivot(z) else (loads.force_a, 1.0)
     lever = cross(axis, arm)
-    unit = dd.multiply(moment, dd.add(two_product(q[0], q[0]), _dot(q[1:], q[1:])))
+    unit = dd.multiply(moment, dd.add(two_product(q[0], q[0]), dd.dot_of_floats(q[1:], q[1:])))
     a, b = _turned_dot(q, lever, force), _turned_dot(q, cross(axis, lever), force)
     return dd.divide(dd.multiply_float(a, mass), unit), dd.divide(dd.multiply_float(b, mass), unit)
 
@@ -115,16 +114,11 @@ def drive_and_damping_rate(z: Buffer, axis: Vec3) -> tuple[float, float]:
 @kernel
 def _moment(z: Buffer, axis: Vec3) -> DoubleDouble:
     """Return the moment about the axis, through the centre of mass or the pivot."""
-    moment = _dot(axis, transform(memory.inertia_of(z), axis))
+    moment = dd.dot_of_floats(axis, transform(memory.inertia_of(z), axis))
     if memory.has_pivot(z):
         lever = cross(axis, vec3_at(z, memory.AT.r_oc_b))
-        moment = dd.add(moment, dd.multiply_float(_dot(lever, lever), z[memory.AT.mass]))
+        moment = dd.add(moment, dd.multiply_float(dd.dot_of_floats(lever, lever), z[memory.AT.mass]))
     return moment
-
-
-@kernel
-def _dot(a: Vec3, b: Vec3) -> DoubleDouble:
-    return dd.add(dd.add(two_product(a[0], b[0]), two_product(a[1], b[1])), two_product(a[2], b[2]))
 
 
 @kernel
@@ -140,7 +134,7 @@ def _triple(a: Vec3, b: Vec3, c: Vec3) -> DoubleDouble:
 def _turned_dot(q_ab: Quaternion, v_b: Vec3, u_a: Vec3) -> DoubleDouble:
     """Return |q|^2 u . R(q) v."""
     e = q_ab[1:]
-    square = dd.subtract(two_product(q_ab[0], q_ab[0]), _dot(e, e))
-    along = dd.multiply(_dot(u_a, e), _dot(e, v_b))
+    square = dd.subtract(two_product(q_ab[0], q_ab[0]), dd.dot_of_floats(e, e))
+    along = dd.multiply(dd.dot_of_floats(u_a, e), dd.dot_of_floats(e, v_b))
     about = dd.multiply_float(_triple(u_a, e, v_b), q_ab[0])
-    return dd.add(dd.multiply(square, _dot(u_a, v_b)), dd.scale(2.0, dd.add(along, about)))
+    return dd.add(dd.multiply(square, dd.dot_of_floats(u_a, v_b)), dd.scale(2.0, dd.add(along, about)))

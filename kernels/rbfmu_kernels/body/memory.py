@@ -133,13 +133,6 @@ def motion_of(z: Buffer) -> State:
 
 
 @kernel
-def put_motion(z: Buffer, motion: State) -> None:
-    """Set the state from `equations_of_motion.State`."""
-    put_centre(z, motion.r_c, motion.v_c)
-    put_rotation(z, motion.q_ab, motion.omega_b)
-
-
-@kernel
 def is_finite(z: Buffer) -> bool:
     """Return whether every number of the state is finite."""
     return are_finite(z, STATE_START, STATE_START + STATE_SIZE)
@@ -151,22 +144,13 @@ def has_pivot(z: Buffer) -> bool:
     return bool(z[AT.pivot] != 0.0)
 
 
-@kernel(inline=False)
-def principal_frame(M: Matrix) -> tuple[Vec3, Matrix]:
-    """Return (moments, R_bp); the body's own axes where they are principal, whatever the order of the moments."""
-    if M[0][1] == 0.0 and M[0][2] == 0.0 and M[1][2] == 0.0:
-        return (M[0][0], M[1][1], M[2][2]), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    return principal_axes(M)
-
-
 @kernel
 def body_of(z: Buffer) -> Body:
     """Return the constants of the equations of motion; see `equations_of_motion.Body`."""
     free = 1.0 if z[AT.pivot] == 0.0 else 0.0
-    M, M_inverse = matrix_at(z, AT.M), matrix_at(z, AT.M_inverse)
     return Body(
-        inverse_mass=z[AT.inverse_mass], inertia=M, inertia_inverse=M_inverse, arm_b=vec3_at(z, AT.arm),
-        damping_b=vec3_at(z, AT.damping_b), is_free=free,
+        inverse_mass=z[AT.inverse_mass], inertia=matrix_at(z, AT.M), inertia_inverse=matrix_at(z, AT.M_inverse),
+        arm_b=vec3_at(z, AT.arm), damping_b=vec3_at(z, AT.damping_b), is_free=free,
     )  # fmt: skip
 
 
@@ -255,10 +239,8 @@ def needs_attitude(z: Buffer) -> bool:
 
 @kernel
 def _shows_turning_path(z: Buffer) -> bool:
-    body_force = (
-        is_nonzero(vec3_at(z, AT.constant_force_b)) or is_nonzero(vec3_at(z, AT.force_b)) or is_set(z, PORTS.force_b)
-    )
-    beside = body_force or is_nonzero(vec3_at(z, AT.r_oc_b))
+    body_force = is_nonzero(vec3_at(z, AT.constant_force_b)) or is_nonzero(vec3_at(z, AT.force_b))
+    beside = body_force or is_set(z, PORTS.force_b) or is_nonzero(vec3_at(z, AT.r_oc_b))
     return bool(beside and not has_pivot(z) and z[_PATH] != 0.0)
 
 

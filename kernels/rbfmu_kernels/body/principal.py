@@ -6,14 +6,14 @@ Moments to eps of the trace, as doubles have them, would cost such a motion eps 
 from ..buffer_access import vec3_at
 from ..compile.decorator import kernel
 from ..exact.uniform_rotation import power_for
-from ..mechanics.inertia import INERTIA_TOLERANCE, principal_axes
+from ..mechanics.inertia import INERTIA_TOLERANCE, is_diagonal, principal_axes
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble, Vector, two_product, two_sum
 from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import invert_matrix
 from ..rotations.vec3 import add_scaled, scale
 from ..types import Buffer, Matrix, Vec3
-from .memory import AT, has_pivot, inertia_of, principal_frame
+from .memory import AT, has_pivot, inertia_of
 
 Axes = tuple[Vector, Vector, Vector]
 """The three principal axes, each in b."""
@@ -99,8 +99,7 @@ def _plus(a: DoubleDouble, s: float, b: DoubleDouble) -> DoubleDouble:
 def _scaled(M: Inertia) -> Inertia:
     """Return M scaled by a power of two to a trace of about 1."""
     up = power_of_two_for(M[0][0] + M[1][0] + M[2][0])
-    (a, b, c), (d, e, f) = dd.scale_vector(up, M[0:3]), dd.scale_vector(up, M[3:6])
-    return a, b, c, d, e, f
+    return (*dd.scale_vector(up, M[:3]), *dd.scale_vector(up, M[3:]))
 
 
 @kernel(inline=False)
@@ -120,7 +119,7 @@ def _corrected(x: Vec3, half_xy: float, y: Vec3, half_xw: float, w: Vec3) -> Vec
 
 @kernel
 def _half_dot(a: Vec3, b: Vec3) -> DoubleDouble:
-    return dd.scale(0.5, dd.dot(dd.vector(a), dd.vector(b)))
+    return dd.scale(0.5, dd.dot_of_floats(a, b))
 
 
 @kernel(inline=False)
@@ -189,6 +188,14 @@ def _turned_axes(u: Vector, v: Vector, cos: DoubleDouble, sin: DoubleDouble) -> 
     return (a, b, c), (d, e, f)
 
 
+@kernel(inline=False)
+def principal_frame(M: Matrix) -> tuple[Vec3, Matrix]:
+    """Return (moments, R_bp); the body's own axes where they are principal, whatever the order of the moments."""
+    if is_diagonal(M):
+        return (M[0][0], M[1][1], M[2][2]), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    return principal_axes(M)
+
+
 @kernel
 def symmetric_frame(M: Matrix) -> tuple[float, float, Matrix]:
     """Return (I_t, I_s, axes) of a body with two equal moments.
@@ -227,5 +234,4 @@ def is_sphere(M: Matrix) -> bool:
 
     M: symmetric, kg m^2.
     """
-    mixed = M[0][1] != 0.0 or M[0][2] != 0.0 or M[1][2] != 0.0
-    return M[0][0] == M[1][1] and M[1][1] == M[2][2] and not mixed
+    return M[0][0] == M[1][1] and M[1][1] == M[2][2] and is_diagonal(M)

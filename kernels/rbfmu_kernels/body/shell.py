@@ -11,7 +11,7 @@ from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import State
 from ..rotations.vec3 import dot
 from ..types import Buffer, python_function
-from .memory import initialize_body, put_motion
+from .memory import initialize_body, put_centre, put_rotation
 from .outputs import feedthrough, first_outputs, output_rates, outputs
 
 Entry = Callable[[Buffer], int]
@@ -93,7 +93,8 @@ def commit_motion(z: Buffer, motion: State) -> int:
     r, v, q, w = motion
     if not math.isfinite(dot(r, r) + dot(v, v) + dot(w, w) + q[0] + q[1] + q[2] + q[3]):
         return STEP_REJECTED
-    put_motion(z, motion)
+    put_centre(z, r, v)
+    put_rotation(z, q, w)
     return outputs(z)
 
 

@@ -42,9 +42,8 @@ def columns_of(builder: Builder, items: Value, index: int, width: int) -> list[V
         return [_shuffled(builder, wide, wide, [n + width * i for i in range(LANES)]) for n in range(width)]
     columns: list[Value] = []
     for n in range(0, width - LANES + 1, LANES):
-        columns += _unzipped(
-            builder, [load(builder, _at(builder, items, index + width * i + n), LANES) for i in range(LANES)]
-        )
+        rows = [load(builder, _at(builder, items, index + width * i + n), LANES) for i in range(LANES)]
+        columns += _unzipped(builder, rows)
     for n in range(len(columns), width):
         column = ir.Constant(ir.VectorType(_double, LANES), ir.Undefined)
         for i in range(LANES):

@@ -25,7 +25,8 @@ from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble, Vector, two_sum
 from ..numerics.elementary import power_of_two_for, sincos_half_turns
 from ..numerics.elliptic import NEAREST_KC, jacobi_low_parts
-from ..rotations.quaternion import compose_quaternions, square_of
+from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, largest_of, scale_quaternion, square_of
+from ..rotations.vec3 import scale
 from ..types import Array, Buffer, Quaternion, Vec3
 from . import free_rotation_setup as constants
 from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, Place, jacobi_of, place_of, read_steady, turn_of
@@ -72,10 +73,8 @@ def free_rotation_of(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> Fre
 @kernel
 def scaled_for_setup(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> tuple[Vector, Quaternion, Vector, float]:
     """Return moments, attitude and rate scaled to about 1, and what undoes that of the rate."""
-    scale = power_of_two_for(max(max(abs(q_0[0]), abs(q_0[1])), max(abs(q_0[2]), abs(q_0[3]))))
-    q = (scale * q_0[0], scale * q_0[1], scale * q_0[2], scale * q_0[3])
-    scale = power_for(omega_b_0)
-    return dd.scale_vector(power_for(moments), moments), q, dd.scale_vector(scale, omega_b_0), 1.0 / scale
+    q, up = scale_quaternion(power_of_two_for(largest_of(q_0)), q_0), power_for(omega_b_0)
+    return dd.scale_vector(power_for(moments), moments), q, dd.scale_vector(up, omega_b_0), 1.0 / up
 
 
 @kernel(inline=False)
@@ -154,39 +153,28 @@ def free_attitude_at(motion: FreeRotation, t: DoubleDouble, place: Place) -> Qua
     high, low = without_turns(motion.precession, t)
     if motion.kind == STEADY:
         s, e = sincos_half_turns(2.0 * high, 2.0 * low)
-        x, y, w = read_steady(motion.series).axis
-        p, r, s = s * x, s * y, s * w
+        p, r, s = scale(s, read_steady(motion.series).axis)
     else:
         e, p, r, s = turn_of(motion.kind, place, (2.0 * high, 2.0 * low), motion.shift, motion.series)
     of_1, of_p, of_r, of_s = motion.columns
-    q_0 = (e * of_1[0] + p * of_p[0]) + (r * of_r[0] + s * of_s[0])
-    q_1 = (e * of_1[1] + p * of_p[1]) + (r * of_r[1] + s * of_s[1])
-    q_2 = (e * of_1[2] + p * of_p[2]) + (r * of_r[2] + s * of_s[2])
-    q_3 = (e * of_1[3] + p * of_p[3]) + (r * of_r[3] + s * of_s[3])
-    square = square_of((q_0, q_1, q_2, q_3))
-    inverse = 1.0 / math.sqrt(choose(square != 0.0, square, math.nan))
-    return (inverse * q_0, inverse * q_1, inverse * q_2, inverse * q_3)
+    first = add_scaled_quaternion(scale_quaternion(e, of_1), p, of_p)
+    second = add_scaled_quaternion(scale_quaternion(r, of_r), s, of_s)
+    q = add_scaled_quaternion(first, 1.0, second)
+    square = square_of(q)
+    return scale_quaternion(1.0 / math.sqrt(choose(square != 0.0, square, math.nan)), q)
 
 
 @kernel
 def free_rate_at(motion: FreeRotation, place: Place) -> Vec3:
     """Return omega_ab_b at a place on the polhode."""
-    return in_body_axes(_polhode_rates(motion, place), motion.p, motion.r)
-
-
-@kernel
-def _polhode_rates(motion: FreeRotation, place: Place) -> Vec3:
-    """Return the rates about p, r, s with their body axes' signs."""
-    if motion.kind == STEADY:
-        return motion.rates
-    sn, cn, dn = jacobi_of(motion.kind, place, motion.series)
-    sn_2, cn_2, dn_2 = jacobi_low_parts(sn, cn, dn, motion.kc_squared)
     (w_p, w_r, w_s), (low_p, low_r, low_s) = motion.rates, motion.rates_low
-    return (
-        w_p * cn + (w_p * cn_2 + low_p * cn),
-        w_r * sn + (w_r * sn_2 + low_r * sn),
-        w_s * dn + (w_s * dn_2 + low_s * dn),
-    )
+    if motion.kind != STEADY:
+        sn, cn, dn = jacobi_of(motion.kind, place, motion.series)
+        sn_2, cn_2, dn_2 = jacobi_low_parts(sn, cn, dn, motion.kc_squared)
+        w_p = w_p * cn + (w_p * cn_2 + low_p * cn)
+        w_r = w_r * sn + (w_r * sn_2 + low_r * sn)
+        w_s = w_s * dn + (w_s * dn_2 + low_s * dn)
+    return in_body_axes((w_p, w_r, w_s), motion.p, motion.r)
 
 
 _MOMENTS, _Q, _OMEGA, _TIME, _BODY, _RESULT = 0, 3, 7, 10, 11, 12

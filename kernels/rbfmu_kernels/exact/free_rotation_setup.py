@@ -260,9 +260,9 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     precession, phase_rate = polhode.precession, polhode.phase_rate
     besides = dd.scale(sign, polhode.half_turn)
     if all_of(kc[0] >= NEAREST_KC):
-        series = free_rotation_series.flatten_tumbling(
-            free_rotation_series.series_of(kappa[0], a_p[0] / (polhode.a_s[0] + polhode.g), polhode.k2, kc[0], sign)
-        )
+        tilt = a_p[0] / (polhode.a_s[0] + polhode.g)
+        tumbling = free_rotation_series.series_of(kappa[0], tilt, polhode.k2, kc[0], sign)
+        series = free_rotation_series.flatten_tumbling(tumbling)
         precession = dd.add(precession, dd.multiply(besides, phase_rate))
     else:
         kind = NEAR
@@ -277,9 +277,8 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     rate_r = dd.divide(dd.scale(unit * sign_r, a_r), i_r)
     rate_s = dd.scale(unit * sign_s, polhode.rate_s)
     q = (q_0[0], sign_p * _at(q_0, p), sign_r * _at(q_0, r), sign_s * _at(q_0, s))
-    start = free_rotation_series.turn_of(
-        kind, free_rotation_series.place_of(kind, phase, width), (0.0, 0.0), shift, series
-    )
+    place = free_rotation_series.place_of(kind, phase, width)
+    start = free_rotation_series.turn_of(kind, place, (0.0, 0.0), shift, series)
     q = compose_quaternions(q, invert_quaternion(start))
     return FreeRotation(
         kind=kind, unit=unit, precession=precession, phase_rate=(0.5 * phase_rate[0], 0.5 * phase_rate[1]), phase=phase,

@@ -17,6 +17,7 @@ from ..compile.simd import Lanes, add_lanes, lanes, lanes_at, multiply_lanes, nu
 from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, ROTATION, V_C, WHOLE_STATE, Body, LoadPolynomial
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble
+from ..rotations.quaternion import largest_of, scale_quaternion, square_of
 from ..rotations.vec3 import add, add_scaled, largest_component, norm, scale, subtract
 from ..types import Buffer, Quaternion, Vec3
 from . import substeps
@@ -62,8 +63,7 @@ def _turn_rate(s: Buffer, products: int, k: int) -> Quaternion:
         odd = add_lanes(odd, _turn_product(s, products, j + 1, k - j - 1))
     if k & 1 == 1:
         even = add_lanes(even, _turn_product(s, products, k - 1, 1))
-    a, b, c, d = numbers(add_lanes(add_lanes(even, odd), _turn_product(s, products, k, 0)))
-    return (a, b, c, d)
+    return numbers(add_lanes(add_lanes(even, odd), _turn_product(s, products, k, 0)))
 
 
 @kernel
@@ -87,14 +87,10 @@ def likely_reach(s: Buffer, order: int, longest: float) -> float:
 
 
 @kernel
-def _largest(q: Quaternion) -> float:
-    return max(abs(q[0]), largest_component((q[1], q[2], q[3])))
-
-
-@kernel
 def last_terms_of_attitude(s: Buffer, order: int, h: float) -> float:
     """Return the larger of the last two terms at h, per h^(order - 1)."""
-    return max(_largest(quaternion_at(s, term(TURN, order - 1))), h * _largest(quaternion_at(s, term(TURN, order))))
+    last, before = quaternion_at(s, term(TURN, order)), quaternion_at(s, term(TURN, order - 1))
+    return max(largest_of(before), h * largest_of(last))
 
 
 @kernel(inline=False)
@@ -106,12 +102,10 @@ def attitude_series(s: Buffer, products: int, q: Quaternion, order: int, reach: 
     _put_turn(s, products, 0, q)
     power, were_small = 1.0, False
     for k in range(order):
-        a, b, c, d = _turn_rate(s, products, k)
-        half = 0.5 * PER[k]
-        q = (half * a, half * b, half * c, half * d)
+        q = scale_quaternion(0.5 * PER[k], _turn_rate(s, products, k))
         _put_turn(s, products, k + 1, q)
         power *= reach
-        small = _largest(q) * power <= bound
+        small = largest_of(q) * power <= bound
         if small and were_small and 2 * k >= order:
             order = k + 1
             break
@@ -121,7 +115,7 @@ def attitude_series(s: Buffer, products: int, q: Quaternion, order: int, reach: 
 
 
 @kernel
-def _value(s: Buffer, u: int, order: int, t: float) -> tuple[float, float, float, float]:
+def _value(s: Buffer, u: int, order: int, t: float) -> Lanes:
     """Return a series at t: four sums side by side, of which none waits for another."""
     t_2 = t * t
     t_4 = t_2 * t_2
@@ -135,24 +129,21 @@ def _value(s: Buffer, u: int, order: int, t: float) -> tuple[float, float, float
         d = add_lanes(multiply_lanes(d, steps), lanes_at(s, k + 4 * ROW))
     a, c = add_lanes(a, multiply_lanes(b, once)), add_lanes(c, multiply_lanes(d, once))
     a = add_lanes(a, multiply_lanes(c, twice))
-    x, y, z, v = numbers(add_lanes(lanes_at(s, u), multiply_lanes(a, once)))
-    return (x, y, z, v)
+    return numbers(add_lanes(lanes_at(s, u), multiply_lanes(a, once)))
 
 
 @kernel
 def rate_at(s: Buffer, w: int, order: int, t: float) -> Vec3:
     """Return omega_ab_b at t of the series that stand from s[w] on."""
-    x, y, z, _ = _value(s, w + RATE, order, t)
-    return (x, y, z)
+    return _value(s, w + RATE, order, t)[:3]
 
 
 @kernel
 def attitude_at(s: Buffer, w: int, order: int, t: float) -> Quaternion:
     """Return q_ab at t, of unit length, of the series that stand from s[w] on."""
-    a, b, c, d = _value(s, w + TURN, order, t)
-    over = (a * a + b * b) + (c * c + d * d) - 1.0
-    r = 1.0 - 0.5 * over if abs(over) < _NEAR else 1.0 / math.sqrt(1.0 + over)
-    return (r * a, r * b, r * c, r * d)
+    q = _value(s, w + TURN, order, t)
+    over = square_of(q) - 1.0
+    return scale_quaternion(1.0 - 0.5 * over if abs(over) < _NEAR else 1.0 / math.sqrt(1.0 + over), q)
 
 
 SERIES_BLOCKS = {

@@ -230,9 +230,8 @@ def _to_corner(equations: Equations, s: Array, longest: float) -> float:
     """Return how far the series reach, at most `longest`, and note at whose corner they end."""
     operations, sides, touching, corner = equations.operations, equations.sides, equations.touching, -1
     for i in range(sides.shape[0]):
-        longest = polynomials.known_until(
-            s[0], operations[int(sides[i, 0]), 1] * LENGTH, 1, ORDER, longest, polynomials.ROUGHLY
-        )
+        at = operations[int(sides[i, 0]), 1] * LENGTH
+        longest = polynomials.known_until(s[0], at, 1, ORDER, longest, polynomials.ROUGHLY)
     for m in range(touching.shape[0]):
         for of in range(2):
             longest = polynomials.known_until(s[0], touching[m, of] * LENGTH, 1, ORDER, longest, polynomials.ROUGHLY)

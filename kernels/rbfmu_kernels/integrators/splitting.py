@@ -12,10 +12,10 @@ import math
 
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import Body, Loads, State, angular_acceleration, linear_acceleration
-from ..mechanics.inertia import scale_matrix, trace
+from ..mechanics.inertia import add_scaled_matrix, diagonal, scale_matrix, trace
 from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import transform
-from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
+from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate, scale_quaternion
 from ..rotations.rotation_vector import quaternion_from_rotvec
 from ..rotations.vec3 import add_scaled, norm, scale, subtract
 from ..types import Matrix, Vec3
@@ -67,8 +67,7 @@ def is_symmetric_top(M: Matrix) -> bool:
     total = trace(M)
     t = transverse_moment(M)
     s = total - 2.0 * t
-    A = ((M[0][0] - t, M[0][1], M[0][2]), (M[1][0], M[1][1] - t, M[1][2]), (M[2][0], M[2][1], M[2][2] - t))
-    B = ((M[0][0] - s, M[0][1], M[0][2]), (M[1][0], M[1][1] - s, M[1][2]), (M[2][0], M[2][1], M[2][2] - s))
+    A, B = add_scaled_matrix(M, -1.0, diagonal((t, t, t))), add_scaled_matrix(M, -1.0, diagonal((s, s, s)))
     residual = max(max(norm(transform(A, B[0])), norm(transform(A, B[1]))), norm(transform(A, B[2])))
     return residual <= 4.0 * 2.0**-52 * total * (abs(t - s) + 4.0 * 2.0**-52 * total)
 
@@ -111,7 +110,7 @@ def _with_unit_attitude(state: State) -> State:
     """Keep |q| by one step of Newton's method, as products of unit quaternions leave it within some eps."""
     r, v, q, omega = state
     s = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    return State(r, v, (s * q[0], s * q[1], s * q[2], s * q[3]), omega)
+    return State(r, v, scale_quaternion(s, q), omega)
 
 
 @kernel

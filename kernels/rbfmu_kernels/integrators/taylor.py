@@ -77,8 +77,7 @@ def _sum(s: Buffer, u: int, order: int, h: float) -> Vec3:
         even = add_lanes(multiply_lanes(even, steps), lanes_at(s, term(u, k)))
         odd = add_lanes(multiply_lanes(odd, steps), lanes_at(s, term(u, k - 1)))
     even, odd = multiply_lanes(even, steps), multiply_lanes(odd, lanes(h, h, h, h))
-    x, y, z, _ = numbers(add_lanes(add_lanes(even, odd), lanes_at(s, u)))
-    return (x, y, z)
+    return numbers(add_lanes(add_lanes(even, odd), lanes_at(s, u)))[:3]
 
 
 @kernel

@@ -14,9 +14,10 @@ from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, cyclic_at, lanes, lanes_at, multiply_lanes, numbers, put_cyclic, put_lanes
 from ..compile.wide import all_of
 from ..mechanics.equations_of_motion import Body, LoadPolynomial, Loads, acting_loads, is_changing
+from ..mechanics.newton_euler import damping_torque
 from ..rotations.matrix import transform
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
-from ..rotations.vec3 import add, cross, is_nonzero, scale
+from ..rotations.vec3 import add, cross, is_nonzero, scale, subtract
 from ..types import Buffer, Matrix, Quaternion, Vec3
 
 MAX_ORDER = 24
@@ -93,8 +94,7 @@ def _inner_products(s: Buffer, u: int, v: int, k: int) -> Vec3:
         i, j = i - ROW, j + ROW
         low = add_lanes(low, multiply_lanes(lanes_at(s, u + i), _second_at(s, v + j)))
         high = add_lanes(high, multiply_lanes(lanes_at(s, u + j), _second_at(s, v + i)))
-    x, y, z, _ = numbers(add_lanes(low, high))
-    return (x, y, z)
+    return numbers(add_lanes(low, high))[:3]
 
 
 @kernel
@@ -111,9 +111,7 @@ def _outer_products(s: Buffer, u: int, v: int, k: int) -> Vec3:
         high = add_lanes(high, multiply_lanes(lanes_at(s, u + j), _second_at(s, v + i)))
         low_back = add_lanes(low_back, multiply_lanes(_second_at(s, u + i), lanes_at(s, v + j)))
         high_back = add_lanes(high_back, multiply_lanes(_second_at(s, u + j), lanes_at(s, v + i)))
-    a, b, c, _ = numbers(add_lanes(low, high))
-    d, e, f, _ = numbers(add_lanes(low_back, high_back))
-    return (a - d, b - e, c - f)
+    return subtract(numbers(add_lanes(low, high))[:3], numbers(add_lanes(low_back, high_back))[:3])
 
 
 @kernel
@@ -257,7 +255,6 @@ def motion_series(
     s: Buffer, first: int, last: int, m: int, body: Body, torques: Torques, fixed: SpaceFixedLoads
 ) -> None:
     """Set the coefficients from `first` to `last` of omega and of the loads that turn in b, and up to m of D."""
-    damping = body.damping_b
     (a, d, e), (_, b, f), (_, _, c) = body.inertia
     (p, _, _), (_, q, _), (_, _, r) = body.inertia_inverse
     diagonal = all_of((d == 0.0) & (e == 0.0) & (f == 0.0))
@@ -266,7 +263,7 @@ def motion_series(
     force, space_torque = vec3_at(s, term(FORCE, first)), vec3_at(s, term(TORQUE, first))
     put_quaternion_at(s, TURN, turn)
     for k in range(first, last):
-        torque = (-damping[0] * rate[0], -damping[1] * rate[1], -damping[2] * rate[2])
+        torque = damping_torque(body.damping_b, rate)
         if k < 3:
             torque = add(torque, torques[k])
         if fixed.lever_force:
@@ -295,8 +292,7 @@ def motion_series(
 
 @kernel
 def _turned_force(s: Buffer, k: int, inverse_mass: float, force: Vec3) -> Quaternion:
-    force = scale(inverse_mass, force)
-    return compose_quaternions(quaternion_at(s, term(TURN, k)), (0.0, force[0], force[1], force[2]))
+    return compose_quaternions(quaternion_at(s, term(TURN, k)), (0.0, *scale(inverse_mass, force)))
 
 
 @kernel(inline=False)

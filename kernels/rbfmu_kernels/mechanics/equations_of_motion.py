@@ -12,7 +12,7 @@ from ..buffer import places
 from ..buffer_access import put_quaternion_at
 from ..compile.decorator import kernel
 from ..rotations.matrix import transform
-from ..rotations.quaternion import invert_quaternion, quaternion_rate_b, rotate
+from ..rotations.quaternion import invert_quaternion, quaternion_rate_b, rotate, scale_quaternion
 from ..rotations.vec3 import add, add_scaled, cross, is_nonzero, scale, subtract
 from ..types import Buffer, Matrix, Quaternion, Vec3
 from .newton_euler import damping_torque, gyroscopic_torque
@@ -54,7 +54,7 @@ class Centre(NamedTuple):
 def put_unit_attitude(z: Buffer, i: int, q: Quaternion) -> None:
     """Set the quaternion of the state that begins at z[i], scaled to length 1."""
     s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    put_quaternion_at(z, i, (s * q[0], s * q[1], s * q[2], s * q[3]))
+    put_quaternion_at(z, i, scale_quaternion(s, q))
 
 
 Rates = State

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from ..compile.decorator import kernel
 from ..numerics.double_double import two_sum
 from ..numerics.elementary import power_of_two_for
-from ..rotations.matrix import compose_matrices
+from ..rotations.matrix import compose_matrices, invert_matrix
 from ..rotations.vec3 import add, add_scaled, dot, scale, subtract
 from ..types import Array, Matrix, Vec3
 
@@ -37,6 +37,12 @@ def add_scaled_matrix(A: Matrix, s: float, B: Matrix) -> Matrix:
 def scale_matrix(s: float, A: Matrix) -> Matrix:
     """Return s A."""
     return (scale(s, A[0]), scale(s, A[1]), scale(s, A[2]))
+
+
+@kernel
+def is_diagonal(M: Matrix) -> bool:
+    """Return whether a symmetric matrix has nothing but zeros off its diagonal."""
+    return M[0][1] == 0.0 and M[0][2] == 0.0 and M[1][2] == 0.0
 
 
 @kernel
@@ -215,8 +221,7 @@ def principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
         b, c, y, z = c, b, z, (-y[0], -y[1], -y[2])
     if a > b:
         a, b, x, y = b, a, y, (-x[0], -x[1], -x[2])
-    x, y, z = _orthonormal(x, y, z)
-    return (a, b, c), ((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]))
+    return (a, b, c), invert_matrix(_orthonormal(x, y, z))
 
 
 @kernel

@@ -24,14 +24,14 @@ def transform_from_matrix(R_ab: Matrix, r_ab_a: Vec3) -> Transform:
     Exact for every argument.  Singular: nowhere.  Source: E&G 6.4.
     """
     (a, b, c), (x, y, z) = R_ab, r_ab_a
-    return ((a[0], a[1], a[2], x), (b[0], b[1], b[2], y), (c[0], c[1], c[2], z), (0.0, 0.0, 0.0, 1.0))
+    return ((*a, x), (*b, y), (*c, z), (0.0, 0.0, 0.0, 1.0))
 
 
 @kernel
 def _parts(T: Transform) -> tuple[Matrix, Vec3]:
     """Return rotation and translation; the last row is not looked at."""
     a, b, c = T[0], T[1], T[2]
-    return ((a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2])), (a[3], b[3], c[3])
+    return (a[:3], b[:3], c[:3]), (a[3], b[3], c[3])
 
 
 @kernel
@@ -69,11 +69,6 @@ def transform_point(T_ab: Transform, p_b: Vec3) -> Vec3:
 
 
 @kernel
-def _pair(first: Vec3, second: Vec3) -> Vec6:
-    return (first[0], first[1], first[2], second[0], second[1], second[2])
-
-
-@kernel
 def twist_at(twist_o: Vec6, r_op: Vec3) -> Vec6:
     """Return the twist (omega, v_p) at a point p of the body, with v_p = v_o + omega x r_op, of that at o.
 
@@ -81,8 +76,8 @@ def twist_at(twist_o: Vec6, r_op: Vec3) -> Vec6:
     Error <= 1.5 eps (|v_o| + |omega| |r_op|) of v_p; omega stays.  Singular: nowhere.
     Source: K. M. Lynch, F. C. Park, Modern Robotics, 3.3.
     """
-    omega, v_o = (twist_o[0], twist_o[1], twist_o[2]), (twist_o[3], twist_o[4], twist_o[5])
-    return _pair(omega, add(v_o, cross(omega, r_op)))
+    omega, v_o = twist_o[:3], twist_o[3:]
+    return (*omega, *add(v_o, cross(omega, r_op)))
 
 
 @kernel
@@ -93,8 +88,8 @@ def wrench_at(wrench_o: Vec6, r_op: Vec3) -> Vec6:
     Error <= 1.5 eps (|torque_o| + |r_op| |force|) of torque_p; the force stays.  Singular: nowhere.
     Source: Lynch and Park 3.4.
     """
-    torque, force = (wrench_o[0], wrench_o[1], wrench_o[2]), (wrench_o[3], wrench_o[4], wrench_o[5])
-    return _pair(subtract(torque, cross(r_op, force)), force)
+    torque, force = wrench_o[:3], wrench_o[3:]
+    return (*subtract(torque, cross(r_op, force)), *force)
 
 
 @kernel
@@ -112,10 +107,10 @@ def spatial_inertia(mass: float, M_c: Matrix, r_oc: Vec3) -> Matrix6:
     M_o, S = parallel_axis(M_c, mass, r_oc), skew(scale(mass, r_oc))
     zero = (0.0, 0.0, 0.0)
     return (
-        _pair(M_o[0], S[0]),
-        _pair(M_o[1], S[1]),
-        _pair(M_o[2], S[2]),
-        _pair(subtract(zero, S[0]), (mass, 0.0, 0.0)),
-        _pair(subtract(zero, S[1]), (0.0, mass, 0.0)),
-        _pair(subtract(zero, S[2]), (0.0, 0.0, mass)),
+        (*M_o[0], *S[0]),
+        (*M_o[1], *S[1]),
+        (*M_o[2], *S[2]),
+        (*subtract(zero, S[0]), mass, 0.0, 0.0),
+        (*subtract(zero, S[1]), 0.0, mass, 0.0),
+        (*subtract(zero, S[2]), 0.0, 0.0, mass),
     )

@@ -14,26 +14,20 @@ from ..body import closed_form, fixed_axis, memory
 from ..body.outputs import output_rates
 from ..body.principal import axes_as_floats, exact_frame, exact_symmetric_frame, keeps_its_rate, rates_along
 from ..body.shell import make_model
-from ..buffer import OK, STEP_REJECTED, TORQUE_ACTS, UNSTEADY, UNSYMMETRIC, places
-from ..buffer_access import matrix_at, put_matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
+from ..buffer import OK, STEP_REJECTED, TORQUE_ACTS, UNSTEADY, UNSYMMETRIC, places, with_work_space
+from ..buffer_access import matrix_at, put_matrix_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact import free_rotation as exact
 from ..exact import uniform_rotation as uniform
 from ..exact.free_rotation_series import Place
 from ..exact.free_rotation_setup import FREE_ROTATION_SIZE, FreeRotation, put_free_rotation, read_free_rotation
 from ..integrators import dense_output as dense
+from ..integrators import taylor_coefficients as series
 from ..integrators.splitting import is_symmetric_top
 from ..integrators.substeps import LONGEST_STEP, Method, substeps_in
-from ..integrators.taylor_coefficients import (
-    FORCE,
-    FORCE_RATE,
-    MAX_ORDER,
-    RATE,
-    SpaceFixedLoads,
-    motion_series,
-    put_factors,
-)
+from ..integrators.taylor_coefficients import MAX_ORDER
 from ..mechanics.equations_of_motion import ROTATION, Body, steady_acceleration, turning_acceleration
+from ..mechanics.inertia import is_diagonal
 from ..numerics import double_double as dd
 from ..numerics.double_double import two_sum
 from ..rotations.matrix import invert_matrix, quaternion_from_matrix, transform
@@ -91,9 +85,8 @@ def _set_up_free_symmetric(z: Buffer) -> int:
     momentum, own = uniform.symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
     axes = axes_as_floats(exact_axes)
     put_vec3_at(z, _SYMMETRIC.omega_0, omega)
-    uniform.put_turning(
-        z, _SYMMETRIC.about_momentum, uniform.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
-    )
+    about_momentum = uniform.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
+    uniform.put_turning(z, _SYMMETRIC.about_momentum, about_momentum)
     uniform.put_turning(z, _SYMMETRIC.about_axis, uniform.Turning(axes[2], own.rate))
     return closed_form.start_clocks(z)
 
@@ -115,13 +108,11 @@ def _advance_free_symmetric(z: Buffer, h: float) -> int:
 FREE_SYMMETRIC = make_model("FREE_SYMMETRIC", _FREE_SYMMETRIC_LAYOUT, _set_up_free_symmetric, _advance_free_symmetric)
 
 
-FREE = closed_form.CLOSED_FORM | {"axes": 9, "place": 4, "moved": 1, "constants": FREE_ROTATION_SIZE}
-"""After CLOSED_FORM: principal axes, place on the polhode, 1 where the last step set it, constants of the motion."""
-_FREE_SERIES = FREE | dense.SERIES_BLOCKS | {"next_reach": 1}
-_, _BEFORE = places(_FREE_SERIES)
-_FREE_WORK = FORCE_RATE
+FREE = closed_form.CLOSED_FORM | {"axes": 9, "moved": 1, "constants": FREE_ROTATION_SIZE}
+"""After CLOSED_FORM: principal axes, 1 where the last step was one in closed form, constants of the motion."""
+_FREE_WORK = series.FORCE_RATE
 """The size of the work space: series of rate and attitude, and the latter's products where loads would stand."""
-_FREE_TRIAXIAL_LAYOUT = places(_FREE_SERIES | {"pad_3": -_BEFORE % 8, "work": _FREE_WORK})
+_FREE_TRIAXIAL_LAYOUT = with_work_space(FREE | dense.SERIES_BLOCKS | {"next_reach": 1}, _FREE_WORK)
 _LEAST_REACH = 16.0
 """Communication steps that a series has to reach over at least: below, the closed form costs less."""
 _ROUND_OFF = 2.0**-50
@@ -140,17 +131,12 @@ def _set_up_free_triaxial(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and closed_form.is_driven(z):
         return TORQUE_ACTS
     set_up_rotation(z)
-    serves, omega = memory.needs_attitude(z) and _has_exact_moments(z), memory.rotation_of(z).omega_b
+    # with moments as given about the body's own axes, doubles lose nothing
+    serves = memory.needs_attitude(z) and is_diagonal(memory.body_of(z).inertia) and not memory.has_pivot(z)
+    omega = memory.rotation_of(z).omega_b
     longest = min(LONGEST_STEP, _FARTHEST / max(norm(omega), 1e-300)) if serves else 0.0
     z[_SERIES], z[_TRIAXIAL.next_reach] = dense.NONE, longest
     return 0
-
-
-@kernel
-def _has_exact_moments(z: Buffer) -> bool:
-    """Return whether the body's own axes are principal, with moments as given, so that doubles lose nothing."""
-    M = memory.body_of(z).inertia
-    return M[0][1] == 0.0 and M[0][2] == 0.0 and M[1][2] == 0.0 and not memory.has_pivot(z)
 
 
 @kernel(inline=False)
@@ -193,7 +179,7 @@ def _advance_exactly(z: Buffer, h: float) -> int:
     q = exact.free_attitude_at(motion, t, place) if memory.needs_attitude(z) else memory.rotation_of(z).q_ab
     status = closed_form.finish_step(z, h, q, shown_rates(z, place))
     if status == OK:
-        keep_place(z, place)
+        z[_TRIAXIAL.moved] = 1.0
         if _LEAST_REACH * h <= z[_TRIAXIAL.next_reach]:
             _begin_series(z, h, q, _rates(z, place), memory.body_of(z))
         else:
@@ -205,12 +191,13 @@ def _advance_exactly(z: Buffer, h: float) -> int:
 def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -> None:
     """Make a series from attitude and rate on, and keep it if it reaches over many steps of h."""
     s, method = z[_TRIAXIAL.work : _TRIAXIAL.work + _FREE_WORK], Method(ROTATION, MAX_ORDER, _ROUND_OFF, 0.0)
-    put_factors(s, RATE, omega)
-    motion_series(s, 0, MAX_ORDER, 0, _undamped(body), (_NONE, _NONE, _NONE), SpaceFixedLoads(False, False, False))
-    dense.end_series(s, RATE, MAX_ORDER)
+    series.put_factors(s, series.RATE, omega)
+    no_loads = series.SpaceFixedLoads(False, False, False)
+    series.motion_series(s, 0, MAX_ORDER, 0, _undamped(body), (_NONE, _NONE, _NONE), no_loads)
+    dense.end_series(s, series.RATE, MAX_ORDER)
     reach = dense.likely_reach(s, MAX_ORDER, z[_TRIAXIAL.next_reach])
     reach, _ = dense.reach_within(s, method, 0, 1.0, reach, 1.0)
-    m = dense.attitude_series(s, FORCE, q, MAX_ORDER, reach, 0.5 * _ROUND_OFF)
+    m = dense.attitude_series(s, series.FORCE, q, MAX_ORDER, reach, 0.5 * _ROUND_OFF)
     reach, z[_TRIAXIAL.next_reach] = dense.reach_within(s, method, m, 1.0, reach, 1.0)
     dense.begin_clock(z, _SERIES, ROTATION, m, reach)
     if not _LEAST_REACH * h <= reach:
@@ -235,18 +222,13 @@ def shown_rates(z: Buffer, place: Place) -> Vec3:
     return _rates(z, place) if memory.shows_rates(z) else memory.rotation_of(z).omega_b
 
 
-@kernel
-def keep_place(z: Buffer, place: Place) -> None:
-    """Keep where on the polhode the body is after a step."""
-    put_quaternion_at(z, _TRIAXIAL.place, place)
-    z[_TRIAXIAL.moved] = 1.0
-
-
 @kernel(inline=False)
 def rates_of_outputs(z: Buffer) -> int:
     """Set the outputs' time derivatives at constant inputs, and first the rate, which may be an earlier step's."""
     if z[_TRIAXIAL.moved] != 0.0:
-        memory.put_rotation(z, memory.rotation_of(z).q_ab, _rates(z, quaternion_at(z, _TRIAXIAL.place)))
+        motion = free_motion_of(z)
+        place = exact.place_at(motion, exact.scaled_time(motion, closed_form.time_after(z, 0.0)))
+        put_vec3_at(z, _TRIAXIAL.omega, _rates(z, place))
     return output_rates(z)
 
 
@@ -330,7 +312,7 @@ def _advance_free_body_force(z: Buffer, h: float) -> int:
     memory.put_centre(z, r, v)
     put_vec3_at(z, _FORCED.low_r, low_r)
     put_vec3_at(z, _FORCED.low_v, low_v)
-    keep_place(z, place)
+    z[_FORCED.moved] = 1.0
     return closed_form.commit_step(z, h, q, omega)
 
 

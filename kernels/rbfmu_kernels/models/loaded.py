@@ -13,7 +13,7 @@ import math
 
 from ..body import driven, memory
 from ..body.shell import Lanes, commit_motion, make_model
-from ..buffer import NO_TOP, OK, RESONANT, STEP_REJECTED, places
+from ..buffer import NO_TOP, OK, RESONANT, STEP_REJECTED, places, with_work_space
 from ..buffer_access import copy_numbers, pair_at, put_pair_at
 from ..compile.decorator import kernel
 from ..integrators import dense_output as dense
@@ -25,11 +25,8 @@ from ..rotations.vec3 import is_nonzero
 from ..types import Buffer
 
 ORDERS = range(4, MAX_ORDER + 1, 2)
-_DENSE = dense.SERIES_BLOCKS | {"kept_before": dense.SERIES_SIZE, "held_inputs": driven.NUMBER_OF_INPUTS}
-_, _BEFORE = places(driven.DRIVEN | {"order": 1} | _DENSE)
-_LOADED_TAYLOR_LAYOUT = places(driven.DRIVEN | {"order": 1} | _DENSE | {"pad_3": -_BEFORE % 8, "work": WORK})
-"""The work space begins at a cache line if the buffer does."""
-
+_KEPT = {"kept_before": dense.SERIES_SIZE, "held_inputs": driven.NUMBER_OF_INPUTS}
+_LOADED_TAYLOR_LAYOUT = with_work_space(driven.DRIVEN | {"order": 1} | dense.SERIES_BLOCKS | _KEPT, WORK)
 _AT = _LOADED_TAYLOR_LAYOUT.at
 _SERIES = _AT.validity
 """Where what is kept of a series begins."""

@@ -68,7 +68,7 @@ def _set_up_pendulum(z: Buffer) -> int:
             return NO_PENDULUM
     sine, cosine = exact.half_angle_rates(*fixed_axis.swing(z, axis))
     s, c = exact.sincos_of_half_angle(sine, cosine)
-    put_quaternion_at(z, _HANGING.q_hanging, compose_quaternions(q, (c, -s * axis[0], -s * axis[1], -s * axis[2])))
+    put_quaternion_at(z, _HANGING.q_hanging, compose_quaternions(q, (c, *scale(-s, axis))))
     put_vec3_at(z, _HANGING.axis, axis)
     exact.put_pendulum(z, _HANGING.pendulum, exact.pendulum_setup(sine, (0.5 * dot(axis, omega), 0.0), cosine))
     return closed_form.start_clocks(z)
@@ -80,8 +80,7 @@ def _advance_pendulum(z: Buffer, h: float) -> int:
     axis = vec3_at(z, _HANGING.axis)
     motion = exact.read_pendulum(z[_HANGING.pendulum : _HANGING.pendulum + exact.PENDULUM_SIZE])
     s, c, rate = exact.pendulum_at(motion, closed_form.time_after(z, h))
-    turn = (c, s * axis[0], s * axis[1], s * axis[2])
-    q = compose_quaternions(quaternion_at(z, _HANGING.q_hanging), turn)
+    q = compose_quaternions(quaternion_at(z, _HANGING.q_hanging), (c, *scale(s, axis)))
     return closed_form.finish_step(z, h, q, scale(rate, axis))
 
 

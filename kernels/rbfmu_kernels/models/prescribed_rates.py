@@ -95,9 +95,8 @@ def _changing_step(z: Buffer, h: float, omega: Vec3, slope: Vec3, bend: Vec3) ->
     part, q = h / n, quaternion_at(z, _AT.quaternion)
     for i in range(n):
         t = i * part
-        q = normalize(
-            compose_quaternions(q, _turn(part, _after(omega, slope, bend, t), add_scaled(slope, t, bend), bend))
-        )
+        turned = _turn(part, _after(omega, slope, bend, t), add_scaled(slope, t, bend), bend)
+        q = normalize(compose_quaternions(q, turned))
     omega = _after(omega, slope, bend, h)
     if not math.isfinite(q[0] + q[1] + q[2] + q[3] + omega[0] + omega[1] + omega[2]):
         return STEP_REJECTED
@@ -122,9 +121,9 @@ def _turn(h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> Quaternion:
     term, before, earlier = (1.0, 0.0, 0.0, 0.0), none, none
     total = term
     for k in range(_ORDER):
-        after = compose_quaternions(term, (0.0, half[0], half[1], half[2]))
-        after = add_scaled_quaternion(after, 1.0, compose_quaternions(before, (0.0, first[0], first[1], first[2])))
-        after = add_scaled_quaternion(after, 1.0, compose_quaternions(earlier, (0.0, second[0], second[1], second[2])))
+        after = compose_quaternions(term, (0.0, *half))
+        after = add_scaled_quaternion(after, 1.0, compose_quaternions(before, (0.0, *first)))
+        after = add_scaled_quaternion(after, 1.0, compose_quaternions(earlier, (0.0, *second)))
         earlier, before, term = before, term, add_scaled_quaternion(none, 1.0 / (k + 1.0), after)
         total = add_scaled_quaternion(total, 1.0, term)
     return total

@@ -125,9 +125,8 @@ def _advance_spin_up(z: Buffer, h: float) -> int:
     _, left = relaxed(1.0, 0.0, z[_AT.damping_rate_across], t)
     s, c = sincos(z[_AT.ratio] * angle)
     rates = (left * (c * w_t - s * w_u), left * (s * w_t + c * w_u), rate)
-    return closed_form.finish_step(
-        z, h, memory.rotation_of(z).q_ab, transform(invert_matrix(matrix_at(z, _AT.axes)), rates)
-    )
+    omega = transform(invert_matrix(matrix_at(z, _AT.axes)), rates)
+    return closed_form.finish_step(z, h, memory.rotation_of(z).q_ab, omega)
 
 
 @kernel

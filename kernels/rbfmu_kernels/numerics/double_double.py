@@ -116,6 +116,12 @@ def dot(a: Vector, b: Vector) -> DoubleDouble:
 
 
 @kernel
+def dot_of_floats(a: Vec3, b: Vec3) -> DoubleDouble:
+    """Return a . b.  Error <= 6 u^2 |a| |b|, as the products are exact."""
+    return add(add(two_product(a[0], b[0]), two_product(a[1], b[1])), two_product(a[2], b[2]))
+
+
+@kernel
 def divide(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
     """Return a / b, b != 0.  Relative error <= 15 u^2."""
     inverse = 1.0 / b[0]

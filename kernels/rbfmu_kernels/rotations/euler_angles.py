@@ -9,7 +9,7 @@ import math
 from ..compile.decorator import kernel
 from ..numerics.elementary import atan2, sincos
 from ..types import Matrix, Quaternion, Vec3
-from .matrix import is_no_rotation, matrix_from_quaternion, quaternion_from_matrix
+from .matrix import invert_matrix, is_no_rotation, matrix_from_quaternion, quaternion_from_matrix
 
 __all__ = [
     "XYX", "XYZ", "XZX", "XZY", "YXY", "YXZ", "YZX", "YZY", "ZXY", "ZXZ", "ZYX", "ZYZ", "euler_from_matrix",
@@ -97,8 +97,7 @@ def quaternion_from_euler(seq: int, angles: Vec3) -> Quaternion:
     u = sc * c3 + (cc * s3 if proper else p * (cs * s3))
     v = cs * c3 + (ss * s3 if proper else -p * (sc * s3))
     w = (p * (ss * c3 - cs * s3)) if proper else (cc * s3 + p * (ss * c3))
-    x, y, z = _place(u, v, w, i, j)
-    return (q0, x, y, z)
+    return (q0, *_place(u, v, w, i, j))
 
 
 @kernel
@@ -146,7 +145,7 @@ def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
 def _in_axes(seq: int, q_ab: Quaternion) -> Quaternion:
     """Return eta and the components of eps along first, second and remaining axis, the last with the parity's sign."""
     i, j, _, n = _axes(seq)
-    eps = (q_ab[1], q_ab[2], q_ab[3])
+    eps = q_ab[1:]
     return (q_ab[0], _pick(eps, i), _pick(eps, j), _parity(i, j) * _pick(eps, n))
 
 
@@ -257,7 +256,7 @@ def euler_rate_matrix_b(seq: int, angles: Vec3) -> Matrix:
 def _columns(seq: int, a: Vec3, b: Vec3, c: Vec3) -> Matrix:
     """Return the matrix of three columns of the intrinsic sequence, in the order of the sequence's letters."""
     first, third = (c if seq >= 64 else a), (a if seq >= 64 else c)
-    return ((first[0], b[0], third[0]), (first[1], b[1], third[1]), (first[2], b[2], third[2]))
+    return invert_matrix((first, b, third))
 
 
 @kernel

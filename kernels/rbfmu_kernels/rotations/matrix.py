@@ -6,7 +6,7 @@ from ..compile.decorator import kernel
 from ..numerics.elementary import power_of_two_for, sincos
 from ..types import Matrix, Quaternion, Vec3
 from . import vec3
-from .quaternion import compose_quaternions, normalize, square_of
+from .quaternion import compose_quaternions, normalize, scale_quaternion, square_of
 
 __all__ = [
     "compose_matrices", "invert_matrix", "matrix_from_quaternion", "matrix_rate_a", "matrix_rate_b",
@@ -170,13 +170,15 @@ def quaternion_from_matrix(R_ab: Matrix) -> Quaternion:
     x_first = t1 > t0
     z_second = t3 > t2
     second = (t3 if z_second else t2) > (t1 if x_first else t0)
-    q0 = (wz if z_second else wy) if second else (wx if x_first else t0)
-    q1 = (xz if z_second else xy) if second else (t1 if x_first else wx)
-    q2 = (yz if z_second else t2) if second else (xy if x_first else wy)
-    q3 = (t3 if z_second else yz) if second else (xz if x_first else wz)
-    s = math.copysign(1.0 / math.sqrt(square_of((q0, q1, q2, q3))), q0)
+    q = (
+        (wz if z_second else wy) if second else (wx if x_first else t0),
+        (xz if z_second else xy) if second else (t1 if x_first else wx),
+        (yz if z_second else t2) if second else (xy if x_first else wy),
+        (t3 if z_second else yz) if second else (xz if x_first else wz),
+    )
+    s = math.copysign(1.0 / math.sqrt(square_of(q)), q[0])
     s = math.nan if is_no_rotation(R_ab) else s
-    return (s * q0, s * q1, s * q2, s * q3)
+    return scale_quaternion(s, q)
 
 
 @kernel
@@ -195,7 +197,8 @@ def nearest_rotation(R: Matrix) -> Matrix:
     Singular: where two rotations are equally near, as for some reflections, one of them is returned; zero gives I.
     Source: Davenport's q-method.
     """
-    s = power_of_two_for(_largest(R))
+    rows = (vec3.largest_component(R[0]), vec3.largest_component(R[1]), vec3.largest_component(R[2]))
+    s = power_of_two_for(vec3.largest_component(rows))
     M = (vec3.scale(s, R[0]), vec3.scale(s, R[1]), vec3.scale(s, R[2]))
     (a, b, c), (d, e, f), (g, h, i) = M
     size = vec3.dot(M[0], M[0]) + vec3.dot(M[1], M[1]) + vec3.dot(M[2], M[2])
@@ -218,14 +221,6 @@ def nearest_rotation(R: Matrix) -> Matrix:
     q = (p03, p13, p23, p33) if p33 > max(p00, max(p11, p22)) else q
     q = _toward_symmetry(normalize(q), M)
     return matrix_from_quaternion(_toward_symmetry(q, M))
-
-
-@kernel
-def _largest(R: Matrix) -> float:
-    """Return the largest magnitude of an element."""
-    return vec3.largest_component(
-        (vec3.largest_component(R[0]), vec3.largest_component(R[1]), vec3.largest_component(R[2]))
-    )
 
 
 _Symmetric4 = tuple[Quaternion, Vec3, tuple[float, float], float]
@@ -263,4 +258,4 @@ def _toward_symmetry(q: Quaternion, M: Matrix) -> Quaternion:
     determinant = vec3.dot(first, adjugate[0])
     delta = transform(adjugate, vec3.unskew(N))  # half of the rotation vector
     delta = vec3.scale(1.0 / determinant if determinant != 0.0 else 0.0, delta)
-    return normalize(compose_quaternions(q, (1.0, delta[0], delta[1], delta[2])))
+    return normalize(compose_quaternions(q, (1.0, *delta)))

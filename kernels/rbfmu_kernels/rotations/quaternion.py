@@ -49,6 +49,18 @@ def add_scaled_quaternion(p: Quaternion, s: float, q: Quaternion) -> Quaternion:
 
 
 @kernel
+def scale_quaternion(s: float, q: Quaternion) -> Quaternion:
+    """Return s q."""
+    return (s * q[0], s * q[1], s * q[2], s * q[3])
+
+
+@kernel
+def largest_of(q: Quaternion) -> float:
+    """Return the largest magnitude of a component."""
+    return max(max(abs(q[0]), abs(q[1])), max(abs(q[2]), abs(q[3])))
+
+
+@kernel
 def normalize(q: Quaternion) -> Quaternion:
     """Return the unit quaternion q / |q|; q may have any length.
 
@@ -56,13 +68,10 @@ def normalize(q: Quaternion) -> Quaternion:
     Units: any; the result is dimensionless.  Frames: those of q.
     Error <= 1.2 eps.  Singular: at the zero quaternion, which gives NaN.  Source: lecture, "Euler parameters".
     """
-    a, b, c, d = q
-    largest = max(max(abs(a), abs(b)), max(abs(c), abs(d)))
-    s = scale_for_squares(largest)
-    a, b, c, d = s * a, s * b, s * c, s * d
-    length = math.sqrt(square_of((a, b, c, d)))
+    q = scale_quaternion(scale_for_squares(largest_of(q)), q)
+    length = math.sqrt(square_of(q))
     length = length if length != 0.0 else math.nan
-    return (a / length, b / length, c / length, d / length)
+    return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
 
 
 @kernel
@@ -80,7 +89,7 @@ def rotate(q_ab: Quaternion, v_b: Vec3) -> Vec3:
     Units: v_b any, the result alike; q_ab may have any length from 1e-150 to 1e150.  Frames: v_b in b, the result in a.
     Error <= 3 eps |v|.  Singular: at the zero quaternion, which gives NaN.  Source: E&G 6.7.
     """
-    eta, eps = q_ab[0], (q_ab[1], q_ab[2], q_ab[3])
+    eta, eps = q_ab[0], q_ab[1:]
     square = square_of(q_ab)
     s = 1.0 / choose(square > 0.0, square, math.nan)
     u = vec3.scale(s, vec3.add(vec3.scale(eta, v_b), vec3.cross(eps, v_b)))
@@ -96,8 +105,7 @@ def _sum_and_difference(q0: Quaternion, q1: Quaternion) -> tuple[Quaternion, flo
 
     The lengths are 2 sin and 2 cos of half the angle between two unit quaternions as 4-vectors.
     """
-    difference = (q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2], q1[3] - q0[3])
-    total = (q1[0] + q0[0], q1[1] + q0[1], q1[2] + q0[2], q1[3] + q0[3])
+    difference, total = add_scaled_quaternion(q1, -1.0, q0), add_scaled_quaternion(q1, 1.0, q0)
     return (difference, math.sqrt(square_of(difference)), math.sqrt(square_of(total)))
 
 
@@ -116,7 +124,7 @@ def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
     from_end = s > 0.5
     t = 1.0 - s if from_end else s
     sign = -1.0 if dot < 0.0 else 1.0
-    end = (sign * q1[0], sign * q1[1], sign * q1[2], sign * q1[3])
+    end = scale_quaternion(sign, q1)
     p = end if from_end else q0
     step, difference, total = _sum_and_difference(p, q0 if from_end else end)
     sine, cosine = sincos(2.0 * t * atan2(difference, total))
@@ -124,7 +132,7 @@ def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
     g = 2.0 * sine / (product if product > 0.0 else 1.0)
     g = g if product > 0.0 else t
     f = cosine + g * (0.5 * (difference * difference))
-    return (f * p[0] + g * step[0], f * p[1] + g * step[1], f * p[2] + g * step[2], f * p[3] + g * step[3])
+    return add_scaled_quaternion(scale_quaternion(f, p), g, step)
 
 
 @kernel
@@ -148,7 +156,7 @@ def quaternion_rate_a(q_ab: Quaternion, omega_ab_a: Vec3) -> Quaternion:
     Error <= 0.7 eps |omega|.  Singular: nowhere.  Source: E&G 6.9.
     """
     half = vec3.scale(0.5, omega_ab_a)
-    return _rate(q_ab, half, vec3.cross(half, _vector_part(q_ab)))
+    return _rate(q_ab, half, vec3.cross(half, q_ab[1:]))
 
 
 @kernel
@@ -159,19 +167,13 @@ def quaternion_rate_b(q_ab: Quaternion, omega_ab_b: Vec3) -> Quaternion:
     Error <= 0.7 eps |omega|.  Singular: nowhere.  Source: E&G 6.9.
     """
     half = vec3.scale(0.5, omega_ab_b)
-    return _rate(q_ab, half, vec3.cross(_vector_part(q_ab), half))
-
-
-@kernel
-def _vector_part(q: Quaternion) -> Vec3:
-    return (q[1], q[2], q[3])
+    return _rate(q_ab, half, vec3.cross(q_ab[1:], half))
 
 
 @kernel
 def _rate(q: Quaternion, half: Vec3, turned: Vec3) -> Quaternion:
     """Return (-eps . half, eta half + turned)."""
-    x, y, z = vec3.add_scaled(turned, q[0], half)
-    return (-vec3.dot(_vector_part(q), half), x, y, z)
+    return (-vec3.dot(q[1:], half), *vec3.add_scaled(turned, q[0], half))
 
 
 @kernel
@@ -197,7 +199,7 @@ def omega_b_from_quaternion_rate(q_ab: Quaternion, dq: Quaternion) -> Vec3:
 @kernel
 def _omega(q: Quaternion, dq: Quaternion, side: float) -> Vec3:
     """Return 2 (eta deps - deta eps + side eps x deps)."""
-    eps, deps = _vector_part(q), _vector_part(dq)
+    eps, deps = q[1:], dq[1:]
     along = vec3.add_scaled(vec3.scale(q[0], deps), -dq[0], eps)
     return vec3.scale(2.0, vec3.add_scaled(along, side, vec3.cross(eps, deps)))
 
@@ -211,8 +213,7 @@ def attitude_error(q_ad: Quaternion, q_ab: Quaternion) -> Quaternion:
     Error <= 1.2 eps.  Singular: at half a turn q_db is one of two.  Source: E&G 6.9, "Attitude deviation".
     """
     q_db = compose_quaternions(invert_quaternion(q_ad), q_ab)
-    sign = -1.0 if q_db[0] < 0.0 else 1.0
-    return (sign * q_db[0], sign * q_db[1], sign * q_db[2], sign * q_db[3])
+    return scale_quaternion(-1.0 if q_db[0] < 0.0 else 1.0, q_db)
 
 
 @kernel

@@ -6,7 +6,7 @@ from ..compile.decorator import kernel
 from ..numerics.elementary import scale_for_squares
 from ..types import Quaternion, Vec3
 from . import vec3
-from .quaternion import normalize, square_of
+from .quaternion import largest_of, normalize, scale_quaternion, square_of
 
 __all__ = [
     "gibbs_from_quaternion", "gibbs_is_singular", "gibbs_rate_a", "gibbs_rate_b", "mrp_from_quaternion",
@@ -29,11 +29,10 @@ def gibbs_from_quaternion(q_ab: Quaternion) -> Vec3:
 @kernel
 def gibbs_is_singular(q_ab: Quaternion) -> bool:
     """Return whether a rotation is half a turn within round-off, |eta| < 4 eps |q_ab|; or q_ab is zero."""
-    eta = abs(q_ab[0])
-    largest = max(eta, vec3.largest_component((q_ab[1], q_ab[2], q_ab[3])))
+    largest = largest_of(q_ab)
     s = scale_for_squares(largest)
-    length = math.sqrt(square_of((s * q_ab[0], s * q_ab[1], s * q_ab[2], s * q_ab[3])))
-    return s * eta < 4.0 * 2.0**-52 * length or largest == 0.0
+    length = math.sqrt(square_of(scale_quaternion(s, q_ab)))
+    return s * abs(q_ab[0]) < 4.0 * 2.0**-52 * length or largest == 0.0
 
 
 @kernel
@@ -43,7 +42,7 @@ def quaternion_from_gibbs(g: Vec3) -> Quaternion:
     Units: dimensionless.  Frames: g is the same in a and b; q_ab takes coordinates in b to a.
     Error <= 1.2 eps.  Singular: nowhere; half a turn has no finite g.  Source: E&G 6.7.
     """
-    return normalize((1.0, g[0], g[1], g[2]))
+    return normalize((1.0, *g))
 
 
 @kernel
@@ -83,11 +82,9 @@ def mrp_from_quaternion(q_ab: Quaternion) -> Vec3:
     Error <= 1.5 eps |sigma|.  Singular: at half a turn sigma is one of two; the zero quaternion gives NaN.
     Source: H. Schaub, J. L. Junkins, Analytical Mechanics of Space Systems, 3.6.
     """
-    eta = abs(q_ab[0])
-    eps = (q_ab[1], q_ab[2], q_ab[3])
-    s = scale_for_squares(max(eta, vec3.largest_component(eps)))
-    eta, eps = s * eta, vec3.scale(math.copysign(s, q_ab[0]), eps)
-    total = math.sqrt(square_of((eta, eps[0], eps[1], eps[2]))) + eta
+    s = scale_for_squares(largest_of(q_ab))
+    eta, eps = s * abs(q_ab[0]), vec3.scale(math.copysign(s, q_ab[0]), q_ab[1:])
+    total = math.sqrt(square_of((eta, *eps))) + eta
     total = total if total > 0.0 else math.nan
     return (eps[0] / total, eps[1] / total, eps[2] / total)
 
@@ -102,8 +99,7 @@ def quaternion_from_mrp(sigma: Vec3) -> Quaternion:
     """
     square = vec3.dot(sigma, sigma)
     s = 1.0 / (1.0 + square)
-    x, y, z = vec3.scale(2.0 * s, sigma)
-    return (s * (1.0 - square), x, y, z)
+    return (s * (1.0 - square), *vec3.scale(2.0 * s, sigma))
 
 
 @kernel

@@ -7,6 +7,7 @@ from ..numerics.elementary import atan2, scale_for_squares, sincos
 from ..types import Matrix, Quaternion, Vec3
 from . import vec3
 from .matrix import matrix_from_quaternion, quaternion_from_matrix
+from .quaternion import largest_of
 
 __all__ = [
     "axis_angle_from_matrix", "axis_angle_from_quaternion", "matrix_from_axis_angle", "matrix_from_rotvec",
@@ -36,10 +37,8 @@ def rotvec_from_quaternion(q_ab: Quaternion) -> Vec3:
     Error <= 2 eps |u|.  Singular: at half a turn u is one of two; the zero quaternion gives NaN.
     Source: E&G 6.7, solved for the angle.
     """
-    eta = abs(q_ab[0])
-    eps = (q_ab[1], q_ab[2], q_ab[3])
-    s = scale_for_squares(max(eta, max(max(abs(eps[0]), abs(eps[1])), abs(eps[2]))))
-    eta, eps = s * eta, vec3.scale(math.copysign(s, q_ab[0]), eps)
+    s = scale_for_squares(largest_of(q_ab))
+    eta, eps = s * abs(q_ab[0]), vec3.scale(math.copysign(s, q_ab[0]), q_ab[1:])
     length = math.sqrt(vec3.dot(eps, eps))
     tiny = 1.0 / eta if eta > 0.0 else math.nan
     per_length = atan2(length, eta) / length if length > 0.0 else tiny
@@ -78,7 +77,9 @@ def quaternion_from_axis_angle(k: Vec3, theta: float) -> Quaternion:
     """
     square = vec3.dot(k, k)
     per_length = math.nan if axis_is_singular(k) else 1.0 / math.sqrt(square)
-    return _turned(k, 1.0 if abs(square - 1.0) <= _UNIT else per_length, theta)
+    s, c = sincos(0.5 * theta)
+    x, y, z = vec3.scale((1.0 if abs(square - 1.0) <= _UNIT else per_length) * s, k)
+    return (c, x, y, z)
 
 
 _UNIT = 4.0 * 2.0**-52
@@ -95,15 +96,8 @@ def axis_is_singular(k: Vec3) -> bool:
 @kernel
 def quaternion_about(k: Vec3, theta: float) -> Quaternion:
     """Return q_ab = (cos(theta / 2), k sin(theta / 2)) of a unit k, whose length is not looked at."""
-    return _turned(k, 1.0, theta)
-
-
-@kernel
-def _turned(k: Vec3, per_length: float, theta: float) -> Quaternion:
-    """Return (cos(theta / 2), k per_length sin(theta / 2))."""
     s, c = sincos(0.5 * theta)
-    x, y, z = vec3.scale(per_length * s, k)
-    return (c, x, y, z)
+    return (c, *vec3.scale(s, k))
 
 
 @kernel
@@ -126,9 +120,8 @@ def axis_angle_from_quaternion(q_ab: Quaternion) -> tuple[Vec3, float]:
     Error <= 2 eps in k and relative in theta.
     Singular: where nothing turns k is (1, 0, 0); at half a turn it is one of two.  Source: E&G 6.7.
     """
-    eps = (q_ab[1], q_ab[2], q_ab[3])
-    s = scale_for_squares(max(max(abs(eps[0]), abs(eps[1])), abs(eps[2])))
-    eps = vec3.scale(s, eps)
+    s = scale_for_squares(vec3.largest_component(q_ab[1:]))
+    eps = vec3.scale(s, q_ab[1:])
     length = math.sqrt(vec3.dot(eps, eps))
     signed = math.copysign(length, q_ab[0])
     x, y, z = vec3.scale(1.0 / signed if length != 0.0 else 0.0, eps)
