@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from rbfmu.arrays.from_kernel import array_function, as_floats, clear_error, documented_by, in_order, warn_of_singular
 from rbfmu.types import Array
-from rbfmu_kernels.compile.simd import widest
 from rbfmu_kernels.exact import free_rotation as _free
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.types import Shape
@@ -118,8 +117,7 @@ def _in_lanes(*args: ArrayLike) -> tuple[Array, Array] | None:
     moments, q_0, omega_b_0 = (_flat(a, (*shape[:-1], 1, a.shape[-1]), a.shape[-1]) for a in arrays[:3])
     t = _flat(t, t.shape if math.prod(t.shape) == shape[-1] else shape, shape[-1])
     q, omega = np.empty((len(moments), t.shape[-1], 4)), np.empty((len(moments), t.shape[-1], 3))
-    motions = _free.free_rotations_in_eight if widest() == 8 else _free.free_rotations_in_four
-    if motions(moments, q_0, omega_b_0, t, np.zeros(_free.SCRATCH), q, omega):
+    if _free.free_rotations(moments, q_0, omega_b_0, t, np.zeros(_free.SCRATCH), q, omega):
         warn_of_singular(_impossible)
     return q.reshape(*shape, 4), omega.reshape(*shape, 3)
 

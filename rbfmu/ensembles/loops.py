@@ -17,7 +17,7 @@ from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.types import Array
 from rbfmu_kernels.body.members import Driving, Members, Room, Run, begin, drive, note, pieces_before, record
 from rbfmu_kernels.compile.decorator import kernel
-from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes, widest
+from rbfmu_kernels.compile.simd import WIDEST, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
 from rbfmu_kernels.compile.tiered import has_code
 from rbfmu_kernels.models.formula_models import MARKS
 from rbfmu_kernels.numerics.elementary import sincos
@@ -262,14 +262,12 @@ def _are_alike(driving: Driving) -> bool:
 @cache
 def _lanes_of(kernels: Any) -> tuple[Any, tuple[Any, ...]]:
     """Return the function that runs members side by side, and its arguments' types."""
-    found = kernels.lanes()
-    run = found.run_in_eight if widest() == 8 else found.run_in_four
-    return run, (*_GIVEN, *map(typeof, _room_of_lanes(kernels, 2, 0)))
+    return kernels.lanes().run, (*_GIVEN, *map(typeof, _room_of_lanes(kernels, 2, 0)))
 
 
 def _room_of_lanes(kernels: Any, count: int, states: int) -> tuple[Array, ...]:
     """Return room for so many members at a time, whose controllers have so many numbers of their own."""
-    size, count = -(-kernels.SIZE // _CACHE_LINE) * _CACHE_LINE, max(count, widest())
+    size, count = -(-kernels.SIZE // _CACHE_LINE) * _CACHE_LINE, max(count, WIDEST)
     buffers = aligned_zeros(count * size).reshape(count, size)[:, : kernels.SIZE]
     return buffers, np.empty((count, states)), np.zeros((count, MARKS)), aligned_zeros(kernels.lanes().SCRATCH)
 

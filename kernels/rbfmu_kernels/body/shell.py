@@ -19,14 +19,13 @@ Step = Callable[[Buffer, float], int]
 
 
 class Lanes(NamedTuple):
-    """What runs many bodies of a model at once: members of an ensemble, see `body.members`, four or eight side by side.
+    """What runs many bodies of a model at once: members of an ensemble, see `body.members`, `simd.WIDEST` side by side.
 
     SCRATCH: the numbers of work space that it needs, at a cache line. IN_STEP: whether all must be driven in pieces of
     equal length.
     """
 
-    run_in_four: Callable[..., None]
-    run_in_eight: Callable[..., None]
+    run: Callable[..., None]
     SCRATCH: int
     IN_STEP: bool
 

@@ -6,12 +6,11 @@ here is for Python; Numba puts instructions on vectors in its place. Four wide n
 
 import operator
 from collections.abc import Callable, Sequence
-from functools import cache
 from struct import Struct
 from typing import cast
 
 from llvmlite import binding, ir
-from numba import float64, intp, types
+from numba import config, float64, intp, types
 from numba.extending import intrinsic, lower_cast, models, register_model
 
 from ..types import Buffer
@@ -62,10 +61,10 @@ def multiply_lanes(a: Lanes, b: Lanes) -> Lanes:
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3])
 
 
-@cache
-def widest() -> int:
-    """Return how many lanes serve best here, 8 or 4; no bit depends on it."""
-    return 8 if binding.get_host_cpu_features().get("avx512f", False) else 4
+_INSTRUCTIONS = binding.get_host_cpu_features().flatten() if config.CPU_FEATURES is None else config.CPU_FEATURES
+"""Those that Numba compiles for, by which it tells kept code apart as well."""
+WIDEST = 8 if "+avx512f" in _INSTRUCTIONS else 4
+"""How many lanes serve best with them; no bit depends on it."""
 
 
 # Wide numbers in a buffer
@@ -92,20 +91,14 @@ def _place(context: Context, builder: Builder, kind: types.Type, z: Value, i: Va
     return builder.gep(context.make_array(kind)(context, builder, z).data, [i])
 
 
-def _wide_from(z: types.Array, width: int) -> Intrinsic:
-    return WideArrayType(width)(z, intp), lambda context, builder, signature, args: _place(context, builder, z, *args)
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def wide_at(typingctx: Context, z: types.Array, i: types.Type, width: types.IntegerLiteral) -> Intrinsic:
+    """Return the buffer of numbers of so many lanes that stand from z[i] on, place by place; width: a constant."""
 
+    def generate(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
+        return _place(context, builder, z, *args[:2])
 
-@intrinsic  # type: ignore[untyped-decorator]
-def four_wide(typingctx: Context, z: types.Array, i: types.Type) -> Intrinsic:
-    """Return the buffer of numbers of four lanes that stand from z[i] on, place by place."""
-    return _wide_from(z, 4)
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def eight_wide(typingctx: Context, z: types.Array, i: types.Type) -> Intrinsic:
-    """Return the same of eight lanes."""
-    return _wide_from(z, 8)
+    return WideArrayType(width.literal_value)(z, intp, width), generate
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..compile.simd import eight_wide, four_wide, lane_at, put_lane_at, width_of
+from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..compile.wide import choose
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble, Vector, two_sum
@@ -179,7 +179,7 @@ def free_rate_at(motion: FreeRotation, place: Place) -> Vec3:
 
 _MOMENTS, _Q, _OMEGA, _TIME, _BODY, _RESULT = 0, 3, 7, 10, 11, 12
 _ROWS = 20
-SCRATCH = 2 * 8 * _ROWS
+SCRATCH = 2 * WIDEST * _ROWS
 """The numbers of work space, at a cache line: of a vector of bodies of each kind."""
 _ALONE = -1.0
 _MARGIN = 1e-3
@@ -206,29 +206,20 @@ class Motions(NamedTuple):
 
 
 @kernel(inline=False)
-def free_rotations_in_four(
+def free_rotations(
     moments: Array, q_0: Array, omega_b_0: Array, t: Array, scratch: Array, q: Array, omega: Array
 ) -> bool:
-    """Set q (m, n, 4) and omega (m, n, 3) to the motions of m bodies at n times, four bodies at a time.
+    """Set q (m, n, 4) and omega (m, n, 3) to the motions of m bodies at n times, several bodies side by side.
 
     moments (m, 3), q_0 (m, 4), omega_b_0 (m, 3): see `free_rotation`. t (m, n), or (1, n) of all bodies. Returns
     whether any of the moments are singular.
     """
     bodies, found = Bodies(moments, q_0, omega_b_0), Motions(t, q, omega)
-    return _motions(bodies, found, four_wide(scratch, 0), four_wide(scratch, 4 * _ROWS))
-
-
-@kernel(inline=False)
-def free_rotations_in_eight(
-    moments: Array, q_0: Array, omega_b_0: Array, t: Array, scratch: Array, q: Array, omega: Array
-) -> bool:
-    """Do the same, eight at a time."""
-    bodies, found = Bodies(moments, q_0, omega_b_0), Motions(t, q, omega)
-    return _motions(bodies, found, eight_wide(scratch, 0), eight_wide(scratch, 8 * _ROWS))
+    return in_lanes(bodies, found, wide_at(scratch, 0, WIDEST), wide_at(scratch, WIDEST * _ROWS, WIDEST))
 
 
 @kernel
-def _motions(bodies: Bodies, found: Motions, tumbling: Buffer, near: Buffer) -> bool:
+def in_lanes(bodies: Bodies, found: Motions, tumbling: Buffer, near: Buffer) -> bool:
     tumblers, nearers, singular = 0, 0, False
     for i in range(len(bodies.moments)):
         moments = vec3_at(bodies.moments[i], 0)

@@ -15,7 +15,7 @@ from ..body import shell
 from ..body.members import Control, Driving, Members, Room, Run
 from ..body.shell import Lanes, Model, bind
 from ..buffer import OK, STEP_REJECTED, Layout
-from ..compile.simd import eight_wide, four_wide, lane_at, put_lane_at, width_of
+from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..types import Array, Buffer
 from . import formula_events, formula_variations, formulas
 from .formulas import PENDING, begin_step, evaluate_at_end, go_on_by_series, prepare_series, reaches_over, settle_sides
@@ -25,9 +25,9 @@ MEMBER, POINT, PIECE, SETTLED = range(4)
 """What is known of a lane: its member, or -1; the communication point and the piece where that is; whether the last
 series was settled."""
 
-# What templates are bound to, see `formulas`; wide: `four_wide` or `eight_wide`.
+# What templates are bound to, see `formulas`.
 _missing: Any = None
-initialize = wide_constants = wide_first = wide_further = wide = _missing
+initialize = wide_constants = wide_first = wide_further = _missing
 _places: tuple[int, ...] = ()
 INPUTS = RATES = RATES_2 = STATES = _places
 NUMBER_OF_INPUTS = NUMBER_OF_SIDES = NUMBER_TOUCHING = SIDES = ORDER = WORK = ROWS = ROW = 0
@@ -133,7 +133,7 @@ def run_in_lanes(
 
     buffers (b, SIZE), states (b, k), marks (b, MARKS): room for as many members; scratch: for all lanes.
     """
-    run, c, i, busy = Run(control, members, driving, room), wide(scratch, 0), 0, 0
+    run, c, i, busy = Run(control, members, driving, room), wide_at(scratch, 0, WIDEST), 0, 0
     for lane in range(width_of(c)):
         i = begin_next_member(buffers[lane], states[lane], marks[lane], c, lane, i, run)
         busy += 1 if marks[lane, MEMBER] >= 0.0 else 0
@@ -214,9 +214,5 @@ def make_lanes(model: Model, own: Mapping[str, Any], constant: str, wide: Mappin
     found = {**own}
     _bound(formulas.advance_formulas, model.name.partition(".")[2], found)  # what steps call, which lanes call too
     found |= {**wide, "initialize": model.initialize}
-    in_four, in_eight = (
-        _bound(run_in_lanes, f"{constant}_{width}", found | {"wide": numbers})
-        for width, numbers in ((4, four_wide), (8, eight_wide))
-    )
     scratch = own["ROWS"] + wide["WIDE_ROW"] * (max(formulas.ORDERS) + 1)
-    return Lanes(in_four, in_eight, 8 * scratch, IN_STEP=False)
+    return Lanes(_bound(run_in_lanes, constant, found), WIDEST * scratch, IN_STEP=False)

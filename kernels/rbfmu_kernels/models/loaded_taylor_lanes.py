@@ -11,11 +11,11 @@ import math
 from ..body.driven import STEP_SIZE, SUBSTEPS, finish_steadily, keep, keep_inputs, load_polynomial_of, part_to_integrate
 from ..body.members import Control, Driving, Members, Room, Run, begin, drive, note, pieces_before, record
 from ..body.memory import MEMORY, STATE_START, body_of
-from ..body.shell import Lanes, bind
+from ..body.shell import Lanes
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout, places
 from ..buffer_access import matrix_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
-from ..compile.simd import eight_wide, four_wide, lane_at, put_lane_at, width_of
+from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
 from ..integrators import taylor
 from ..integrators import taylor_coefficients as series
@@ -31,7 +31,6 @@ from .loaded import LOADED_TAYLOR, is_series_tried
 _AT = Layout(LOADED_TAYLOR.BLOCKS, LOADED_TAYLOR.SIZE).at
 _SERIES = _AT.validity
 initialize, step = LOADED_TAYLOR.initialize, LOADED_TAYLOR.step
-WIDEST = 8
 COLUMNS = MEMORY | {
     "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3, "count": 1, "low": 1, "tried": 1, "has_failed": 1,
     "size": 1, "rest": 1, "is_new": 1, "member": 1,
@@ -59,11 +58,8 @@ torque fixed in a acts, whether the inertia is diagonal. The first is 0 where la
 # Members and communication steps
 
 
-wide = four_wide
-"""What `_run` has in its place: it or `eight_wide`."""
-
-
-def _run(
+@kernel(inline=False)
+def run_members(
     control: Control, members: Members, driving: Driving, room: Room, buffers: Array, states: Array, marks: Array,
     scratch: Array,
 ) -> None:  # fmt: skip
@@ -71,8 +67,7 @@ def _run(
 
     buffers (b, SIZE), states (b, k), marks (b, 1 or more): room for some members at a time; scratch: for all lanes.
     """
-    c = wide(scratch, 0)
-    s = wide(scratch, width_of(c) * COLUMNS_SIZE)
+    c, s = wide_at(scratch, 0, WIDEST), wide_at(scratch, WIDEST * COLUMNS_SIZE, WIDEST)
     run, statuses, steps = Run(control, members, driving, room), marks[:, 0], len(driving.time) - 1
     for first in range(0, len(members.values), len(buffers)):
         count = min(len(buffers), len(members.values) - first)
@@ -315,5 +310,5 @@ def _try_substeps(c: Buffer, s: Buffer, method: Method, acceleration: float) -> 
     return part, count, taylor.estimated_excess(s, method, part, 0.0, alpha_fixed, steps)
 
 
-LANES = Lanes(bind(_run, __name__, "FOUR"), bind(_run, __name__, "EIGHT", wide=eight_wide), SCRATCH, IN_STEP=True)
+LANES = Lanes(run_members, SCRATCH, IN_STEP=True)
 """All are driven in pieces of equal length, as they go on together."""

@@ -12,8 +12,6 @@ from rbfmu_kernels.buffer_access import put_vec3_at, vec3_at
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import (
     add_lanes,
-    eight_wide,
-    four_wide,
     lane_at,
     lanes,
     lanes_at,
@@ -21,6 +19,7 @@ from rbfmu_kernels.compile.simd import (
     numbers,
     put_lane_at,
     put_lanes,
+    wide_at,
     width_of,
 )
 from rbfmu_kernels.compile.wide import alike, all_of, always, any_of, bits_of, choose, number_of
@@ -54,12 +53,12 @@ def _arithmetic(s):
 
 @kernel
 def _in_four(z):
-    return _arithmetic(four_wide(z, 0))
+    return _arithmetic(wide_at(z, 0, 4))
 
 
 @kernel
 def _in_eight(z):
-    return _arithmetic(eight_wide(z, 0))
+    return _arithmetic(wide_at(z, 0, 8))
 
 
 @pytest.mark.parametrize(("width", "run"), [(4, _in_four), (8, _in_eight)])
@@ -87,7 +86,7 @@ def test_each_lane_is_plain_arithmetic(width, run):
 
 @kernel
 def _bits(z):
-    s = four_wide(z, 0)
+    s = wide_at(z, 0, 4)
     x = s[0]
     s[1] = number_of(bits_of(x) ^ ((bits_of(s[1]) & 2) << 62))
     s[2] = choose((bits_of(x) + 1) & 1 != 0, math.copysign(3.0, x), alike(x, 4.0))
@@ -111,7 +110,7 @@ def test_of_a_plain_number_they_are_its_own():
 
 @kernel
 def _summaries(z, limit):
-    s = four_wide(z, 0)
+    s = wide_at(z, 0, 4)
     return any_of(s[0] > limit), all_of(s[0] > limit)
 
 
@@ -128,7 +127,7 @@ def test_a_plain_condition_is_its_own_summary(condition):
 
 @kernel
 def _branches(z):
-    s = four_wide(z, 0)
+    s = wide_at(z, 0, 4)
     return 1.0 if s[0] > 0.0 else 2.0
 
 

@@ -15,6 +15,8 @@ import rbfmu
 from rbfmu.arrays.bodies import free_rotation as free_rotation_array
 from rbfmu_kernels import compose_quaternions
 from rbfmu_kernels import free_rotation as body_at
+from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.compile.simd import wide_at
 from rbfmu_kernels.exact import free_rotation as lanes
 from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_is_singular, free_rotation_setup
 from tests.support.covering import some_of
@@ -300,7 +302,17 @@ SAME_BITS = [random_case(kind, np.random.default_rng([7, k])) for k, kind in enu
 # In lanes
 
 
-WAYS = {4: lanes.free_rotations_in_four, 8: lanes.free_rotations_in_eight}
+@kernel
+def _in_four(bodies, found, scratch):
+    return lanes.in_lanes(bodies, found, wide_at(scratch, 0, 4), wide_at(scratch, 4 * lanes._ROWS, 4))
+
+
+@kernel
+def _in_eight(bodies, found, scratch):
+    return lanes.in_lanes(bodies, found, wide_at(scratch, 0, 8), wide_at(scratch, 8 * lanes._ROWS, 8))
+
+
+WAYS = {4: _in_four, 8: _in_eight}
 TIMES = np.array([0.0, 0.7, -3.0, 25.0, 1e6])
 
 
@@ -321,7 +333,8 @@ def bodies(count, seed=3):
 
 def in_lanes(way, moments, q_0, omega, t):
     q, rates = np.empty((len(moments), t.shape[1], 4)), np.empty((len(moments), t.shape[1], 3))
-    singular = WAYS[way](moments, q_0, omega, t, np.zeros(lanes.SCRATCH), q, rates)
+    found = lanes.Motions(t, q, rates)
+    singular = WAYS[way](lanes.Bodies(moments, q_0, omega), found, np.zeros(16 * lanes._ROWS))
     return singular, q, rates
 
 

@@ -9,9 +9,9 @@ from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.compile.decorator import kernel
-from rbfmu_kernels.compile.simd import eight_wide, four_wide
+from rbfmu_kernels.compile.simd import wide_at
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
-from rbfmu_kernels.models.loaded_taylor_lanes import COLUMNS_SIZE, SCRATCH, advance
+from rbfmu_kernels.models.loaded_taylor_lanes import COLUMNS_SIZE, WORK, advance
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
 
@@ -20,15 +20,16 @@ BLOCKS = LOADED_TAYLOR.BLOCKS
 
 @kernel
 def _in_four(buffers, h, scratch, statuses):
-    advance(buffers, h, four_wide(scratch, 0), four_wide(scratch, 4 * COLUMNS_SIZE), statuses)
+    advance(buffers, h, wide_at(scratch, 0, 4), wide_at(scratch, 4 * COLUMNS_SIZE, 4), statuses)
 
 
 @kernel
 def _in_eight(buffers, h, scratch, statuses):
-    advance(buffers, h, eight_wide(scratch, 0), eight_wide(scratch, 8 * COLUMNS_SIZE), statuses)
+    advance(buffers, h, wide_at(scratch, 0, 8), wide_at(scratch, 8 * COLUMNS_SIZE, 8), statuses)
 
 
 WAYS = {4: _in_four, 8: _in_eight}
+SCRATCH = 8 * (COLUMNS_SIZE + WORK)
 OFF_AXES = [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]]
 TRIAXIAL = {"mass": 2.0, "inertia": [1.0, 1.5, 2.0]}
 TOP = {"mass": 1.0, "inertia": [1.0, 1.25, 0.3], "r_oc_b": [0.0, 0.0, 0.125], "pivot": True}
