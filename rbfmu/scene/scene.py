@@ -63,9 +63,11 @@ class Scene(Section):
 
     @property
     def own_texts(self) -> tuple[object, ...]:
-        """Return all that is given as text, with what it reads but the numbers of parameters."""
+        """Return what kernels of formulas are made of, but the numbers of parameters."""
         rates = {name: row.rate for name, row in self.states.items()}
-        return self.load_formulas, self.formulas, self.tables, rates, self.events, self.outputs.own
+        events = {name: (row.when, row.direction) for name, row in self.events.items()}
+        own = {name: row.value for name, row in self.outputs.own.items()}
+        return self.load_formulas, self.formulas, self.tables, rates, events, own
 
     @property
     def own_parameters(self) -> dict[str, Parameter]:
