@@ -48,9 +48,9 @@ NEAR, WORTH, DEARER = 0.6, 3.0, 1.15
 """The part of the accuracy that the likely worst error is brought to; by how much a tolerance is loosened if at all, as
 three times saves a twelfth of a run of order 14; and the cost over that of pilots' tolerance from which on orders are
 tried again."""
-SECONDS, TIGHTER, TINY = 0.03, 1e-4, 1e-300
-"""The time that scouts may take one by one; the tolerance that they are compared with, over the plan's; and what a
-quantity is relative to where it is zero."""
+SECONDS, LONGER, TIGHTER, TINY = 0.03, 1.0, 1e-4, 1e-300
+"""The time that scouts may take one by one, and where the first of them tell that no tolerance holds; the tolerance
+that they are compared with, over the plan's; and what a quantity is relative to where it is zero."""
 APART = (1 << 32) + 1
 """The attempt by whose numbers scouts are drawn, which no member and no pilot has."""
 
@@ -152,11 +152,11 @@ class Scouts:
     lead apart. Scouts run in lanes, at a cost of some members each.
     """
 
-    def __init__(self, scene: Scene, plan: Plan, names: tuple[str, ...]) -> None:
+    def __init__(self, scene: Scene, plan: Plan, names: tuple[str, ...], seconds: float = SECONDS) -> None:
         self.scene = scene.replace({"outputs.quantities": names})
         self.columns = Columns(tuple(OUTPUT[n] for n in names))
         steps = communication_steps(scene)
-        most = min(int(MOST_BYTES / (8.0 * self.columns.width * (steps + 1))), int(1e9 * SECONDS / (plan.cost * steps)))
+        most = min(int(MOST_BYTES / (8.0 * self.columns.width * (steps + 1))), int(1e9 * seconds / (plan.cost * steps)))
         cube = draws.at_random(ensemble_of(scene), 0, max(min(most, SCOUTS), FEWEST), APART)
         self.samples = samples_at(self.scene, cube)
         self.exact = replace(plan, tolerance=TIGHTER * plan.tolerance, order=min(plan.order + 2, MAX_ORDER))
@@ -180,7 +180,7 @@ def for_the_worst(scouts: Scouts, fitted: Plan) -> Plan | None:
     None where none is likely to.
     """
     accuracy, found, kept = scouts.scene.run.accuracy, fitted, None
-    least, pilots = max(1e-3 * found.tolerance, TIGHTEST), max(found.error, TINY) / found.tolerance
+    least, pilots = max(10.0 * scouts.exact.tolerance, TIGHTEST), max(found.error, TINY) / found.tolerance
     most = min(REACHED / pilots, LOOSER) * accuracy  # the farthest pilot meets it as well
     while found.tolerance >= least:
         worst = scouts.likely_worst(found)

@@ -19,6 +19,7 @@ from rbfmu.ensembles import draws
 from rbfmu.ensembles.draws import normal_scores, probabilities
 from rbfmu.ensembles.fitting import (
     DEARER,
+    LONGER,
     MEMBERS,
     PART,
     Scouts,
@@ -119,6 +120,10 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             if scouts is None or not scouts.tell_of(fitted):
                 scouts = Scouts(scene, with_cost(asked, fitted), judges[0].names)
             found = for_the_worst(scouts, fitted)
+            if found is None:  # a few tell little of a heavy tail: more are compared with what doubles come to at best
+                tightest = replace(fitted, tolerance=TIGHTEST)
+                scouts = Scouts(scene, with_cost(asked, tightest), judges[0].names, LONGER)
+                found = for_the_worst(scouts, fitted)
             if found is None:
                 return True, None
             found = with_cost(asked, cheap := dearest(judges, found))
@@ -178,7 +183,7 @@ def _of_growth(scene: Scene, growth: float, wild: bool) -> Iterator[str]:
             f"a pilot member magnifies an error {growth:.1e} times, round-off beyond the accuracy: members may miss it"
         )
     elif wild:
-        yield "nearly equal starts lead apart here: round-off grows beyond the accuracy in the worst members"
+        yield "nearly equal starts lead apart here: round-off may grow beyond the accuracy in the worst of many members"
 
 
 def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
