@@ -20,8 +20,8 @@ MOST_TIMES = 5
 """The times of an event that are printed."""
 MOST_FAILED = 5
 """Runs that failed whose messages are printed."""
-
 DOUBTS = (SceneWarning, PlanningWarning)
+"""Warnings that commands print as lines."""
 
 
 class Commands(click.Group):

@@ -180,6 +180,7 @@ def for_the_worst(scouts: Scouts, fitted: Plan) -> Plan | None:
     None where none is likely to.
     """
     accuracy, found, kept = scouts.scene.run.accuracy, fitted, None
+    # nearer to the tolerance that they are compared with, differences would be those of both
     least, pilots = max(10.0 * scouts.exact.tolerance, TIGHTEST), max(found.error, TINY) / found.tolerance
     most = min(REACHED / pilots, LOOSER) * accuracy  # the farthest pilot meets it as well
     while found.tolerance >= least:

@@ -49,6 +49,11 @@ class Given:
     constants: Mapping[str, int]
     pivot: bool
 
+    @property
+    def sizes(self) -> tuple[object, ...]:
+        """Return what there is, whatever its numbers."""
+        return self.ports, self.states, self.constants, self.pivot
+
 
 class Group(NamedTuple):
     """States whose errors are counted together; least: the least size that they are relative to.
@@ -76,6 +81,7 @@ class Motion:
 
     def __init__(self, given: Given) -> None:
         self.graph, self.given = Graph(dict(by_element(given.numbers))), given
+        self.zeros: set[str] = set()  # places of the buffer that are taken for zero
         q = self.q = self._leaves("state", "q", 4)
         self.omega = self._leaves("state", "omega", 3)
         self.t = self.graph.leaf("state", "t")
@@ -203,8 +209,9 @@ class Motion:
     def _places(self, name: str) -> Array:
         """Return numbers of the buffer; those that are zero and stay so are 0."""
         values, stays = self.given.numbers[name], name not in self.given.symbolic
-        leaves = self._leaves("place", name, len(values))
-        return np.array([0.0 if stays and x == 0.0 else leaf for x, leaf in zip(values, leaves, strict=True)], object)
+        names, leaves = elements(name, len(values)), self._leaves("place", name, len(values))
+        self.zeros |= {element for element, x in zip(names, values, strict=True) if stays and x == 0.0}
+        return np.array([0.0 if e in self.zeros else leaf for e, leaf in zip(names, leaves, strict=True)], object)
 
 
 def closure(rates: Mapping[str, Number], wanted: Sequence[Number], graph: Graph) -> list[str]:

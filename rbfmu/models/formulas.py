@@ -15,7 +15,7 @@ import numpy as np
 
 from rbfmu.formulas.check import Texts, given_to
 from rbfmu.formulas.graph import SYMBOLIC, Symbol, gradient, numbers_of, side
-from rbfmu.formulas.motion import CONSTANT, STATE, by_element, closure, groups_of
+from rbfmu.formulas.motion import CONSTANT, STATE, Given, by_element, closure, groups_of
 from rbfmu.formulas.program import Program
 from rbfmu.formulas.source import SERIES, module_of, source_of, source_of_lanes, source_over
 from rbfmu.models.model_buffer import BLOCKS, BodyAtStart, size_of_block
@@ -82,6 +82,15 @@ class FormulaModel:
     def _states_of(self, numbers: Iterable[Any]) -> list[str]:
         """Return the names of the states' numbers that others come of."""
         return closure(self.all_rates, [*numbers], self.motion.graph)
+
+    def serves(self, scene: Scene) -> bool:
+        """Return whether the kernels hold for a scene: of the same texts, where all that is zero in them is zero."""
+        given = given_of(scene)
+        numbers = dict(by_element(given.numbers))
+        if scene.own_texts != self.scene.own_texts or given.sizes != self.given.sizes:
+            return False
+        asked = {OUTPUT[name].judged_by or name for name in scene.outputs.quantities}
+        return asked <= self.shown.keys() and not any(numbers[place] for place in self.motion.zeros)
 
     @property
     def own_rows(self) -> dict[str, Output]:
@@ -346,15 +355,19 @@ def _module_of(name: str, text: str) -> ModuleType:
     return made
 
 
+def given_of(scene: Scene, varied: Iterable[str] = ()) -> Given:
+    """Return what a scene gives its formulas; varied: see `given_to`. Raises SceneError where the body is refused."""
+    start = BodyAtStart(scene)
+    start.check()
+    return given_to(scene, {name: start.z[block].tolist() for name, block in BLOCKS.items()}, varied)
+
+
 def texts_of(scene: Scene, varied: Iterable[str] = ()) -> Texts:
     """Return a scene's formulas on a graph; varied: see `given_to`.
 
     Raises SceneError where the body is refused.
     """
-    start = BodyAtStart(scene)
-    start.check()
-    numbers = {name: start.z[block].tolist() for name, block in BLOCKS.items()}
-    texts = Texts(scene, given_to(scene, numbers, varied))
+    texts = Texts(scene, given_of(scene, varied))
     if texts.faults:  # such as a division by a number of the scene that is zero
         raise SceneError(texts.faults, scene.name)
     return texts

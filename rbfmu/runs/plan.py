@@ -92,9 +92,10 @@ class Plan:
     def of_scene(self, scene: Scene) -> "Plan":
         """Return the plan with the kernels of the scene's formulas, if it has any.
 
-        A file of a plan holds none, and a plan of another scene may hold those of other texts.
+        A file of a plan holds none, and those of another scene's plan may be made of other texts, or without loads
+        that are zero there.
         """
-        is_made = self.formulas.scene.own_texts == scene.own_texts if self.formulas else not scene.has_formulas
+        is_made = self.formulas.serves(scene) if self.formulas else not scene.has_formulas
         if is_made:
             return self
         from rbfmu.models.formulas import OverClosedForm, equations_of  # what has none starts sooner

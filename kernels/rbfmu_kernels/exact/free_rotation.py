@@ -220,6 +220,7 @@ def free_rotations(
 
 @kernel
 def in_lanes(bodies: Bodies, found: Motions, tumbling: Buffer, near: Buffer) -> bool:
+    """Do what `free_rotations` does; tumbling, near: lanes for bodies of each kind, all others are taken alone."""
     tumblers, nearers, singular = 0, 0, False
     for i in range(len(bodies.moments)):
         moments = vec3_at(bodies.moments[i], 0)

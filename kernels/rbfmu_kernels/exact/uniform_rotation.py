@@ -47,6 +47,12 @@ def rotation_after(turning: Turning, t: DoubleDouble) -> Quaternion:
 
 
 @kernel
+def length_of(v: Vector) -> DoubleDouble:
+    """Return |v|, for numbers of about 1 or less."""
+    return dd.root(dd.dot(v, v))
+
+
+@kernel
 def power_for(v: Vector) -> float:
     """Return a power of two that brings a vector to a size of about 1."""
     return power_of_two_for(max(max(abs(v[0][0]), abs(v[1][0])), abs(v[2][0])))
@@ -57,7 +63,7 @@ def turning_about(omega: Vector) -> Turning:
     """Return the turning of a constant rate omega, rad/s, of any size."""
     up = power_for(omega)
     v = dd.scale_vector(up, omega)
-    rate = dd.root(dd.dot(v, v))
+    rate = length_of(v)
     inverse = 1.0 / rate[0] if rate[0] != 0.0 else 1.0
     axis = (inverse * v[0][0], inverse * v[1][0], inverse * v[2][0])
     return Turning(axis, dd.scale(1.0 / up, dd.multiply(rate, ONE_OVER_4PI)))
@@ -74,8 +80,8 @@ def symmetric_turnings(i_t: DoubleDouble, i_s: DoubleDouble, omega: Vector) -> t
     shrink = power_of_two_for(max(i_t[0], i_s[0]))
     i_t, i_s = dd.scale(shrink, i_t), dd.scale(shrink, i_s)
     w_1, w_2, w_3 = dd.scale_vector(up, omega)
-    m_1, m_2, m_3 = m = dd.multiply(i_t, w_1), dd.multiply(i_t, w_2), dd.multiply(i_s, w_3)
-    momentum = dd.root(dd.dot(m, m))
+    m_1, m_2, m_3 = dd.multiply(i_t, w_1), dd.multiply(i_t, w_2), dd.multiply(i_s, w_3)
+    momentum = length_of((m_1, m_2, m_3))
     inverse = 1.0 / momentum[0] if momentum[0] != 0.0 else 1.0
     rate = dd.divide(dd.multiply(momentum, ONE_OVER_4PI), i_t)
     own = dd.divide(dd.multiply(dd.subtract(i_t, i_s), w_3), i_t)

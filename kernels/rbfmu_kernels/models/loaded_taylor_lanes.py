@@ -23,8 +23,8 @@ from ..integrators.dense_output import COOL_DOWN_STEPS, LEAST_REACH, NONE, turni
 from ..integrators.substeps import Method, nearer_size, parts_in
 from ..integrators.taylor_coefficients import FORCE, RATE, TORQUE, WORK, SpaceFixedLoads, Torques
 from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_STATE, Body, angular_acceleration
+from ..mechanics.inertia import is_diagonal
 from ..rotations.quaternion import invert_quaternion, rotate
-from ..rotations.vec3 import is_nonzero
 from ..types import Array, Buffer, Vec3
 from .loaded import LOADED_TAYLOR, is_series_tried
 
@@ -125,9 +125,7 @@ def _kind(z: Buffer, h: float) -> Kind:
         served = n != ROTATION or not order < _SURELY * LEAST_REACH * h * turning_of(omega, alpha)
     if served or fixed.changing or n == WHOLE_STATE or not (h > 0.0 and z[_AT.tolerance] < math.inf):
         n = 0
-    M = body.inertia
-    diagonal = not is_nonzero((M[0][1], M[0][2], M[1][2]))
-    return n, order, z[_AT.tolerance], z[_AT.span], fixed.lever_force, fixed.torque, diagonal
+    return n, order, z[_AT.tolerance], z[_AT.span], fixed.lever_force, fixed.torque, is_diagonal(body.inertia)
 
 
 @kernel(inline=False)

@@ -77,9 +77,7 @@ def quaternion_from_axis_angle(k: Vec3, theta: float) -> Quaternion:
     """
     square = vec3.dot(k, k)
     per_length = math.nan if axis_is_singular(k) else 1.0 / math.sqrt(square)
-    s, c = sincos(0.5 * theta)
-    x, y, z = vec3.scale((1.0 if abs(square - 1.0) <= _UNIT else per_length) * s, k)
-    return (c, x, y, z)
+    return _turned(k, 1.0 if abs(square - 1.0) <= _UNIT else per_length, theta)
 
 
 _UNIT = 4.0 * 2.0**-52
@@ -96,8 +94,14 @@ def axis_is_singular(k: Vec3) -> bool:
 @kernel
 def quaternion_about(k: Vec3, theta: float) -> Quaternion:
     """Return q_ab = (cos(theta / 2), k sin(theta / 2)) of a unit k, whose length is not looked at."""
+    return _turned(k, 1.0, theta)
+
+
+@kernel
+def _turned(k: Vec3, per_length: float, theta: float) -> Quaternion:
+    """Return (cos(theta / 2), k per_length sin(theta / 2))."""
     s, c = sincos(0.5 * theta)
-    return (c, *vec3.scale(s, k))
+    return (c, *vec3.scale(per_length * s, k))
 
 
 @kernel

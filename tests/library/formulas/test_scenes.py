@@ -1,9 +1,7 @@
 """Scenes with formulas against SciPy's DOP853 on right-hand sides written by hand, and what they promise besides."""
 
-import inspect
 import math
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -18,7 +16,6 @@ from rbfmu.planning.reference import reference_motion
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import start_run
 from rbfmu_kernels.compile.tiered import interpreted
-from rbfmu_kernels.types import python_function
 from tests.support.command_line import call
 from tests.support.covering import some_of
 from tests.support.references.by_scipy import B, by_scipy, worst
@@ -142,21 +139,6 @@ def test_other_steps_meet_the_accuracy_too(name, factor):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("change", [
-    {"loads.torque_b": "[gain*cos(t), 0, 0]"},
-    {"formulas.gain": "0.2"},
-    {"outputs": {"quantities": ["omega_b"], "twice": {"value": "2*omega_b[1]", "unit": "rad/s"}}},
-])  # fmt: skip
-def test_a_plan_of_other_texts_runs_those_of_the_scene(change):
-    texts = {"loads": {"torque_b": "[gain*sin(t), 0, 0]"}, "formulas": {"gain": "0.1"}}
-    one = rbfmu.Scene.from_dict(scene(**texts))
-    other = one.replace(change)
-    found, wanted = rbfmu.simulate(other, planned=rbfmu.plan(one)).quantities, rbfmu.simulate(other).quantities
-    assert found.keys() == wanted.keys()
-    for name, rows in wanted.items():
-        np.testing.assert_allclose(found[name], rows, atol=1e-6)
-
-
 def test_bits_do_not_hang_on_compilation():
     one = rbfmu.Scene.from_dict(CASES["spring, thrust and a lag"][0])
     planned = rbfmu.plan(one)
@@ -331,15 +313,6 @@ def test_a_load_of_the_scene_and_the_same_as_a_formula_make_one_motion(loads, te
     np.testing.assert_allclose(found[0].position, found[1].position, atol=2e-12 * np.abs(found[0].position).max())
 
 
-def test_the_text_of_the_kernels_can_be_printed(tmp_path):
-    (tmp_path / "scene.toml").write_text(
-        '[body]\nmass = 1.0\ninertia = [1.0, 2.0, 3.0]\n[loads]\ntorque_b = "-0.1*omega_b + [t, 0, 0]"\n'
-    )
-    printed = call("plan", tmp_path / "scene.toml", "--code").stdout
-    compile(printed, "formulas", "exec")
-    assert "def further(z: Buffer, w: int, k: int)" in printed
-
-
 @pytest.mark.parametrize("torque", [
     "norm(dot(omega_b, [1, 0, 0])*[1, 0.5 + t, 0])*[0, 0.3, 1]",
     "sqrt((omega_b[1]*(2 + sin(t)))**2)*[0, 0.2, 0.5]",
@@ -365,14 +338,6 @@ def test_a_relay_switches_when_its_clock_says_so(rate):
     up = result.time // turn * longest + np.clip(result.time % turn - on, 0.0, longest)
     expected = 0.1 + (1.7 * up - 0.7 * result.time) / 3.0
     np.testing.assert_allclose(result.omega_b[:, 2], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
-
-
-def test_kept_code_finds_the_module_that_it_was_compiled_of():
-    """2026-11-23: it named none, so that each process compiled a scene's model anew, which takes 10 s."""
-    formulas = rbfmu.plan(rbfmu.Scene.from_dict(scene(loads={"torque_b": "-norm(omega_b)*omega_b"}))).formulas
-    assert formulas.model
-    found = import_module(f"rbfmu.models.formulas.formulas_{formulas.key}")
-    assert inspect.getmodule(python_function(found.first)) is found  # as Numba asks
 
 
 def test_a_motion_that_becomes_too_fast_is_refused_and_not_followed_for_minutes(monkeypatch):

@@ -1,0 +1,65 @@
+"""The kernels that are made of a scene's formulas: their text, what is kept of them, and for which scenes they hold."""
+
+import inspect
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+import rbfmu
+from rbfmu_kernels.types import python_function
+from tests.support.command_line import call
+
+TABLES = {
+    "body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
+    "initial": {"omega_b": [0.1, 0.2, 0.3]},
+    "loads": {"torque_b": "[gain*sin(t), 0, 0]", "gravity_a": [0.0, 0.0, 0.0]},
+    "formulas": {"gain": "0.1"},
+    "outputs": {"quantities": ["omega_b"]},
+    "run": {"stop": 2.0, "step": 0.5, "accuracy": 1e-9},
+}
+
+
+@pytest.mark.parametrize("change", [
+    {"loads.torque_b": "[gain*cos(t), 0, 0]"},
+    {"formulas.gain": "0.2"},
+    {"outputs": {"quantities": ["omega_b"], "twice": {"value": "2*omega_b[1]", "unit": "rad/s"}}},
+    {"outputs.quantities": ["position", "quaternion"], "initial.velocity": [1.0, 0.0, 0.0]},
+    {"loads.damping_b": [0.5, 0.5, 0.5]},
+    {"loads.torque_a": [1.0, 0.0, 0.0]},
+    {"loads.gravity_a": [0.0, 0.0, -9.81], "outputs.quantities": ["position"]},
+    {"body.inertia": [[1.0, 0.1, 0.0], [0.1, 2.0, 0.0], [0.0, 0.0, 3.0]]},
+    {"body.pivot": True, "body.r_oc_b": [0.0, 0.0, 0.5], "loads.gravity_a": [0.0, 0.0, -9.81]},
+])  # fmt: skip
+def test_a_plan_of_another_scene_runs_what_the_scene_says(change):
+    """Kernels are made of a scene's texts, without what is zero in it: 2026-11-25, they ran on scenes of others."""
+    one = rbfmu.Scene.from_dict(TABLES)
+    other = one.replace(change)
+    found, wanted = rbfmu.simulate(other, planned=rbfmu.plan(one)).quantities, rbfmu.simulate(other).quantities
+    assert found.keys() == wanted.keys()
+    for name, rows in wanted.items():
+        np.testing.assert_allclose(found[name], rows, atol=1e-7)
+
+
+@pytest.mark.parametrize("change", [{"initial.omega_b": [0.3, 0.0, 0.1]}, {"body.mass": 2.0}, {"run.step": 0.1}])
+def test_kernels_hold_for_other_numbers(change):
+    one = rbfmu.Scene.from_dict(TABLES)
+    planned = rbfmu.plan(one)
+    assert planned.of_scene(one.replace(change)) is planned
+
+
+def test_the_text_of_the_kernels_can_be_printed(tmp_path):
+    (tmp_path / "scene.toml").write_text(
+        '[body]\nmass = 1.0\ninertia = [1.0, 2.0, 3.0]\n[loads]\ntorque_b = "-0.1*omega_b + [t, 0, 0]"\n'
+    )
+    printed = call("plan", tmp_path / "scene.toml", "--code").stdout
+    compile(printed, "formulas", "exec")
+    assert "def further(z: Buffer, w: int, k: int)" in printed
+
+
+def test_kept_code_finds_the_module_that_it_was_compiled_of():
+    """2026-11-23: it named none, so that each process compiled a scene's model anew, which takes 10 s."""
+    formulas = rbfmu.plan(rbfmu.Scene.from_dict(TABLES)).formulas
+    assert formulas.model
+    found = import_module(f"rbfmu.models.formulas.formulas_{formulas.key}")
+    assert inspect.getmodule(python_function(found.first)) is found  # as Numba asks
