@@ -11,7 +11,7 @@ from threading import Thread
 from typing import Any
 
 import numpy as np
-from numba import config, float64, int64, njit, typeof, types
+from numba import config, float64, int64, njit, typeof, types, uint64
 
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.types import Array
@@ -165,27 +165,43 @@ def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any
 
 
 def merge_blocks(x: Any, size: int, room: Any) -> int:
-    """Sort rows (r, c), of which every `size` numbers are sorted; c is size times a power of 2. room (c,).
+    """Sort rows (r, c), of which every `size` numbers are sorted; c is size times a power of 2. room (4, c).
 
     Two neighbours are merged from both ends at once, half of their numbers from each, so that none runs out. No branch
-    hangs on the numbers: a processor would guess it wrongly every other time, which is what most of sorting costs.
+    hangs on the numbers: a processor would guess it wrongly every other time, which is what most of sorting costs. Two
+    rows take turns, as each number waits for the comparison before it.
     """
-    for i in range(len(x)):
-        source, target, block = x[i], room, size
-        while block < len(room):
-            for first in range(0, len(room), 2 * block):
-                a, b = first, first + block
-                c, d = b - 1, b + block - 1
-                for k in range(block):
-                    p, q = source[a], source[b]
-                    target[first + k] = min(p, q)
-                    a, b = a + (p <= q), b + (p > q)
-                    p, q = source[c], source[d]
-                    target[first + 2 * block - 1 - k] = max(p, q)
-                    c, d = c - (p > q), d - (p <= q)
-            source, target, block = target, source, 2 * block
-        x[i] = source
+    last, count = len(x) - 1, uint64(room.shape[1])
+    for i in range(0, len(x), 2):
+        j = min(i + 1, last)  # an odd one is merged twice
+        a, b, to_a, to_b, block = room[0], room[1], room[2], room[3], uint64(size)
+        a[:], b[:] = x[i], x[j]
+        while block < count:
+            for first in range(uint64(0), count, block + block):
+                _merge_two(a, b, to_a, to_b, first, block)
+            a, b, to_a, to_b, block = to_a, to_b, a, b, block + block
+        x[i], x[j] = a, b
     return 0
+
+
+@kernel
+def _merge_two(a: Any, b: Any, to_a: Any, to_b: Any, first: Any, block: Any) -> None:
+    """Merge two neighbouring blocks of both rows. Places are unsigned: of others the sign would be looked at."""
+    one, end = uint64(1), first + block + block - uint64(1)
+    i = j = k = m = uint64(0)  # how many of the lower block are taken from below, of the upper one from above
+    for n in range(block):
+        low, high = a[first + i], a[first + block + n - i]
+        to_a[first + n] = min(low, high)
+        i += uint64(low <= high)
+        low, high = a[first + block - one - n + j], a[end - j]
+        to_a[end - n] = max(low, high)
+        j += uint64(low <= high)
+        low, high = b[first + k], b[first + block + n - k]
+        to_b[first + n] = min(low, high)
+        k += uint64(low <= high)
+        low, high = b[first + block - one - n + m], b[end - m]
+        to_b[end - n] = max(low, high)
+        m += uint64(low <= high)
 
 
 _GIVEN = (
@@ -197,7 +213,7 @@ _GIVEN = (
 _SIGNATURES: dict[Callable[..., Any], Any] = {
     run_members: int64(_INITIALIZE, _STEP, *_GIVEN, _NUMBERS, _NUMBERS),
     moments: int64(_BLOCK, _INDICES, int64, _INDICES, _PAIRS, _TABLE, _TABLE, _TABLE),
-    merge_blocks: int64(types.Array(float64, 2, "A"), int64, _NUMBERS),
+    merge_blocks: int64(types.Array(float64, 2, "A"), int64, _TABLE),
 }
 
 

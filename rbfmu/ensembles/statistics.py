@@ -128,7 +128,7 @@ def sort_rows(rows: Array, sorted_size: int = 0) -> None:
         return
     if not sorted_size:
         rows.reshape(len(rows), blocks, size).sort(axis=2)
-    compiled(merge_blocks)(rows, size, np.empty(rows.shape[1]))
+    compiled(merge_blocks)(rows, size, np.empty((4, rows.shape[1])))
 
 
 def _every(step: int, count: int, turn: int) -> tuple[Indices, float]:

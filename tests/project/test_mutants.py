@@ -26,6 +26,16 @@ def test_mutants_of_a_seed_are_one_change_of_a_line_each_in_every_package() -> N
             assert ast.dump(ast.parse(changed)) != ast.dump(ast.parse(text)), mutant
 
 
+def test_what_a_copy_of_the_tree_changes_is_there() -> None:
+    from rbfmu_kernels.compile import code_cache
+
+    assert (ROOT / mutants.STAMPING).samefile(code_cache.__file__)
+    assert f"def {code_cache.stamp_of.__name__}(function" in mutants.STAMP_OF_IMPORTS
+    for name in mutants.SEE_ANY_CHANGE:
+        path, test = name.split("::")
+        assert f"def {test}(" in (ROOT / path).read_text(), name
+
+
 def test_a_covering_set_has_each_value_of_each_axis() -> None:
     cases = list(itertools.product(range(5), range(3), range(2)))
     kept = covering(cases, "it")

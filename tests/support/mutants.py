@@ -181,7 +181,10 @@ NEAR = (
 )
 """The tests of a line that no test was seen to reach, by the folder of the line, the nearest first."""
 FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
-SEE_ANY_CHANGE = ("test_figures_are_not_older_than_their_sources", "test_text_to_be_changed_is_there_once")
+SEE_ANY_CHANGE = (
+    "tests/project/test_figures.py::test_figures_are_not_older_than_their_sources",
+    "tests/project/test_mutants.py::test_text_to_be_changed_is_there_once",
+)
 """Tests that compare sources with what was kept of them: they would find anything."""
 
 
@@ -205,9 +208,7 @@ class Slot:
 
     def _stamp_kernels_by_what_they_import(self) -> None:
         """Let compiled code be kept where a change cannot reach it; the product's stamp is one for all kernels."""
-        stamp = self.folder / "kernels" / "rbfmu_kernels" / "compile" / "stamp.py"
-        assert "def stamp_of(function" in stamp.read_text()
-        with stamp.open("a") as file:
+        with (self.folder / STAMPING).open("a") as file:
             file.write(STAMP_OF_IMPORTS)
 
     def run(self, marks: str, tests: list[str], *options: str) -> subprocess.CompletedProcess[str]:
@@ -250,6 +251,8 @@ class Slot:
             path.write_text(right)
 
 
+STAMPING = Path("kernels/rbfmu_kernels/compile/code_cache.py")
+"""The module that defines `stamp_of`."""
 STAMP_OF_IMPORTS = '''
 
 _of_all_kernels = stamp_of
@@ -324,11 +327,7 @@ def _reached() -> Any:
 
 
 def _fail_anyway() -> list[str]:
-    named = [
-        f"tests/project/test_figures.py::{SEE_ANY_CHANGE[0]}",
-        f"tests/project/test_mutants.py::{SEE_ANY_CHANGE[1]}",
-    ]
-    return [*named, *_reached()["failed"]]
+    return [*SEE_ANY_CHANGE, *_reached()["failed"]]
 
 
 def _tests_of(mutant: Mutant, kind: str) -> Iterator[list[str]]:
