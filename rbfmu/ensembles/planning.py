@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -21,6 +22,7 @@ from rbfmu.ensembles.fitting import (
     DEARER,
     LONGER,
     MEMBERS,
+    MOST,
     PART,
     Scouts,
     dearest,
@@ -92,8 +94,9 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
         if wild:  # the worst members magnify errors far more than pilots: all that helps is to add none
             for_all = replace(for_all, tolerance=TIGHTEST)
         chosen, growth = _accurate(for_all, judges)
-        if not wild:  # else scouts differ by round-off alone, which two runs of the same substeps have in common
-            chosen = with_likely_error(scene, chosen, judges[0].names)
+        likely = chosen if wild else with_likely_error(scene, chosen, judges[0].names)
+        wild = wild or likely.error > scene.run.accuracy
+        chosen = chosen if wild else likely
     tell(1.0)
     warn(scene, _of_growth(scene, growth, wild))
     if not scene.inputs.ports:  # through which anything may act
@@ -115,8 +118,9 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
         if communication_steps(scene) == 1:  # which no series has to serve beyond: members go side by side
             general = replace(general, substep=scene.run.step)
         follow_in_doubles(judges)
-        highest, part, found, scouts = highest_in_lanes(judges, general), PART, None, None
-        while fitted := fit_of_members(judges, general, highest, part):
+        fit, part = partial(fit_of_members, judges, general, highest_in_lanes(judges, general)), PART
+        fitted, found, scouts = fit(part) or fit(MOST), None, None
+        while fitted:
             if scouts is None or not scouts.tell_of(fitted):
                 scouts = Scouts(scene, with_cost(asked, fitted), judges[0].names)
             found = for_the_worst(scouts, fitted)
@@ -130,6 +134,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             if cheap.cost <= DEARER * fitted.cost or part < PART:
                 break
             part *= found.tolerance / fitted.tolerance
+            fitted = fit(part)
     return found is not None, found
 
 
