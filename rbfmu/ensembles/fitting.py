@@ -39,8 +39,9 @@ TIGHT, LITTLE = 1e-16, 1e-3
 of a tolerance, which that of a truth may be."""
 HIGHEST, LEAST_IN_LANES = 20, 10
 """The highest order of series, and that below which lanes do not pay for more substeps."""
-SCOUTS, FEWEST, TAIL = 1024, 64, 32
-"""The most and the fewest members whose errors tell of those of others, and of how many the tail is taken."""
+SCOUTS, FEWEST, TAIL, HEAVY = 1024, 64, 32, 5.0
+"""The most and the fewest members whose errors tell of those of others, and of how many the tail is taken; and how many
+times larger than those seen others may be by that tail before more are looked at."""
 MEMBERS = 10_000
 """The members whose worst error is estimated: a plan does not depend on the number of runs, which may be extended."""
 SCATTER = 1.15
@@ -167,6 +168,7 @@ class Scouts:
         order = plan.order + 2 if plan.order < MAX_ORDER else MAX_ORDER - 2  # of one order steps may be the same
         self.exact = replace(plan, tolerance=TIGHTER * plan.tolerance, order=order)
         self.truth = self._run(self.exact)
+        self.are_too_few = False
 
     def tell_of(self, plan: Plan) -> bool:
         """Return whether they were followed by series much tighter than a plan."""
@@ -176,8 +178,11 @@ class Scouts:
         return run_samples(Work(self.scene, plan, len(self.samples)), self.samples, ends_alone=False)[0]
 
     def likely_worst(self, plan: Plan) -> float:
-        """Return what the errors of MEMBERS members are likely not to exceed."""
-        return likely_worst(_errors(self.columns, self._run(plan), self.truth), MEMBERS)
+        """Return what the errors of MEMBERS members are likely not to exceed; note whether few tell of far larger."""
+        errors = _errors(self.columns, self._run(plan), self.truth)
+        likely = likely_worst(errors, MEMBERS)
+        self.are_too_few = len(errors) < SCOUTS and not likely <= HEAVY * np.max(errors)
+        return likely
 
 
 def for_the_worst(scouts: Scouts, fitted: Plan) -> Plan | None:

@@ -124,7 +124,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             if scouts is None or not scouts.tell_of(fitted):
                 scouts = Scouts(scene, with_cost(asked, fitted), judges[0].names)
             found = for_the_worst(scouts, fitted)
-            if found is None:  # a few tell little of a heavy tail: more are compared with what doubles come to at best
+            if found is None or scouts.are_too_few:  # a few tell little of a heavy tail: more, beside the tightest
                 tightest = replace(fitted, tolerance=TIGHTEST)
                 scouts = Scouts(scene, with_cost(asked, tightest), judges[0].names, LONGER)
                 found = for_the_worst(scouts, fitted)
