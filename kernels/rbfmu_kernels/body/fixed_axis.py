@@ -10,7 +10,6 @@ from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration
 from ..mechanics.newton_euler import damping_torque
 from ..numerics import double_double as dd
-from ..numerics.double_double import DoubleDouble, two_product
 from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import invert_matrix, transform
 from ..rotations.quaternion import invert_quaternion, largest_of, rotate, scale_quaternion
@@ -90,14 +89,14 @@ def _is_across(axis: Vec3, v: Vec3, slack: float) -> bool:
 
 
 @kernel(inline=False)
-def swing(z: Buffer, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
+def swing(z: Buffer, axis: Vec3) -> tuple[dd.DoubleDouble, dd.DoubleDouble]:
     """Return (A, B), rad/s2: forces fixed in space accelerate the angle from quaternion_0 by A cos + B sin of it."""
     arm, loads = memory.body_of(z).arm_b, memory.loads_of(z)
     q, moment = quaternion_at(z, memory.AT.quaternion_0), _moment(z, axis)
     q = scale_quaternion(power_of_two_for(largest_of(q)), q)
     force, mass = (loads.gravity_a, z[memory.AT.mass]) if memory.has_pivot(z) else (loads.force_a, 1.0)
     lever = cross(axis, arm)
-    unit = dd.multiply(moment, dd.add(two_product(q[0], q[0]), dd.dot_of_floats(q[1:], q[1:])))
+    unit = dd.multiply(moment, dd.add(dd.two_product(q[0], q[0]), dd.dot_of_floats(q[1:], q[1:])))
     a, b = _turned_dot(q, lever, force), _turned_dot(q, cross(axis, lever), force)
     return dd.divide(dd.multiply_float(a, mass), unit), dd.divide(dd.multiply_float(b, mass), unit)
 
@@ -112,7 +111,7 @@ def drive_and_damping_rate(z: Buffer, axis: Vec3) -> tuple[float, float]:
 
 
 @kernel
-def _moment(z: Buffer, axis: Vec3) -> DoubleDouble:
+def _moment(z: Buffer, axis: Vec3) -> dd.DoubleDouble:
     """Return the moment about the axis, through the centre of mass or the pivot."""
     moment = dd.dot_of_floats(axis, transform(memory.inertia_of(z), axis))
     if memory.has_pivot(z):
@@ -122,19 +121,19 @@ def _moment(z: Buffer, axis: Vec3) -> DoubleDouble:
 
 
 @kernel
-def _triple(a: Vec3, b: Vec3, c: Vec3) -> DoubleDouble:
+def _triple(a: Vec3, b: Vec3, c: Vec3) -> dd.DoubleDouble:
     """Return the product a . (b x c)."""
-    x = dd.subtract(two_product(b[1], c[2]), two_product(b[2], c[1]))
-    y = dd.subtract(two_product(b[2], c[0]), two_product(b[0], c[2]))
-    w = dd.subtract(two_product(b[0], c[1]), two_product(b[1], c[0]))
+    x = dd.subtract(dd.two_product(b[1], c[2]), dd.two_product(b[2], c[1]))
+    y = dd.subtract(dd.two_product(b[2], c[0]), dd.two_product(b[0], c[2]))
+    w = dd.subtract(dd.two_product(b[0], c[1]), dd.two_product(b[1], c[0]))
     return dd.add(dd.add(dd.multiply_float(x, a[0]), dd.multiply_float(y, a[1])), dd.multiply_float(w, a[2]))
 
 
 @kernel
-def _turned_dot(q_ab: Quaternion, v_b: Vec3, u_a: Vec3) -> DoubleDouble:
+def _turned_dot(q_ab: Quaternion, v_b: Vec3, u_a: Vec3) -> dd.DoubleDouble:
     """Return |q|^2 u . R(q) v."""
     e = q_ab[1:]
-    square = dd.subtract(two_product(q_ab[0], q_ab[0]), dd.dot_of_floats(e, e))
+    square = dd.subtract(dd.two_product(q_ab[0], q_ab[0]), dd.dot_of_floats(e, e))
     along = dd.multiply(dd.dot_of_floats(u_a, e), dd.dot_of_floats(e, v_b))
     about = dd.multiply_float(_triple(u_a, e, v_b), q_ab[0])
     return dd.add(dd.multiply(square, dd.dot_of_floats(u_a, v_b)), dd.scale(2.0, dd.add(along, about)))

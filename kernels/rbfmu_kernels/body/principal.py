@@ -174,10 +174,7 @@ def _jacobi(
 def _turned(
     u: DoubleDouble, v: DoubleDouble, cos: DoubleDouble, sin: DoubleDouble
 ) -> tuple[DoubleDouble, DoubleDouble]:
-    return (
-        dd.subtract(dd.multiply(cos, u), dd.multiply(sin, v)),
-        dd.add(dd.multiply(sin, u), dd.multiply(cos, v)),
-    )
+    return dd.subtract(dd.multiply(cos, u), dd.multiply(sin, v)), dd.add(dd.multiply(sin, u), dd.multiply(cos, v))
 
 
 @kernel(inline=False)

@@ -24,12 +24,12 @@ from ..compile.wide import choose
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble, Vector, two_sum
 from ..numerics.elementary import power_of_two_for, sincos_half_turns
-from ..numerics.elliptic import NEAREST_KC, jacobi_low_parts
+from ..numerics.elliptic import NEAREST_KC, Place, jacobi_low_parts
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, largest_of, scale_quaternion, square_of
 from ..rotations.vec3 import scale
 from ..types import Array, Buffer, Quaternion, Vec3
 from . import free_rotation_setup as constants
-from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, Place, jacobi_of, place_of, read_steady, turn_of
+from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, jacobi_of, place_of, read_steady, turn_of
 from .free_rotation_setup import FreeRotation, FreeRotationNumbers, in_body_axes, read_free_rotation
 from .uniform_rotation import power_for, without_turns
 
