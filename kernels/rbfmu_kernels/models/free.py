@@ -10,9 +10,9 @@ panels of at most `substep`, each with `order` points of Gauss's rule. What a pa
 Source: Abramowitz and Stegun, 25.4.30.
 """
 
-from ..body import closed_form, fixed_axis, memory
+from ..body import closed_form, memory
 from ..body.outputs import output_rates
-from ..body.principal import axes_as_floats, exact_frame, exact_symmetric_frame, keeps_its_rate, rates_along
+from ..body.principal import axes_as_floats, exact_frame, exact_symmetric_frame, keeps_its_rate, rates_along, turns_path
 from ..body.shell import make_model
 from ..buffer import OK, STEP_REJECTED, TORQUE_ACTS, UNSTEADY, UNSYMMETRIC, places, with_work_space
 from ..buffer_access import matrix_at, put_matrix_at, put_vec3_at, vec3_at
@@ -59,7 +59,7 @@ def _advance_constant_rate(z: Buffer, h: float) -> int:
 @kernel
 def _is_disturbed(z: Buffer) -> bool:
     """Return whether a torque acts, or a turning force bends the body's path; one along the rate does not turn."""
-    return closed_form.has_torque(z) or fixed_axis.turns_path(z, memory.rotation_of(z).omega_b)
+    return closed_form.has_torque(z) or turns_path(z, memory.rotation_of(z).omega_b)
 
 
 CONSTANT_RATE = make_model("CONSTANT_RATE", _CONSTANT_RATE_LAYOUT, _set_up_constant_rate, _advance_constant_rate)
