@@ -14,15 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+import rbfmu_kernels as kernels
 from rbfmu.formulas.graph import Graph, Number, Symbol, changes_of, gradient, square_root
 from rbfmu.formulas.text import FUNCTIONS, Array, Function, value_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, angular_acceleration, steady_acceleration
-from rbfmu_kernels.mechanics.inertia import parallel_axis
-from rbfmu_kernels.mechanics.newton_euler import relative_acceleration
 from rbfmu_kernels.quantities import elements
-from rbfmu_kernels.rotations.quaternion import quaternion_rate_b
-from rbfmu_kernels.rotations.vec3 import cross, skew
 
 LOADS = ("force_a", "force_b", "torque_a", "torque_b")
 CONSTANT, STATE = "constants.", "states."
@@ -139,7 +136,7 @@ class Motion:
 
     def turns(self) -> Iterator[Array]:
         """Yield how q changes as by a rate about each axis of b."""
-        return (np.array(interpreted(quaternion_rate_b)(tuple(self.q), axis), object) for axis in AXES)
+        return (np.array(interpreted(kernels.quaternion_rate_b)(tuple(self.q), axis), object) for axis in AXES)
 
     def forces_of(self, potential: Number) -> dict[str, Array]:
         """Return the force at o, in a, and the torque, in b, that follow from a potential.
@@ -181,7 +178,7 @@ class Motion:
         turning = Loads(_ZERO, _ZERO, tuple(force_b), _ZERO, tuple(torque_b))
         q, omega = tuple(self.q), tuple(self.omega)
         found = {
-            "q": interpreted(quaternion_rate_b)(q, omega),
+            "q": interpreted(kernels.quaternion_rate_b)(q, omega),
             "omega": interpreted(angular_acceleration)(q, omega, body, turning),
         }
         if not given.pivot:
@@ -197,7 +194,9 @@ class Motion:
         energy = omega @ momentum
         acceleration = np.array(_ZERO, object)
         if not self.given.pivot:
-            relative = interpreted(relative_acceleration)(tuple(omega), tuple(alpha), tuple(self._places("r_oc_b")))
+            relative = interpreted(kernels.relative_acceleration)(
+                tuple(omega), tuple(alpha), tuple(self._places("r_oc_b"))
+            )
             acceleration = np.array([rates[name] for name in elements("v_c", 3)], object)
             acceleration = _add(acceleration, -1.0, R @ np.array(relative, object))
             energy += mass * (self.v_c @ self.v_c)
@@ -231,7 +230,7 @@ def closure(rates: Mapping[str, Number], wanted: Sequence[Number], graph: Graph)
 
 def rotation_of(q: Array) -> Array:
     """Return R of a unit quaternion: I + 2 eta S + 2 S S (E&G 6.163)."""
-    S = np.array(interpreted(skew)(tuple(q[1:])), object)
+    S = np.array(interpreted(kernels.skew)(tuple(q[1:])), object)
     SS = S @ S
     rows = ([float(i == j) + 2.0 * (q[0] * S[i, j] + SS[i, j]) for j in range(3)] for i in range(3))
     return np.array([*rows], object)
@@ -295,7 +294,7 @@ class Start:
         if not pivot:
             inverse_mass = self.leaves("inverse_mass", 1)
             self.set(inverse_mass, [-1.0 * inverse_mass[0] * inverse_mass[0] * self.of([mass])[0]])
-            lever = interpreted(cross)(tuple(omega), tuple(arm))
+            lever = interpreted(kernels.cross)(tuple(omega), tuple(arm))
             for state, first, beside in (("r_c", "position_0", arm), ("v_c", "velocity_0", lever)):
                 values = np.array(self.leaves(first, 3), object) + motion.to_a(np.array(beside, object))
                 self.set(self.leaves(state, 3, "state"), self.of(values))
@@ -306,4 +305,4 @@ class Start:
 def inertia_of(motion: Motion) -> Array:
     """Return the inertia that turns a body, by its parameters: about the centre of mass, or about a pivot."""
     M, mass, arm = (motion.names[name] for name in ("M_c", "mass", "r_oc_b"))
-    return np.array(interpreted(parallel_axis)(M, mass, tuple(arm)), object) if motion.given.pivot else M
+    return np.array(interpreted(kernels.parallel_axis)(M, mass, tuple(arm)), object) if motion.given.pivot else M

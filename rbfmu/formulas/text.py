@@ -161,34 +161,31 @@ class MismatchError(ValueError):
     """What was expected instead of the arguments."""
 
 
+def _such(x: Array, fits: bool, expected: str) -> Any:
+    if not fits:
+        raise MismatchError(expected)
+    return x
+
+
 def _scalar(x: Array) -> Number:
-    if isinstance(x, np.ndarray | Condition | Table):
-        raise MismatchError("a scalar")
-    return x  # type: ignore[no-any-return]
+    return _such(x, not isinstance(x, np.ndarray | Condition | Table), "a scalar")  # type: ignore[no-any-return]
 
 
 def _number(x: Array) -> Array:
-    if isinstance(x, NO_NUMBER):
-        raise MismatchError("a number")
-    return x
+    return _such(x, not isinstance(x, NO_NUMBER), "a number")
 
 
 def _vector(x: Array) -> Array:
-    if shape_of(x) != (3,):
-        raise MismatchError("a vector of 3 numbers")
-    return x
-
-
-def _table(table: Array, x: Array) -> Number:
-    if not isinstance(table, Table):
-        raise MismatchError("the name of a table, then a scalar")
-    return table.at(_scalar(x))
+    return _such(x, shape_of(x) == (3,), "a vector of 3 numbers")
 
 
 def _condition(x: Array) -> Condition:
-    if not isinstance(x, Condition):
-        raise MismatchError("a condition, such as x > 0")
-    return x
+    return _such(x, isinstance(x, Condition), "a condition, such as x > 0")  # type: ignore[no-any-return]
+
+
+def _table(table: Array, x: Array) -> Number:
+    known: Table = _such(table, isinstance(table, Table), "the name of a table, then a scalar")
+    return known.at(_scalar(x))
 
 
 def _of_scalars(function: Callable[..., Number]) -> Callable[..., Array]:

@@ -58,12 +58,9 @@ def _numbers(scene: Scene) -> dict[str, Any]:
     numbers |= {name: port.start for name, port in scene.inputs.own.items()}
     numbers |= {"series.start_time": scene.run.start, "series.longest": scene.run.stop - scene.run.start}
     if scene.body is not None:
-        numbers |= {
-            "mass": scene.body.mass,
-            "inertia": six_numbers(scene.body.M_c),
-            "r_oc_b": scene.body.r_oc_b,
-            "pivot": float(scene.body.pivot),
-        }
+        body = scene.body
+        numbers |= {"mass": body.mass, "inertia": six_numbers(body.M_c), "r_oc_b": body.r_oc_b}
+        numbers["pivot"] = float(body.pivot)
     return numbers
 
 
