@@ -218,6 +218,10 @@ def _largest(a: Number, b: Number) -> Number:
     return graph.select(graph.side(a - b), a, b)
 
 
+def _clipped(x: Number, low: Number, high: Number) -> Number:
+    return _least(_largest(x, low), high)
+
+
 def _where(condition: Array, a: Array, b: Array) -> Array:
     if shape_of(a) != shape_of(b):
         raise MismatchError("two values of one shape")
@@ -240,11 +244,7 @@ FUNCTIONS: Mapping[str, Function] = {
     "abs": Function("x", "absolute value", _of_scalars(lambda x: graph.select(graph.side(x), x, -x))),
     "min": Function("a, b", "the smaller of two scalars", _of_scalars(_least)),
     "max": Function("a, b", "the larger of two scalars", _of_scalars(_largest)),
-    "clip": Function(
-        "x, low, high",
-        "x, but no smaller than low, and no larger than high",
-        _of_scalars(lambda x, low, high: _least(_largest(x, low), high)),
-    ),
+    "clip": Function("x, low, high", "x, but no smaller than low, and no larger than high", _of_scalars(_clipped)),
     "table": Function("name, x", "a table of the scene at x", _table),
     "where": Function("condition, a, b", "a where the condition holds, else b", _where),
 }
@@ -391,6 +391,4 @@ def _matrix_product(a: Array, b: Array) -> Array:
 
 
 def _said(shape: tuple[int, ...]) -> str:
-    return (
-        "a scalar" if not shape else f"a vector of {shape[0]}" if len(shape) == 1 else f"a {shape[0]}x{shape[1]} matrix"
-    )
+    return ("a scalar", "a vector of {}", "a {}x{} matrix")[len(shape)].format(*shape)

@@ -48,8 +48,7 @@ def free_rotation_setup(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3) -> Free
     NaN where there is no motion: a negative moment, a zero moment beside unequal ones, a non-finite argument.
     """
     motion = free_rotation_of(dd.vector(moments), q_0, dd.vector(omega_b_0))
-    numbers: FreeRotationNumbers = constants.flatten_free_rotation(motion)
-    return numbers
+    return constants.flatten_free_rotation(motion)  # type: ignore[no-any-return]
 
 
 @kernel

@@ -1,7 +1,7 @@
 """Sets up the constants of a free body's motion (notation: free_rotation.py); double-double where time multiplies."""
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from ..buffer_access import record
 from ..compile.decorator import kernel
@@ -185,10 +185,7 @@ class FreeRotation(NamedTuple):
 
 
 FREE_ROTATION_SIZE, put_free_rotation, read_free_rotation, flatten_free_rotation = record(FreeRotation)
-if TYPE_CHECKING:
-    FreeRotationNumbers = tuple[float, ...]  # mypy has no tuple of 62 floats short of writing it out
-else:
-    FreeRotationNumbers = tuple[(float,) * FREE_ROTATION_SIZE]
+FreeRotationNumbers = tuple[float, ...]  # there is no tuple of 62 floats short of writing it out
 SHAPES[FreeRotationNumbers] = (FREE_ROTATION_SIZE,)
 
 _LEAST_KC = 1e-300
