@@ -1,7 +1,7 @@
 """Core types of kernels. A kernel's annotations are its shapes; array functions are made from them."""
 
 from collections.abc import Callable
-from typing import Any, Protocol, get_args, get_origin, overload
+from typing import Any, Protocol, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,19 +41,7 @@ class Buffer(Protocol):
 
 
 Shape = tuple[int, ...]
-_SHAPES: dict[object, Shape] = {
-    float: (), Vec3: (3,), Quaternion: (4,), Vec6: (6,), Matrix: (3, 3), Transform: (4, 4), Matrix6: (6, 6)
+SHAPES: dict[object, Shape] = {
+    float: (), bool: (), Vec3: (3,), Quaternion: (4,), Vec6: (6,), Matrix: (3, 3), Transform: (4, 4), Matrix6: (6, 6)
 }  # fmt: skip
-
-
-def shape_of(annotation: object) -> Shape:
-    """Return the core shape of one argument or result, e.g. (3, 3) for Matrix."""
-    return _SHAPES[annotation]
-
-
-def shapes_of_result(annotation: object) -> list[Shape]:
-    """Return the core shapes of a kernel's results: one, or several where it returns a tuple of core types."""
-    if annotation in _SHAPES:
-        return [_SHAPES[annotation]]
-    assert get_origin(annotation) is tuple
-    return [shape_of(a) for a in get_args(annotation)]
+"""The core shape of an argument or a result by its annotation, such as (3, 3) for Matrix."""

@@ -3,17 +3,12 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+import rbfmu_kernels as _kernels
 from rbfmu.arrays.from_kernel import array_function, checked_function, sequence_function, set_threads
 from rbfmu_kernels.mechanics import inertia as _inertia
-from rbfmu_kernels.mechanics import kinematics as _kinematics
-from rbfmu_kernels.mechanics import newton_euler as _newton_euler
-from rbfmu_kernels.mechanics import spatial as _spatial
 from rbfmu_kernels.rotations import euler_angles as _euler
 from rbfmu_kernels.rotations import matrix as _rotation
-from rbfmu_kernels.rotations import quaternion as _quaternion
-from rbfmu_kernels.rotations import rodrigues as _rodrigues
 from rbfmu_kernels.rotations import rotation_vector as _rotvec
-from rbfmu_kernels.rotations import vec3 as _vec3
 
 if TYPE_CHECKING:
     from rbfmu.arrays.bodies import check_inertia as check_inertia
@@ -33,111 +28,111 @@ GIMBAL_LOCK = (
 AT_POLE = "some of these rotations are at a pole of {seq} (middle angle {poles} deg): the third angle is set to 0"
 
 # Vectors and rotation matrices
-cross = array_function(_vec3.cross)
-skew = array_function(_vec3.skew)
-unskew = array_function(_vec3.unskew)
-rotation_x = array_function(_rotation.rotation_x)
-rotation_y = array_function(_rotation.rotation_y)
-rotation_z = array_function(_rotation.rotation_z)
-compose_matrices = array_function(_rotation.compose_matrices)
-invert_matrix = array_function(_rotation.invert_matrix)
-transform = array_function(_rotation.transform)
-matrix_rate_a = array_function(_rotation.matrix_rate_a)
-matrix_rate_b = array_function(_rotation.matrix_rate_b)
-omega_a_from_matrix_rate = array_function(_rotation.omega_a_from_matrix_rate)
-omega_b_from_matrix_rate = array_function(_rotation.omega_b_from_matrix_rate)
-matrix_from_quaternion = array_function(_rotation.matrix_from_quaternion)
-nearest_rotation = array_function(_rotation.nearest_rotation)
-quaternion_from_matrix = checked_function(_rotation.quaternion_from_matrix, _rotation.is_no_rotation, REFLECTION)
+cross = array_function(_kernels.cross)
+skew = array_function(_kernels.skew)
+unskew = array_function(_kernels.unskew)
+rotation_x = array_function(_kernels.rotation_x)
+rotation_y = array_function(_kernels.rotation_y)
+rotation_z = array_function(_kernels.rotation_z)
+compose_matrices = array_function(_kernels.compose_matrices)
+invert_matrix = array_function(_kernels.invert_matrix)
+transform = array_function(_kernels.transform)
+matrix_rate_a = array_function(_kernels.matrix_rate_a)
+matrix_rate_b = array_function(_kernels.matrix_rate_b)
+omega_a_from_matrix_rate = array_function(_kernels.omega_a_from_matrix_rate)
+omega_b_from_matrix_rate = array_function(_kernels.omega_b_from_matrix_rate)
+matrix_from_quaternion = array_function(_kernels.matrix_from_quaternion)
+nearest_rotation = array_function(_kernels.nearest_rotation)
+quaternion_from_matrix = checked_function(_kernels.quaternion_from_matrix, _rotation.is_no_rotation, REFLECTION)
 
 # Euler parameters
-compose_quaternions = array_function(_quaternion.compose_quaternions)
-invert_quaternion = array_function(_quaternion.invert_quaternion)
-normalize = array_function(_quaternion.normalize)
-rotate = array_function(_quaternion.rotate)
-slerp = array_function(_quaternion.slerp)
-angle_between = array_function(_quaternion.angle_between)
-quaternion_rate_a = array_function(_quaternion.quaternion_rate_a)
-quaternion_rate_b = array_function(_quaternion.quaternion_rate_b)
-omega_a_from_quaternion_rate = array_function(_quaternion.omega_a_from_quaternion_rate)
-omega_b_from_quaternion_rate = array_function(_quaternion.omega_b_from_quaternion_rate)
+compose_quaternions = array_function(_kernels.compose_quaternions)
+invert_quaternion = array_function(_kernels.invert_quaternion)
+normalize = array_function(_kernels.normalize)
+rotate = array_function(_kernels.rotate)
+slerp = array_function(_kernels.slerp)
+angle_between = array_function(_kernels.angle_between)
+quaternion_rate_a = array_function(_kernels.quaternion_rate_a)
+quaternion_rate_b = array_function(_kernels.quaternion_rate_b)
+omega_a_from_quaternion_rate = array_function(_kernels.omega_a_from_quaternion_rate)
+omega_b_from_quaternion_rate = array_function(_kernels.omega_b_from_quaternion_rate)
 
 # Euler angles: the first argument is the sequence's name, such as "ZYX"
-matrix_from_euler = sequence_function(_euler.matrix_from_euler)
-quaternion_from_euler = sequence_function(_euler.quaternion_from_euler)
+matrix_from_euler = sequence_function(_kernels.matrix_from_euler)
+quaternion_from_euler = sequence_function(_kernels.quaternion_from_euler)
 euler_from_matrix = sequence_function(
-    _euler.euler_from_matrix, _euler.matrix_has_no_three_angles, f"{AT_POLE}; or {REFLECTION}"
+    _kernels.euler_from_matrix, _euler.matrix_has_no_three_angles, f"{AT_POLE}; or {REFLECTION}"
 )
-euler_from_quaternion = sequence_function(_euler.euler_from_quaternion, _euler.quaternion_is_at_pole, AT_POLE)
-euler_rate_matrix_a = sequence_function(_euler.euler_rate_matrix_a)
-euler_rate_matrix_b = sequence_function(_euler.euler_rate_matrix_b)
-euler_rate_a = sequence_function(_euler.euler_rate_a, _euler.euler_rate_is_singular, GIMBAL_LOCK)
-euler_rate_b = sequence_function(_euler.euler_rate_b, _euler.euler_rate_is_singular, GIMBAL_LOCK)
+euler_from_quaternion = sequence_function(_kernels.euler_from_quaternion, _euler.quaternion_is_at_pole, AT_POLE)
+euler_rate_matrix_a = sequence_function(_kernels.euler_rate_matrix_a)
+euler_rate_matrix_b = sequence_function(_kernels.euler_rate_matrix_b)
+euler_rate_a = sequence_function(_kernels.euler_rate_a, _kernels.euler_rate_is_singular, GIMBAL_LOCK)
+euler_rate_b = sequence_function(_kernels.euler_rate_b, _kernels.euler_rate_is_singular, GIMBAL_LOCK)
 
 # Rotation vectors, axis and angle
-quaternion_from_rotvec = array_function(_rotvec.quaternion_from_rotvec)
-rotvec_from_quaternion = array_function(_rotvec.rotvec_from_quaternion)
-matrix_from_rotvec = array_function(_rotvec.matrix_from_rotvec)
-rotvec_from_matrix = checked_function(_rotvec.rotvec_from_matrix, _rotation.is_no_rotation, REFLECTION)
+quaternion_from_rotvec = array_function(_kernels.quaternion_from_rotvec)
+rotvec_from_quaternion = array_function(_kernels.rotvec_from_quaternion)
+matrix_from_rotvec = array_function(_kernels.matrix_from_rotvec)
+rotvec_from_matrix = checked_function(_kernels.rotvec_from_matrix, _rotation.is_no_rotation, REFLECTION)
 quaternion_from_axis_angle = checked_function(
-    _rotvec.quaternion_from_axis_angle, _rotvec.axis_is_singular, NO_DIRECTION
+    _kernels.quaternion_from_axis_angle, _rotvec.axis_is_singular, NO_DIRECTION
 )
-matrix_from_axis_angle = checked_function(_rotvec.matrix_from_axis_angle, _rotvec.axis_is_singular, NO_DIRECTION)
-axis_angle_from_quaternion = array_function(_rotvec.axis_angle_from_quaternion)
-axis_angle_from_matrix = checked_function(_rotvec.axis_angle_from_matrix, _rotation.is_no_rotation, REFLECTION)
-rotvec_rate_a = checked_function(_rotvec.rotvec_rate_a, _rotvec.rotvec_rate_is_singular, FULL_TURN)
-rotvec_rate_b = checked_function(_rotvec.rotvec_rate_b, _rotvec.rotvec_rate_is_singular, FULL_TURN)
+matrix_from_axis_angle = checked_function(_kernels.matrix_from_axis_angle, _rotvec.axis_is_singular, NO_DIRECTION)
+axis_angle_from_quaternion = array_function(_kernels.axis_angle_from_quaternion)
+axis_angle_from_matrix = checked_function(_kernels.axis_angle_from_matrix, _rotation.is_no_rotation, REFLECTION)
+rotvec_rate_a = checked_function(_kernels.rotvec_rate_a, _kernels.rotvec_rate_is_singular, FULL_TURN)
+rotvec_rate_b = checked_function(_kernels.rotvec_rate_b, _kernels.rotvec_rate_is_singular, FULL_TURN)
 
 # Gibbs (Rodrigues) parameters and modified ones
-gibbs_from_quaternion = checked_function(_rodrigues.gibbs_from_quaternion, _rodrigues.gibbs_is_singular, HALF_TURN)
-quaternion_from_gibbs = array_function(_rodrigues.quaternion_from_gibbs)
-gibbs_rate_a = array_function(_rodrigues.gibbs_rate_a)
-gibbs_rate_b = array_function(_rodrigues.gibbs_rate_b)
-mrp_from_quaternion = array_function(_rodrigues.mrp_from_quaternion)
-quaternion_from_mrp = array_function(_rodrigues.quaternion_from_mrp)
-mrp_shadow = checked_function(_rodrigues.mrp_shadow, _rodrigues.mrp_is_singular, NO_SHADOW)
-mrp_rate_a = array_function(_rodrigues.mrp_rate_a)
-mrp_rate_b = array_function(_rodrigues.mrp_rate_b)
+gibbs_from_quaternion = checked_function(_kernels.gibbs_from_quaternion, _kernels.gibbs_is_singular, HALF_TURN)
+quaternion_from_gibbs = array_function(_kernels.quaternion_from_gibbs)
+gibbs_rate_a = array_function(_kernels.gibbs_rate_a)
+gibbs_rate_b = array_function(_kernels.gibbs_rate_b)
+mrp_from_quaternion = array_function(_kernels.mrp_from_quaternion)
+quaternion_from_mrp = array_function(_kernels.quaternion_from_mrp)
+mrp_shadow = checked_function(_kernels.mrp_shadow, _kernels.mrp_is_singular, NO_SHADOW)
+mrp_rate_a = array_function(_kernels.mrp_rate_a)
+mrp_rate_b = array_function(_kernels.mrp_rate_b)
 
 # The error of an attitude
-attitude_error = array_function(_quaternion.attitude_error)
-attitude_error_rate = array_function(_quaternion.attitude_error_rate)
+attitude_error = array_function(_kernels.attitude_error)
+attitude_error_rate = array_function(_kernels.attitude_error_rate)
 
 # Velocities and accelerations
-compose_omega = array_function(_kinematics.compose_omega)
-vector_rate = array_function(_kinematics.vector_rate)
-point_velocity = array_function(_kinematics.point_velocity)
-point_acceleration = array_function(_kinematics.point_acceleration)
+compose_omega = array_function(_kernels.compose_omega)
+vector_rate = array_function(_kernels.vector_rate)
+point_velocity = array_function(_kernels.point_velocity)
+point_acceleration = array_function(_kernels.point_acceleration)
 
 # Inertia
-beam_inertia = checked_function(_inertia.beam_inertia, _inertia.is_negative, NEGATIVE)
-box_inertia = checked_function(_inertia.box_inertia, _inertia.one_is_negative, NEGATIVE)
-cylinder_inertia = checked_function(_inertia.cylinder_inertia, _inertia.cylinder_is_negative, NEGATIVE)
-sphere_inertia = checked_function(_inertia.sphere_inertia, _inertia.is_negative, NEGATIVE)
-ellipsoid_inertia = checked_function(_inertia.ellipsoid_inertia, _inertia.one_is_negative, NEGATIVE)
-parallel_axis = array_function(_inertia.parallel_axis)
-rotate_inertia = array_function(_inertia.rotate_inertia)
-principal_axes = array_function(_inertia.principal_axes)
+beam_inertia = checked_function(_kernels.beam_inertia, _inertia.is_negative, NEGATIVE)
+box_inertia = checked_function(_kernels.box_inertia, _inertia.one_is_negative, NEGATIVE)
+cylinder_inertia = checked_function(_kernels.cylinder_inertia, _inertia.cylinder_is_negative, NEGATIVE)
+sphere_inertia = checked_function(_kernels.sphere_inertia, _inertia.is_negative, NEGATIVE)
+ellipsoid_inertia = checked_function(_kernels.ellipsoid_inertia, _inertia.one_is_negative, NEGATIVE)
+parallel_axis = array_function(_kernels.parallel_axis)
+rotate_inertia = array_function(_kernels.rotate_inertia)
+principal_axes = array_function(_kernels.principal_axes)
 
 # Newton-Euler
-euler_equation = array_function(_newton_euler.euler_equation)
-newton_euler_c = array_function(_newton_euler.newton_euler_c)
-newton_euler_o = array_function(_newton_euler.newton_euler_o)
-inverse_newton_euler_c = array_function(_newton_euler.inverse_newton_euler_c)
-inverse_newton_euler_o = array_function(_newton_euler.inverse_newton_euler_o)
-linear_momentum = array_function(_newton_euler.linear_momentum)
-angular_momentum = array_function(_newton_euler.angular_momentum)
-angular_momentum_o = array_function(_newton_euler.angular_momentum_o)
-kinetic_energy = array_function(_newton_euler.kinetic_energy)
+euler_equation = array_function(_kernels.euler_equation)
+newton_euler_c = array_function(_kernels.newton_euler_c)
+newton_euler_o = array_function(_kernels.newton_euler_o)
+inverse_newton_euler_c = array_function(_kernels.inverse_newton_euler_c)
+inverse_newton_euler_o = array_function(_kernels.inverse_newton_euler_o)
+linear_momentum = array_function(_kernels.linear_momentum)
+angular_momentum = array_function(_kernels.angular_momentum)
+angular_momentum_o = array_function(_kernels.angular_momentum_o)
+kinetic_energy = array_function(_kernels.kinetic_energy)
 
 # Homogeneous transforms, twists, wrenches
-transform_from_matrix = array_function(_spatial.transform_from_matrix)
-transform_compose = array_function(_spatial.transform_compose)
-transform_invert = array_function(_spatial.transform_invert)
-transform_point = array_function(_spatial.transform_point)
-twist_at = array_function(_spatial.twist_at)
-wrench_at = array_function(_spatial.wrench_at)
-spatial_inertia = array_function(_spatial.spatial_inertia)
+transform_from_matrix = array_function(_kernels.transform_from_matrix)
+transform_compose = array_function(_kernels.transform_compose)
+transform_invert = array_function(_kernels.transform_invert)
+transform_point = array_function(_kernels.transform_point)
+twist_at = array_function(_kernels.twist_at)
+wrench_at = array_function(_kernels.wrench_at)
+spatial_inertia = array_function(_kernels.spatial_inertia)
 
 _LATER = ("check_inertia", "free_rotation", "inertia_of_points")
 

@@ -2,23 +2,24 @@
 
 The equations of motion are the kernels' own, run in plain Python on numbers of the graph. Numbers of the scene that are
 zero are zero in the graph as well, so that what they multiply is left out; others are places of the buffer.
+
+`body/memory.initialize_body` makes a body's state, and what stands in its equations of motion, of its parameters. The
+derivatives of that, `Start`, are numbers of the graph too: linear in the changes of the parameters, which are leaves.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.formulas.graph import Graph, Number, gradient
+import rbfmu_kernels as kernels
+from rbfmu.formulas.graph import Graph, Number, Symbol, changes_of, gradient, square_root
 from rbfmu.formulas.text import FUNCTIONS, Array, Function, value_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, angular_acceleration, steady_acceleration
-from rbfmu_kernels.mechanics.newton_euler import relative_acceleration
 from rbfmu_kernels.quantities import elements
-from rbfmu_kernels.rotations.quaternion import quaternion_rate_b
-from rbfmu_kernels.rotations.vec3 import skew
 
 LOADS = ("force_a", "force_b", "torque_a", "torque_b")
 CONSTANT, STATE = "constants.", "states."
@@ -135,7 +136,7 @@ class Motion:
 
     def turns(self) -> Iterator[Array]:
         """Yield how q changes as by a rate about each axis of b."""
-        return (np.array(interpreted(quaternion_rate_b)(tuple(self.q), axis), object) for axis in AXES)
+        return (np.array(interpreted(kernels.quaternion_rate_b)(tuple(self.q), axis), object) for axis in AXES)
 
     def forces_of(self, potential: Number) -> dict[str, Array]:
         """Return the force at o, in a, and the torque, in b, that follow from a potential.
@@ -177,7 +178,7 @@ class Motion:
         turning = Loads(_ZERO, _ZERO, tuple(force_b), _ZERO, tuple(torque_b))
         q, omega = tuple(self.q), tuple(self.omega)
         found = {
-            "q": interpreted(quaternion_rate_b)(q, omega),
+            "q": interpreted(kernels.quaternion_rate_b)(q, omega),
             "omega": interpreted(angular_acceleration)(q, omega, body, turning),
         }
         if not given.pivot:
@@ -193,7 +194,9 @@ class Motion:
         energy = omega @ momentum
         acceleration = np.array(_ZERO, object)
         if not self.given.pivot:
-            relative = interpreted(relative_acceleration)(tuple(omega), tuple(alpha), tuple(self._places("r_oc_b")))
+            relative = interpreted(kernels.relative_acceleration)(
+                tuple(omega), tuple(alpha), tuple(self._places("r_oc_b"))
+            )
             acceleration = np.array([rates[name] for name in elements("v_c", 3)], object)
             acceleration = _add(acceleration, -1.0, R @ np.array(relative, object))
             energy += mass * (self.v_c @ self.v_c)
@@ -227,7 +230,7 @@ def closure(rates: Mapping[str, Number], wanted: Sequence[Number], graph: Graph)
 
 def rotation_of(q: Array) -> Array:
     """Return R of a unit quaternion: I + 2 eta S + 2 S S (E&G 6.163)."""
-    S = np.array(interpreted(skew)(tuple(q[1:])), object)
+    S = np.array(interpreted(kernels.skew)(tuple(q[1:])), object)
     SS = S @ S
     rows = ([float(i == j) + 2.0 * (q[0] * S[i, j] + SS[i, j]) for j in range(3)] for i in range(3))
     return np.array([*rows], object)
@@ -239,3 +242,67 @@ def _add(a: Array, factor: float, b: Array) -> Array:
 
 def _tuples(matrix: Array) -> Any:
     return tuple(map(tuple, matrix))
+
+
+# How what a motion begins with, and hangs on, changes with the parameters that it is made of
+
+MADE = ("M", "M_inverse", "arm", "inverse_mass")
+"""The blocks that `initialize_body` makes of parameters, beside the state."""
+CHANGE = "change of "
+"""Before the name of a parameter's number, that of its change."""
+
+
+class Start:
+    """The leaves of a graph at the start, and how they change with the numbers of parameters."""
+
+    def __init__(self, graph: Graph, parameters: Iterable[str]) -> None:
+        """parameters: the names of their numbers."""
+        self.graph = graph
+        self.changes: dict[Symbol, Number] = {
+            graph.leaf("place", name): graph.leaf("place", f"{CHANGE}{name}") for name in parameters
+        }
+
+    def leaves(self, name: str, size: int, kind: str = "place") -> list[Symbol]:
+        """Return the numbers of a block."""
+        return [self.graph.leaf(kind, element) for element in elements(name, size)]
+
+    def set(self, leaves: Iterable[Number], changes: Iterable[Number]) -> None:
+        """Let leaves change; those that are 0 in the graph stay so."""
+        self.changes |= {x: dx for x, dx in zip(leaves, changes, strict=True) if isinstance(x, Symbol)}
+
+    def of(self, values: Iterable[Number]) -> list[Number]:
+        """Return how numbers change."""
+        return changes_of([*values], self.changes)
+
+    def normalize(self, q: Sequence[Symbol]) -> None:
+        """Let an attitude change with the quaternion that it is made of, of any length."""
+        first = self.leaves("quaternion_0", 4)
+        changes, size = self.of(first), square_root(sum((x * x for x in first), 0.0))
+        along = sum((x * dx for x, dx in zip(q, changes, strict=True)), 0.0)
+        self.set(q, [(dx - x * along) / size for x, dx in zip(q, changes, strict=True)])
+
+    def begin(self, motion: Motion) -> None:
+        """Let all else change, once the attitude does, which turns what lies between o and the centre of mass."""
+        known, omega, pivot = motion.names, motion.omega, motion.given.pivot
+        self.set(omega, self.of(self.leaves("omega_b_0", 3)))
+        mass, arm, M = known["mass"], known["r_oc_b"], inertia_of(motion)
+        inverse = np.array(self.leaves("M_inverse", 9), object).reshape(3, 3)
+        by_M = np.array(self.of(np.ravel(M)), object)
+        self.set(self.leaves("M", 9), by_M)
+        self.set(np.ravel(inverse), np.ravel(-1.0 * (inverse @ by_M.reshape(3, 3) @ inverse)))
+        self.set(self.leaves("arm", 3), self.of(arm if pivot else [-1.0 * x for x in arm]))
+        if not pivot:
+            inverse_mass = self.leaves("inverse_mass", 1)
+            self.set(inverse_mass, [-1.0 * inverse_mass[0] * inverse_mass[0] * self.of([mass])[0]])
+            lever = interpreted(kernels.cross)(tuple(omega), tuple(arm))
+            for state, first, beside in (("r_c", "position_0", arm), ("v_c", "velocity_0", lever)):
+                values = np.array(self.leaves(first, 3), object) + motion.to_a(np.array(beside, object))
+                self.set(self.leaves(state, 3, "state"), self.of(values))
+        for name, size in motion.given.states.items():
+            self.set(self.leaves(f"{STATE}{name}", size, "state"), self.of(self.leaves(f"{STATE}{name}_0", size)))
+
+
+def inertia_of(motion: Motion) -> Array:
+    """Return the inertia that turns a body, by its parameters: about the centre of mass, or about a pivot."""
+    M, mass, arm = (motion.names[name] for name in ("M_c", "mass", "r_oc_b"))
+    return np.array(interpreted(kernels.parallel_axis)(M, mass, tuple(arm)), object) if motion.given.pivot else M

@@ -80,13 +80,9 @@ class Program:
     """
 
     def __init__(
-        self,
-        graph: Graph,
-        rates: Mapping[str, Number],
-        wanted: Mapping[str, Number],
-        watched: Iterable[Number] = (),
-        beside: Sequence[Number] = (),
-    ) -> None:
+        self, graph: Graph, rates: Mapping[str, Number], wanted: Mapping[str, Number],
+        watched: Iterable[Number] = (), beside: Sequence[Number] = (),
+    ) -> None:  # fmt: skip
         """Take states' rates by name, and what else is wanted, of which values serve and no series are made.
 
         watched: sides that no rate rests on, of which series are made as well; beside: numbers whose series are kept

@@ -161,34 +161,31 @@ class MismatchError(ValueError):
     """What was expected instead of the arguments."""
 
 
+def _such(x: Array, fits: bool, expected: str) -> Any:
+    if not fits:
+        raise MismatchError(expected)
+    return x
+
+
 def _scalar(x: Array) -> Number:
-    if isinstance(x, np.ndarray | Condition | Table):
-        raise MismatchError("a scalar")
-    return x  # type: ignore[no-any-return]
+    return _such(x, not isinstance(x, np.ndarray | Condition | Table), "a scalar")  # type: ignore[no-any-return]
 
 
 def _number(x: Array) -> Array:
-    if isinstance(x, NO_NUMBER):
-        raise MismatchError("a number")
-    return x
+    return _such(x, not isinstance(x, NO_NUMBER), "a number")
 
 
 def _vector(x: Array) -> Array:
-    if shape_of(x) != (3,):
-        raise MismatchError("a vector of 3 numbers")
-    return x
-
-
-def _table(table: Array, x: Array) -> Number:
-    if not isinstance(table, Table):
-        raise MismatchError("the name of a table, then a scalar")
-    return table.at(_scalar(x))
+    return _such(x, shape_of(x) == (3,), "a vector of 3 numbers")
 
 
 def _condition(x: Array) -> Condition:
-    if not isinstance(x, Condition):
-        raise MismatchError("a condition, such as x > 0")
-    return x
+    return _such(x, isinstance(x, Condition), "a condition, such as x > 0")  # type: ignore[no-any-return]
+
+
+def _table(table: Array, x: Array) -> Number:
+    known: Table = _such(table, isinstance(table, Table), "the name of a table, then a scalar")
+    return known.at(_scalar(x))
 
 
 def _of_scalars(function: Callable[..., Number]) -> Callable[..., Array]:
@@ -221,6 +218,10 @@ def _largest(a: Number, b: Number) -> Number:
     return graph.select(graph.side(a - b), a, b)
 
 
+def _clipped(x: Number, low: Number, high: Number) -> Number:
+    return _least(_largest(x, low), high)
+
+
 def _where(condition: Array, a: Array, b: Array) -> Array:
     if shape_of(a) != shape_of(b):
         raise MismatchError("two values of one shape")
@@ -243,11 +244,7 @@ FUNCTIONS: Mapping[str, Function] = {
     "abs": Function("x", "absolute value", _of_scalars(lambda x: graph.select(graph.side(x), x, -x))),
     "min": Function("a, b", "the smaller of two scalars", _of_scalars(_least)),
     "max": Function("a, b", "the larger of two scalars", _of_scalars(_largest)),
-    "clip": Function(
-        "x, low, high",
-        "x, but no smaller than low, and no larger than high",
-        _of_scalars(lambda x, low, high: _least(_largest(x, low), high)),
-    ),
+    "clip": Function("x, low, high", "x, but no smaller than low, and no larger than high", _of_scalars(_clipped)),
     "table": Function("name, x", "a table of the scene at x", _table),
     "where": Function("condition, a, b", "a where the condition holds, else b", _where),
 }
@@ -394,6 +391,4 @@ def _matrix_product(a: Array, b: Array) -> Array:
 
 
 def _said(shape: tuple[int, ...]) -> str:
-    return (
-        "a scalar" if not shape else f"a vector of {shape[0]}" if len(shape) == 1 else f"a {shape[0]}x{shape[1]} matrix"
-    )
+    return ("a scalar", "a vector of {}", "a {}x{} matrix")[len(shape)].format(*shape)

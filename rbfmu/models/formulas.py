@@ -24,9 +24,8 @@ from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels import buffer
 from rbfmu_kernels.body import driven, memory
 from rbfmu_kernels.body.shell import Lanes, Model
-from rbfmu_kernels.models import formula_events as events_of_model
+from rbfmu_kernels.models import formula_events, model_named
 from rbfmu_kernels.models import formulas as templates
-from rbfmu_kernels.models import model_named
 from rbfmu_kernels.models.formula_models import make_lanes
 from rbfmu_kernels.quantities import OUTPUT, Output, active_flags, elements, own_output
 
@@ -166,12 +165,12 @@ class FormulaModel:
             **templates.SERIES, **dict.fromkeys(templates.CORNERS, len(self.program.sides)),
             "series.sizes": max(len(self.groups), 1), "series.held_inputs": max(sum(given.ports.values()), 1),
             **self.own_outputs, **{f"{EVENT}{n}": 1 for n in self.events}, **self.more_blocks,
-            **(dict.fromkeys(events_of_model.EVENTS, len(self.events)) | {"events.listed": 1} if self.events else {}),
+            **(dict.fromkeys(formula_events.EVENTS, len(self.events)) | {"events.listed": 1} if self.events else {}),
         }  # fmt: skip
         _, before = buffer.places(driven.DRIVEN | own)
         work = self.program.start + self.program.row * (max(templates.ORDERS) + 1)
         own |= {"pad_3": -before % 8, "series.work": work, "series.last": _LANES}
-        own |= {"events.list": 3 * events_of_model.MOST_LISTED} if self.events else {}
+        own |= {"events.list": 3 * formula_events.MOST_LISTED} if self.events else {}
         kept = before - memory.STATE_START
         return buffer.places(driven.DRIVEN | own | {"series.kept": kept})
 
@@ -288,7 +287,7 @@ class FormulaModel:
     def _event_places(self) -> dict[str, Any]:
         if not self.events:
             return {}
-        known = (*events_of_model.EVENTS, "events.listed", "events.list")
+        known = (*formula_events.EVENTS, "events.listed", "events.list")
         places = {name.removeprefix("events.").upper(): self.blocks.blocks[name].start for name in known}
         sides = tuple(self.program.sides.index(i) for i in self._sides)
         directions = tuple(direction for _, direction in self.events.values())

@@ -9,7 +9,7 @@ import numpy as np
 from rbfmu.scene.body import six_numbers
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Buffer
-from rbfmu_kernels.body import closed_form, fixed_axis, memory, outputs, principal
+from rbfmu_kernels.body import closed_form, memory, outputs, principal
 from rbfmu_kernels.buffer import CHANGED, FAULTS, places
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import splitting
@@ -58,12 +58,9 @@ def _numbers(scene: Scene) -> dict[str, Any]:
     numbers |= {name: port.start for name, port in scene.inputs.own.items()}
     numbers |= {"series.start_time": scene.run.start, "series.longest": scene.run.stop - scene.run.start}
     if scene.body is not None:
-        numbers |= {
-            "mass": scene.body.mass,
-            "inertia": six_numbers(scene.body.M_c),
-            "r_oc_b": scene.body.r_oc_b,
-            "pivot": float(scene.body.pivot),
-        }
+        body = scene.body
+        numbers |= {"mass": body.mass, "inertia": six_numbers(body.M_c), "r_oc_b": body.r_oc_b}
+        numbers["pivot"] = float(body.pivot)
     return numbers
 
 
@@ -130,7 +127,7 @@ class BodyAtStart:
     """Whether an output does not follow from the angular momentum in a alone."""
     keeps_its_rate = _answer(principal.keeps_its_rate, lambda start: (start.z, start.rotation[1]))
     """Whether the rate stays as it is without a torque."""
-    turns_path = _answer(fixed_axis.turns_path, lambda start: (start.z, start.rotation[1]))
+    turns_path = _answer(principal.turns_path, lambda start: (start.z, start.rotation[1]))
     """Whether a force that turns about the rate with the body bends a path that an output shows."""
     is_symmetric = _answer(splitting.is_symmetric_top, lambda start: (start.body.inertia,))
     """Whether two moments are equal."""
@@ -148,13 +145,13 @@ class BodyAtStart:
 
     # A body that turns about one axis
 
-    axis = _answer(fixed_axis.main_axis, lambda start: (start.z,))
+    axis = _answer(principal.main_axis, lambda start: (start.z,))
     """The principal axis of most of the rate, in b."""
-    leaves_axis = _answer(fixed_axis.leaves_axis, lambda start: (start.z, start.axis))
+    leaves_axis = _answer(principal.leaves_axis, lambda start: (start.z, start.axis))
     """Whether anything turns the body about another axis."""
-    swing = _answer(fixed_axis.swing, lambda start: (start.z, start.axis))
+    swing = _answer(principal.swing, lambda start: (start.z, start.axis))
     """(A, B): forces fixed in space accelerate the angle about the axis by A cos + B sin of it."""
-    drive_and_damping = _answer(fixed_axis.drive_and_damping_rate, lambda start: (start.z, start.axis))
+    drive_and_damping = _answer(principal.drive_and_damping_rate, lambda start: (start.z, start.axis))
     """What torques, and what damping, besides make of it."""
 
 

@@ -14,10 +14,9 @@ from rbfmu.types import Array
 from rbfmu_kernels import quantities
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.models import model_named
-from rbfmu_kernels.quantities import needing
 
 Names = set[str] | frozenset[str]
-OF_RATES, OF_ATTITUDE, OF_LOADS = map(needing, (quantities.RATE, quantities.ATTITUDE, quantities.LOADS_NOW))
+OF_RATES, OF_ATTITUDE, OF_LOADS = map(quantities.needing, (quantities.RATE, quantities.ATTITUDE, quantities.LOADS_NOW))
 OF_INERTIA = {row.name for row in quantities.OUTPUTS if "inertia" in row.initially} - OF_LOADS
 """Quantities that depend on moments of inertia at the start, whatever the loads."""
 
@@ -126,6 +125,7 @@ class ModelSpec:
 
 
 START = {"quaternion_0", "omega_b_0"}
+_ALL_LOADS = quantities.TORQUES | quantities.FORCES | quantities.WEIGHTS
 closed_form = partial(
     ModelSpec, method="closed form", closed_form=True, force_keeps_direction=True, drops=quantities.NOT_IN_CLOSED_FORMS
 )
@@ -167,16 +167,10 @@ def _standing(asked: Question) -> str:
 
 
 NO_ROTATION = closed_form(
-    "no rotation",
-    "unturned.NO_ROTATION",
-    states=0,
-    rate_states=0,
-    holds=lambda start: not (start.needs_rate and start.begins_to_turn),
-    rests_on=_no_rotation_rests_on,
-    may_be_unstable=True,
-    costs={"": 10.0, "changing": 5.0},
-    reason=_standing,
-)
+    "no rotation", "unturned.NO_ROTATION", states=0, rate_states=0, costs={"": 10.0, "changing": 5.0},
+    holds=lambda start: not (start.needs_rate and start.begins_to_turn), rests_on=_no_rotation_rests_on,
+    may_be_unstable=True, reason=_standing,
+)  # fmt: skip
 
 
 def _constant_rate_rests_on(asked: Question) -> set[str]:
@@ -186,169 +180,96 @@ def _constant_rate_rests_on(asked: Question) -> set[str]:
 
 
 CONSTANT_RATE = closed_form(
-    "constant rate",
-    "free.CONSTANT_RATE",
-    states=4,
-    rate_states=0,
+    "constant rate", "free.CONSTANT_RATE", states=4, rate_states=0, costs={"": 43.0},
     holds=lambda start: start.keeps_its_rate and not start.has_torque and not start.turns_path,
-    rests_on=_constant_rate_rests_on,
-    may_be_unstable=True,
-    rates_from=lambda asked, rates: rates[0],
-    costs={"": 43.0},
-    reason=lambda asked: (
-        f"rotation: constant rate {_rate(asked)}, about a principal axis (moments {moments_of(asked)} kg m2)"
-    ),
-)
+    rests_on=_constant_rate_rests_on, may_be_unstable=True, rates_from=lambda asked, rates: rates[0],
+    reason=lambda asked:
+        f"rotation: constant rate {_rate(asked)}, about a principal axis (moments {moments_of(asked)} kg m2)",
+)  # fmt: skip
 
 
 def _momentum_rests_on(asked: Question) -> set[str]:
     turning = asked.would_turn | ({"r_oc_b"} if asked.translation else set())
-    shown = asked.shape if needing(quantities.SPHERE_RATE) & asked.quantities else set()
+    shown = asked.shape if quantities.needing(quantities.SPHERE_RATE) & asked.quantities else set()
     return (turning - (quantities.TORQUES & quantities.FIXED_IN_SPACE)) | shown
 
 
 ANGULAR_MOMENTUM = closed_form(
-    "angular momentum",
-    "unturned.ANGULAR_MOMENTUM",
-    states=3,
-    rate_states=3,
+    "angular momentum", "unturned.ANGULAR_MOMENTUM", states=3, rate_states=3, costs={"": 35.0},
     holds=lambda start: not start.has_turning_torque and not start.shows_more_than_momentum,
-    rests_on=_momentum_rests_on,
-    drops=quantities.DISSIPATIVE | quantities.NOT_IN_CLOSED_FORMS,
-    costs={"": 35.0},
+    rests_on=_momentum_rests_on, drops=quantities.DISSIPATIVE | quantities.NOT_IN_CLOSED_FORMS,
     reason=lambda asked: "rotation: 3 of 7 states, angular momentum h_0 + T t under torque_a, its attitude left out",
-)
+)  # fmt: skip
 
 ONE_AXIS = closed_form(
-    "one axis",
-    "one_axis.ONE_AXIS",
-    states=2,
-    rate_states=1,
+    "one axis", "one_axis.ONE_AXIS", states=2, rate_states=1, costs={"": 57.0, "attitude": 40.0},
     holds=lambda start: not any(part[0] for part in start.swing) and not start.leaves_axis,
-    rests_on=loads_start_and_shape,
-    may_be_unstable=True,
-    angle_round_off=True,
-    rates_from=along_axis,
-    costs={"": 57.0, "attitude": 40.0},
+    rests_on=loads_start_and_shape, may_be_unstable=True, angle_round_off=True, rates_from=along_axis,
     reason=lambda asked: f"rotation: one angle, closed form from {_rate(asked)} about one axis under {_acting(asked)}",
-)
+)  # fmt: skip
 
 PENDULUM = closed_form(
-    "undamped pendulum",
-    "one_axis.PENDULUM",
-    method="elliptic functions",
-    states=2,
-    rate_states=2,
+    "undamped pendulum", "one_axis.PENDULUM", method="elliptic functions", states=2, rate_states=2, costs={"": 57.0},
     holds=lambda start: not start.leaves_axis and not any(start.drive_and_damping),
-    rests_on=loads_start_and_shape,
-    drops=quantities.TORQUES | quantities.NOT_IN_CLOSED_FORMS,
-    rates_from=along_axis,
-    costs={"": 57.0},
+    rests_on=loads_start_and_shape, drops=quantities.TORQUES | quantities.NOT_IN_CLOSED_FORMS, rates_from=along_axis,
     reason=lambda asked: f"rotation: one angle from {_rate(asked)}, swung by forces fixed in space, undamped",
-)
+)  # fmt: skip
 
 FREE_SYMMETRIC = closed_form(
-    "torque-free symmetric body",
-    "free.FREE_SYMMETRIC",
-    method="elementary functions",
-    rate_states=3,
-    holds=lambda start: not start.is_driven and start.is_symmetric,
-    rests_on=lambda asked: asked.would_turn | asked.shape,
-    drops=quantities.TORQUES | quantities.FORCES | quantities.WEIGHTS,
-    conditioning=lost_by_symmetry,
-    costs={"": 46.0, "attitude": 14.0},
+    "torque-free symmetric body", "free.FREE_SYMMETRIC", method="elementary functions", rate_states=3,
+    costs={"": 46.0, "attitude": 14.0}, holds=lambda start: not start.is_driven and start.is_symmetric,
+    rests_on=lambda asked: asked.would_turn | asked.shape, drops=_ALL_LOADS, conditioning=lost_by_symmetry,
     reason=lambda asked: f"rotation: no torque, two equal moments ({moments_of(asked)} kg m2): elementary functions",
-)
+)  # fmt: skip
 
 
 SPIN_UP = closed_form(
-    "symmetric body spun up",
-    "unturned.SPIN_UP",
-    rate_states=3,
+    "symmetric body spun up", "unturned.SPIN_UP", rate_states=3, costs={"": 93.0}, angle_round_off=True,
     holds=lambda start: not (start.needs_attitude or start.has_unknown_load or start.leaves_third_axis),
     rests_on=lambda asked: asked.would_turn | asked.shape | ({"r_oc_b"} if asked.attitude else set()),
-    angle_round_off=True,
-    costs={"": 93.0},
-    reason=lambda asked: (
+    reason=lambda asked:
         f"rotation: rates in closed form from {_rate(asked)} under {_acting(asked)}, "
-        f"two equal moments ({moments_of(asked)} kg m2)"
-    ),
-)
+        f"two equal moments ({moments_of(asked)} kg m2)",
+)  # fmt: skip
 
 FREE_TRIAXIAL = closed_form(
-    "torque-free body",
-    "free.FREE_TRIAXIAL",
-    method="elliptic functions",
-    rate_states=3,
-    holds=lambda start: not start.is_driven,
-    rests_on=lambda asked: asked.would_turn,
-    drops=quantities.TORQUES | quantities.FORCES | quantities.WEIGHTS,
+    "torque-free body", "free.FREE_TRIAXIAL", method="elliptic functions", rate_states=3, costs={"": 90.0},
+    holds=lambda start: not start.is_driven, rests_on=lambda asked: asked.would_turn, drops=_ALL_LOADS,
     conditioning=lost_near_separatrix,
-    costs={"": 90.0},
     reason=lambda asked: f"rotation: no torque, moments {moments_of(asked)} kg m2: elliptic functions",
-)
+)  # fmt: skip
 
 CLOSED_FORMS = (
-    NO_ROTATION,
-    CONSTANT_RATE,
-    ANGULAR_MOMENTUM,
-    ONE_AXIS,
-    PENDULUM,
-    FREE_SYMMETRIC,
-    SPIN_UP,
-    FREE_TRIAXIAL,
-)
+    NO_ROTATION, CONSTANT_RATE, ANGULAR_MOMENTUM, ONE_AXIS, PENDULUM, FREE_SYMMETRIC, SPIN_UP, FREE_TRIAXIAL,
+)  # fmt: skip
 """From the smallest to the largest: of two that serve a scene, planning takes the first."""
 
 
 PRESCRIBED_RATES = ModelSpec(
-    "prescribed rates",
-    "prescribed_rates.PRESCRIBED_RATES",
-    method="exact rotation",
-    states=4,
-    rate_states=4,
-    computes_all_outputs=True,
-    costs={"": 96.0},
-)
+    "prescribed rates", "prescribed_rates.PRESCRIBED_RATES", method="exact rotation", states=4, rate_states=4,
+    costs={"": 96.0}, computes_all_outputs=True,
+)  # fmt: skip
 
 ONE_AXIS_TAYLOR = ModelSpec(
-    "one swinging axis",
-    "one_axis.ONE_AXIS_TAYLOR",
-    states=2,
-    rate_states=2,
-    holds=lambda start: not start.leaves_axis,
-    rests_on=loads_start_and_shape,
-    force_keeps_direction=True,
-    costs={"": 54.0},
-)
-
+    "one swinging axis", "one_axis.ONE_AXIS_TAYLOR", states=2, rate_states=2, costs={"": 54.0},
+    holds=lambda start: not start.leaves_axis, rests_on=loads_start_and_shape, force_keeps_direction=True,
+)  # fmt: skip
 
 FREE_BODY_FORCE = ModelSpec(
-    "torque-free body, body force",
-    "free.FREE_BODY_FORCE",
-    rate_states=3,
-    holds=lambda start: not start.has_torque,
+    "torque-free body, body force", "free.FREE_BODY_FORCE", rate_states=3, costs={"": 68.0},
+    holds=lambda start: not start.has_torque, conditioning=lost_near_separatrix,
     rests_on=lambda asked: loads_start_and_shape(asked) | {"force_b", "mass"},
-    conditioning=lost_near_separatrix,
-    costs={"": 68.0},
-)
+)  # fmt: skip
 
 LOADED_SPLITTING = ModelSpec(
-    "symmetric top",
-    "loaded.LOADED_SPLITTING",
+    "symmetric top", "loaded.LOADED_SPLITTING", costs={"": 72.0}, integrates_path=True,
     holds=lambda start: start.is_symmetric and not any(start.body.damping_b) and not start.has_unknown_load,
-    costs={"": 72.0},
-    integrates_path=True,
-)
+)  # fmt: skip
 
 LOADED_TAYLOR = ModelSpec(
-    "body under loads, by series",
-    "loaded.LOADED_TAYLOR",
-    rate_states=3,
-    costs={"": 60.0, "evaluated": 40.0, "loads that turn": 68.0},
-    substep_without_attitude=0.72,
-    integrates_path=True,
-)
+    "body under loads, by series", "loaded.LOADED_TAYLOR", rate_states=3,
+    costs={"": 60.0, "evaluated": 40.0, "loads that turn": 68.0}, substep_without_attitude=0.72, integrates_path=True,
+)  # fmt: skip
 
 FORMULAS = ModelSpec("formulas", "", integrates_path=True)
 """What a scene with formulas has for a model: its kernels are its own, see `models.formulas`."""

@@ -13,9 +13,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from rbfmu.formulas.graph import Number, Symbol, changes_of, numbers_of
-from rbfmu.formulas.motion import by_element
+from rbfmu.formulas.motion import CHANGE, MADE, Start, by_element, inertia_of
 from rbfmu.formulas.program import WIDTH, Program
-from rbfmu.formulas.start import CHANGE, MADE, Start, inertia_of
 from rbfmu.models.formulas import FormulaModel, texts_of
 from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
 from rbfmu.scene.scene import Scene

@@ -212,12 +212,9 @@ def sizes(rows: Array, unit: float) -> Array:
 
 
 def largest_error(
-    a: Mapping[str, Array],
-    b: Mapping[str, Array],
-    names: Iterable[str],
-    floors: Mapping[str, float] = FLOORS,
+    a: Mapping[str, Array], b: Mapping[str, Array], names: Iterable[str], floors: Mapping[str, float] = FLOORS,
     absolute: bool = False,
-) -> float:
+) -> float:  # fmt: skip
     """Return the largest error of a run in the quantities named; infinite where one is not finite.
 
     floors: the least size that an error is relative to, by the quantity's name and in its unit; absolute: whether
@@ -277,10 +274,7 @@ def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     linear = size["gravity_a"] + force / body.mass
     speed = 0.0 if body.pivot else linear * asked.span
     by_unit = {
-        "rad/s": rate,
-        "rad/s2": angular,
-        "kg m2/s": high * rate,
+        "rad/s": rate, "rad/s2": angular, "kg m2/s": high * rate, "m/s2": arm * angular + linear,
         "J": high * rate * rate + body.mass * speed * speed,
-        "m/s2": arm * angular + linear,
-    }
+    }  # fmt: skip
     return {row.name: by_unit[row.unit] for row in OUTPUTS if row.unit in by_unit}

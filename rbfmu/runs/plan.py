@@ -108,12 +108,9 @@ class Plan:
     def settings(self) -> dict[str, float]:
         """Return the numbers that the model's buffer has of the plan, by block."""
         return {
-            "substep": self.substep if math.isfinite(self.substep) else 0.0,
-            "tolerance": self.tolerance,
-            "span": self.span,
-            "order": self.order,
-            "skip_model_checks": float(bool(self.pinned)),
-        }
+            "substep": self.substep if math.isfinite(self.substep) else 0.0, "tolerance": self.tolerance,
+            "span": self.span, "order": self.order, "skip_model_checks": float(bool(self.pinned)),
+        }  # fmt: skip
 
     def check(self) -> None:
         """Raise ValueError where a setting is none that the model can run with."""

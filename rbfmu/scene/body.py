@@ -148,14 +148,9 @@ class Body(Section, path="body"):
     if TYPE_CHECKING:
 
         def __init__(
-            self,
-            *,
-            mass: float,
-            inertia: Sequence[float] | Sequence[Sequence[float]] = ...,
-            shape: Mapping[str, Any] = ...,
-            r_oc_b: Sequence[float] = ZERO,
-            pivot: bool = False,
-        ) -> None: ...
+            self, *, mass: float, inertia: Sequence[float] | Sequence[Sequence[float]] = ...,
+            shape: Mapping[str, Any] = ..., r_oc_b: Sequence[float] = ZERO, pivot: bool = False,
+        ) -> None: ...  # fmt: skip
 
     def _set(self) -> dict[str, object]:
         """Return the fields that are not as by default; an inertia along the axes is its three moments."""

@@ -7,25 +7,11 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from rbfmu.scene import section as rules
+from rbfmu.scene import variations
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
 from rbfmu.scene.own import PARAMETER_END, is_own, parameter_of
 from rbfmu.scene.section import Section, as_toml, fault, joined, plain
-from rbfmu.scene.variations import (
-    ATTITUDE,
-    AXES,
-    DEGREES,
-    FIXED,
-    INERTIA,
-    NORMAL,
-    QUANTITY_OF,
-    RELATIVE,
-    SHAPE,
-    VARYING_ANGLES,
-    Marginal,
-    Variation,
-    components,
-    read_variations,
-)
+from rbfmu.scene.variations import ATTITUDE, AXES, INERTIA, RELATIVE, SHAPE, VARYING_ANGLES, Marginal, Variation
 
 Rows = tuple[tuple[float, ...], ...]
 NO_VARIANCE, NO_COVARIANCE = 1e-10, 1e-5
@@ -134,7 +120,7 @@ _KEEP = rules.names(_PARTS, least=1).means(
 )
 _VARY = rules.Rule(
     'a table: keys of the scene, each with a distribution, such as "body.mass" = { normal = [50.0, 0.5] }',
-    read_variations,
+    variations.read_variations,
 )
 
 
@@ -168,7 +154,9 @@ class Ensemble(Section, path="ensemble"):
     def parameters(self) -> tuple[str, ...]:
         """Return the names of the parameters whose values vary, as `inputs.parameters` lists them."""
         return tuple(
-            dict.fromkeys(parameter_of(v.key) if is_own(v.key) else QUANTITY_OF[v.key].name for v in self.vary)
+            dict.fromkeys(
+                parameter_of(v.key) if is_own(v.key) else variations.QUANTITY_OF[v.key].name for v in self.vary
+            )
         )
 
     def _set(self) -> dict[str, object]:
@@ -184,7 +172,7 @@ class Ensemble(Section, path="ensemble"):
         yield from self._faults_of_grid()
         if self.correlation is not None:
             yield from self._faults_of_correlation(self.correlation)
-        of_rates, own = self.variation_of(DEGREES), self.variation_of(INERTIA)
+        of_rates, own = self.variation_of(variations.DEGREES), self.variation_of(INERTIA)
         if of_rates and self.variation_of("initial.omega_b"):
             yield of_rates.refused("initial.omega_b or this, not both")
         if self.variation_of(SHAPE) and own and own.form not in ("", RELATIVE):
@@ -211,7 +199,9 @@ class Ensemble(Section, path="ensemble"):
         elif correlation.covariance is not None:
             for k, (name, row) in enumerate(zip(correlation.components, correlation.covariance, strict=False)):
                 marginal = known[name]
-                if marginal.kind != NORMAL or not math.isclose(row[k], marginal.arguments[1] ** 2, rel_tol=1e-6):
+                if marginal.kind != variations.NORMAL or not math.isclose(
+                    row[k], marginal.arguments[1] ** 2, rel_tol=1e-6
+                ):
                     expected = f"the square of the standard deviation of {name}, which is normal; or the key matrix"
                     yield fault("ensemble.correlation.covariance", row[k], expected)
 
@@ -296,7 +286,7 @@ def _with_attitude(vary: dict[str, object], initial: object) -> dict[str, object
 def without_idle_shape(ensemble: Ensemble, body: Body | None) -> Ensemble:
     """Return the ensemble without a shape of which nothing varies and which is not the body's any more."""
     shape = ensemble.variation_of(SHAPE)
-    if shape is None or body is None or any(m.kind != FIXED for m in shape.marginals):
+    if shape is None or body is None or any(m.kind != variations.FIXED for m in shape.marginals):
         return ensemble
     if SHAPES[shape.form].read(shape.table).inertia(body.mass) == body.inertia:
         return ensemble
@@ -338,5 +328,5 @@ def nominal_value(key: str, sections: Mapping[str, Any]) -> list[float]:
     if is_own(key):
         return [*sections[table][name].numbers]
     value = getattr(sections[table], name.removesuffix("_deg"))
-    found = components(value, (3,) if isinstance(value, tuple) else ())
-    return [math.degrees(x) for x in found] if key == DEGREES else found
+    found = variations.components(value, (3,) if isinstance(value, tuple) else ())
+    return [math.degrees(x) for x in found] if key == variations.DEGREES else found

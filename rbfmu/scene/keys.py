@@ -17,11 +17,7 @@ OWN = ("constants", "tables", "formulas", "states", "events")
 """The tables whose keys are names of one's own."""
 REQUIRED = "required"
 OF_THE_MOTION = "all there are"
-WRITTEN = {
-    "body.mass": "2.0",
-    "body.inertia": "[1.0, 2.0, 2.5]",
-    "initial.omega_b": "[0.1, 2.0, 0.1]",
-}
+WRITTEN = {"body.mass": "2.0", "body.inertia": "[1.0, 2.0, 2.5]", "initial.omega_b": "[0.1, 2.0, 0.1]"}
 """The values that are set in a new scene: those of a tumbling body."""
 SKETCHED = {
     "body.shape": '{ kind = "box", sides = [0.2, 0.1, 0.05] }',

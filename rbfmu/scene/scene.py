@@ -13,8 +13,7 @@ from typing import Annotated, Any, Concatenate, ParamSpec, Self, TypeVar
 
 import numpy as np
 
-from rbfmu.exceptions import SceneWarning as SceneWarning
-from rbfmu.exceptions import warn_caller
+from rbfmu.exceptions import SceneWarning, warn_caller
 from rbfmu.notebook import table
 from rbfmu.scene import own as named
 from rbfmu.scene.body import ZERO, Body

@@ -133,13 +133,9 @@ class Numbers(Rule):
     """
 
     def __init__(
-        self,
-        shape: tuple[int, ...],
-        unit: str = "",
-        bound: str = "",
-        holds: Callable[[float], bool] = math.isfinite,
+        self, shape: tuple[int, ...], unit: str = "", bound: str = "", holds: Callable[[float], bool] = math.isfinite,
         then: Callable[[Any], object] = lambda floats: floats,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.shape, self.bound, self.holds, self.then = shape, bound, holds, then
         self._unit_said = f" ({unit})" if unit else ""
         super().__init__(self._words(""), self._made, unit=unit)

@@ -6,15 +6,14 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
+import rbfmu_kernels as kernels
 from rbfmu.scene import own as named
 from rbfmu.scene import section as rules
 from rbfmu.scene.body import ZERO
 from rbfmu.scene.section import Apart, Section, as_lists, checked, fault
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, OUTPUT, PORTS
-from rbfmu_kernels.rotations import euler_angles, quaternion
-from rbfmu_kernels.rotations import matrix as rotation
-from rbfmu_kernels.rotations import rotation_vector as rotvec
+from rbfmu_kernels.rotations import euler_angles
 from rbfmu_kernels.types import Matrix, Quaternion, Vec3
 
 PARAMETERS = tuple(row.name for row in IN_BUFFER_ORDER)
@@ -47,7 +46,7 @@ def unit_quaternion(q: Quaternion) -> Quaternion:
 def normalized(q: Quaternion) -> Quaternion:
     """Return q / |q|; one that is unit to round-off stays as it is, so that reading what was written changes no bit."""
     square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-    return q if abs(square - 1.0) <= NORMALIZED else evaluated(quaternion.normalize, q)
+    return q if abs(square - 1.0) <= NORMALIZED else evaluated(kernels.normalize, q)
 
 
 def rotation_matrix(R: Matrix) -> Matrix:
@@ -99,11 +98,11 @@ class Attitude(Section, path="initial.attitude"):
         if self.euler is not None:
             x, y, z = self.angles or map(math.radians, self.angles_deg or ())
             sequence = euler_angles.sequence(self.euler)
-            return normalized(evaluated(euler_angles.quaternion_from_euler, sequence, (x, y, z)))
+            return normalized(evaluated(kernels.quaternion_from_euler, sequence, (x, y, z)))
         if self.rotvec is not None:
-            return normalized(evaluated(rotvec.quaternion_from_rotvec, self.rotvec))
+            return normalized(evaluated(kernels.quaternion_from_rotvec, self.rotvec))
         if self.matrix is not None:
-            return normalized(evaluated(rotation.quaternion_from_matrix, self.matrix))
+            return normalized(evaluated(kernels.quaternion_from_matrix, self.matrix))
         assert self.quaternion is not None
         return self.quaternion
 

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from rbfmu import Scene
 from rbfmu.formulas.graph import LEAVES, Graph, Number, arctangent, changes_of, square_root
-from rbfmu.formulas.motion import STATE, rotation_of
+from rbfmu.formulas.motion import CHANGE, MADE, STATE, Start, rotation_of
 from rbfmu.formulas.source import VALUES, lines_of
-from rbfmu.formulas.start import CHANGE, MADE, Start
 from rbfmu.models.formulas import texts_of
 from rbfmu.models.model_buffer import size_of_block
 from rbfmu_fmu.description import Description

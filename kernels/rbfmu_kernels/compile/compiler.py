@@ -17,7 +17,6 @@ from ..types import Function
 from . import numba_private as inside
 from .code_cache import DiskCache, made_once
 from .codegen import Signature, Value
-from .numba_private import CALLED_BY_CODE
 
 State: TypeAlias = Any  # Numba's StateDict, which passes share
 TargetContext: TypeAlias = Any  # Numba's BaseContext
@@ -234,16 +233,11 @@ class _CalleeCacheImplementation(inside.CompileResultCacheImpl):  # type: ignore
         """Return what CalleeCompiler made, as if compiled now; making machine code of it would change it."""
         state, description, environment, signature, *_ = payload
         library = _IntermediateCode._unserialize(target_context.codegen(), state)
+        entry_point = target_context.get_executable(library, description, environment)
         return inside.compile_result(
-            typing_context=target_context.typing_context,
-            target_context=target_context,
-            library=library,
-            environment=environment,
-            entry_point=target_context.get_executable(library, description, environment),
-            fndesc=description,
-            signature=signature,
-            objectmode=False,
-        )
+            typing_context=target_context.typing_context, target_context=target_context, library=library,
+            environment=environment, entry_point=entry_point, fndesc=description, signature=signature, objectmode=False,
+        )  # fmt: skip
 
 
 class CalleeCache(inside.FunctionCache):  # type: ignore[misc]
@@ -306,13 +300,13 @@ def _compile_callees_bare(compiled: inside.Dispatcher, inline: bool) -> None:
 
 
 def _bare(function: Function, inline: bool) -> inside.Dispatcher:
-    return _njit(inline)(pipeline_class=CalleeCompiler, **CALLED_BY_CODE)(function)
+    return _njit(inline)(pipeline_class=CalleeCompiler, **inside.CALLED_BY_CODE)(function)
 
 
 def code_for_callers(function: Function, signature: Signature) -> inside.Dispatcher:
     """Return what Numba compiles of a function that is called by compiled code only: the same on every processor."""
     compiler = CalleeCompiler if internals_serve() else inside.Compiler
-    return njit(signature, pipeline_class=compiler, **CALLED_BY_CODE)(function)
+    return njit(signature, pipeline_class=compiler, **inside.CALLED_BY_CODE)(function)
 
 
 def pipeline(*state: object) -> inside.CompilerBase:

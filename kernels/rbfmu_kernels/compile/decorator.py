@@ -14,7 +14,6 @@ from ..types import Function
 from . import numba_private
 from .code_cache import kept_on_disk
 from .codegen import Signature
-from .numba_private import CALLED_BY_CODE, MISSING
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -30,17 +29,17 @@ def _plain_kernel(function: Function, *, inline: bool) -> Any:
         lambda cache: njit(error_model="numpy", nogil=True, forceinline=inline, cache=cache)(function)
     )
     with suppress(Exception):
-        twin = njit(nogil=True, forceinline=inline, _nrt=False, **CALLED_BY_CODE)(function)
+        twin = njit(nogil=True, forceinline=inline, _nrt=False, **numba_private.CALLED_BY_CODE)(function)
         compiled.get_call_template, compiled.get_overload = twin.get_call_template, twin.get_overload
     return compiled
 
 
 def _plain_code_for_callers(function: Function, signature: Signature) -> object:
     """Return what Numba compiles of a function that is called by compiled code only."""
-    return njit(signature, **CALLED_BY_CODE)(function)
+    return njit(signature, **numba_private.CALLED_BY_CODE)(function)
 
 
-if MISSING:
+if numba_private.MISSING:
     _compile, code_for_callers = _plain_kernel, _plain_code_for_callers
 else:
     from .compiler import code_for_callers as code_for_callers

@@ -14,12 +14,12 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import accumulate
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from numba import config, float64, guvectorize, intp, types
 
-from ..types import Function, Shape, python_function, shape_of, shapes_of_result
+from ..types import SHAPES, Function, Shape, python_function
 from . import numba_private as inside
 from .code_cache import DiskCache, kept_on_disk, made_once
 
@@ -38,12 +38,10 @@ fast where others use the memory too.
 @cache
 def core_shapes(kernel: Function) -> tuple[dict[str, Shape], list[Shape]]:
     """Return argument names with core shapes, and result shapes (arguments that are int are left out)."""
-    return _argument_shapes(kernel), shapes_of_result(inspect.signature(python_function(kernel)).return_annotation)
-
-
-def _argument_shapes(kernel: Function) -> dict[str, Shape]:
-    parameters = inspect.signature(python_function(kernel)).parameters
-    return {name: shape_of(p.annotation) for name, p in parameters.items() if p.annotation is not int}
+    signature = inspect.signature(python_function(kernel))
+    result, taken = signature.return_annotation, signature.parameters.items()
+    results = [result] if result in SHAPES else get_args(result)
+    return {name: SHAPES[p.annotation] for name, p in taken if p.annotation is not int}, [SHAPES[x] for x in results]
 
 
 class Item(NamedTuple):
@@ -56,7 +54,7 @@ class Item(NamedTuple):
     @property
     def checked(self) -> int:
         """Return how many arguments `singular` looks at, 0 where there is no such."""
-        return len(_argument_shapes(self.singular)) if self.singular else 0
+        return len(core_shapes(self.singular)[0]) if self.singular else 0
 
     @property
     def inputs(self) -> list[Shape]:

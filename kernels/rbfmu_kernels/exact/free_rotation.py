@@ -24,12 +24,12 @@ from ..compile.wide import choose
 from ..numerics import double_double as dd
 from ..numerics.double_double import DoubleDouble, Vector, two_sum
 from ..numerics.elementary import power_of_two_for, sincos_half_turns
-from ..numerics.elliptic import NEAREST_KC, jacobi_low_parts
+from ..numerics.elliptic import NEAREST_KC, Place, jacobi_low_parts
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, largest_of, scale_quaternion, square_of
 from ..rotations.vec3 import scale
 from ..types import Array, Buffer, Quaternion, Vec3
 from . import free_rotation_setup as constants
-from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, Place, jacobi_of, place_of, read_steady, turn_of
+from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, jacobi_of, place_of, read_steady, turn_of
 from .free_rotation_setup import FreeRotation, FreeRotationNumbers, in_body_axes, read_free_rotation
 from .uniform_rotation import power_for, without_turns
 
@@ -48,8 +48,7 @@ def free_rotation_setup(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3) -> Free
     NaN where there is no motion: a negative moment, a zero moment beside unequal ones, a non-finite argument.
     """
     motion = free_rotation_of(dd.vector(moments), q_0, dd.vector(omega_b_0))
-    numbers: FreeRotationNumbers = constants.flatten_free_rotation(motion)
-    return numbers
+    return constants.flatten_free_rotation(motion)  # type: ignore[no-any-return]
 
 
 @kernel

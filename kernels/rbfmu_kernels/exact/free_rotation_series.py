@@ -20,9 +20,7 @@ from ..compile.decorator import kernel
 from ..compile.wide import alike, any_of, choose
 from ..numerics import double_double as dd
 from ..numerics import elliptic
-from ..numerics.double_double import DoubleDouble, two_sum
 from ..numerics.elementary import sincos_half_turns
-from ..numerics.elliptic import Place as Place
 from ..types import Quaternion, Vec3
 
 TUMBLING, STEADY, SEPARATRIX, NEAR = 0.0, 1.0, 2.0, 3.0
@@ -34,33 +32,27 @@ Series = tuple[
 """The numbers of a `TumblingSeries`, a `NearSeries` or a `SteadyTurn`; what the last two do not need is 0."""
 
 
-class AttitudeSeries(NamedTuple):
-    """Coefficients in c = cos 2v: of Re alpha, of Im alpha / (sin v cos v), of Re beta / sin v, of Im beta / cos v."""
+class TumblingSeries(NamedTuple):
+    """The series away from the separatrix.
+
+    Coefficients in c = cos 2v: of Re alpha, of Im alpha / (sin v cos v), of Re beta / sin v, of Im beta / cos v.
+    """
 
     re_alpha: Quaternion
     im_alpha: Vec3
     re_beta: Vec3
     im_beta: Vec3
-
-
-class NearAttitudeSeries(NamedTuple):
-    """Coefficients of theta_2 (even) and theta_1 (odd): cosines and sines of multiples of b, by powers of the nome."""
-
-    even: Quaternion
-    odd: Quaternion
-
-
-class TumblingSeries(NamedTuple):
-    """The series away from the separatrix."""
-
-    attitude: AttitudeSeries
     jacobi: elliptic.Theta
 
 
 class NearSeries(NamedTuple):
-    """The series near the separatrix."""
+    """The series near the separatrix.
 
-    attitude: NearAttitudeSeries
+    Coefficients of theta_2 (even) and theta_1 (odd): cosines and sines of multiples of b, by powers of the nome.
+    """
+
+    even: Quaternion
+    odd: Quaternion
     jacobi: elliptic.Near
 
 
@@ -77,9 +69,9 @@ read_steady, flatten_steady = record(SteadyTurn, _tumbling.size)[2:]
 
 
 @kernel
-def attitude(sin_v: float, cos_v: float, series: AttitudeSeries) -> tuple[float, float, float, float]:
+def attitude(sin_v: float, cos_v: float, series: TumblingSeries) -> tuple[float, float, float, float]:
     """Return (Re alpha, Re beta, Im beta, Im alpha) at the phase v."""
-    (a_0, a_1, a_2, a_3), (i_0, i_1, i_2), (b_0, b_1, b_2), (j_0, j_1, j_2) = series
+    (a_0, a_1, a_2, a_3), (i_0, i_1, i_2), (b_0, b_1, b_2), (j_0, j_1, j_2), _ = series
     c = (cos_v - sin_v) * (cos_v + sin_v)
     return (
         a_0 + c * (a_1 + c * (a_2 + c * a_3)),
@@ -90,7 +82,7 @@ def attitude(sin_v: float, cos_v: float, series: AttitudeSeries) -> tuple[float,
 
 
 @kernel
-def place_of(kind: float, x: DoubleDouble, width: DoubleDouble) -> Place:
+def place_of(kind: float, x: dd.DoubleDouble, width: dd.DoubleDouble) -> elliptic.Place:
     """Return sine and cosine of the phase x, in half turns, or, NEAR, what `place_near` says."""
     if kind == TUMBLING:
         s, c = sincos_half_turns(x[0], x[1])
@@ -99,26 +91,26 @@ def place_of(kind: float, x: DoubleDouble, width: DoubleDouble) -> Place:
 
 
 @kernel
-def turn_of(kind: float, place: Place, psi: DoubleDouble, shift: float, series: Series) -> Quaternion:
+def turn_of(kind: float, place: elliptic.Place, psi: dd.DoubleDouble, shift: float, series: Series) -> Quaternion:
     """Return the quaternion, of any length.
 
     psi is the steady turn, shift x what NEAR adds; half angles are in half turns.
     """
     if kind == TUMBLING:
         sin_v, cos_v, _, _ = place
-        e, x_p, x_r, x_s = attitude(sin_v, cos_v, read_tumbling(series).attitude)
+        e, x_p, x_r, x_s = attitude(sin_v, cos_v, read_tumbling(series))
         s, c = sincos_half_turns(psi[0], psi[1])
     else:
         decayed, side, flip, rest = place
         e, x_p, x_r, x_s = attitude_near(decayed, side, read_near(series))
         x_p, x_r = flip * x_p, flip * x_r
-        high, low = two_sum(psi[0], shift * rest)
+        high, low = dd.two_sum(psi[0], shift * rest)
         s, c = sincos_half_turns(high, low + psi[1])
     return (c * e - s * x_s, c * x_p - s * x_r, c * x_r + s * x_p, c * x_s + s * e)
 
 
 @kernel
-def jacobi_of(kind: float, place: Place, series: Series) -> tuple[float, float, float]:
+def jacobi_of(kind: float, place: elliptic.Place, series: Series) -> tuple[float, float, float]:
     """Return (sn, cn, dn)."""
     if kind == TUMBLING:
         sin_v, cos_v, _, _ = place
@@ -131,8 +123,7 @@ def jacobi_of(kind: float, place: Place, series: Series) -> tuple[float, float, 
 @kernel
 def attitude_near(e: float, side: float, series: NearSeries) -> tuple[float, float, float, float]:
     """Return (Re alpha, Re beta, Im beta, Im alpha) from e = exp(-2 |y|) and the sign of y."""
-    (c_0, c_1, c_2, c_3), (s_0, s_1, s_2, s_3) = series.attitude
-    root_nome = series.jacobi.root_nome
+    (c_0, c_1, c_2, c_3), (s_0, s_1, s_2, s_3), (root_nome, _, _, _) = series
     p, f = root_nome / e, root_nome * e
     p_2, e_1 = p * p, e * f
     p_3, e_2 = p * p_2, e_1 * f
@@ -162,7 +153,7 @@ def series_of(kappa: float, tilt: float, k2: float, kc: float, sign: float) -> T
     b_1, d_1, b_2, d_2 = q2 * h * b_0, q4 * f * d_0, q8 * (h * h) * b_0, q12 * (f * f) * d_0
     cosh_1, cosh_2, cosh_3 = h + q2 * f, up_2 + down_2, up_3 + down_3
     sinh_1, sinh_2, sinh_3 = h - q2 * f, up_2 - down_2, up_3 - down_3
-    attitude = AttitudeSeries(
+    return TumblingSeries(
         (1.0 - cosh_2, 3.0 * cosh_3 - cosh_1, 2.0 * cosh_2, -4.0 * cosh_3),
         (-2.0 * sign * (sinh_1 - sinh_3), 4.0 * sign * sinh_2, -8.0 * sign * sinh_3),
         (
@@ -171,8 +162,8 @@ def series_of(kappa: float, tilt: float, k2: float, kc: float, sign: float) -> T
             4.0 * sign * (b_2 + d_2),
         ),
         (((b_2 - d_2) - (b_1 - d_1)) - (b_0 - d_0), 2.0 * ((b_1 - d_1) + (b_2 - d_2)), -4.0 * (b_2 - d_2)),
+        elliptic.theta_series_of(q),
     )
-    return TumblingSeries(attitude, elliptic.theta_series_of(q))
 
 
 @kernel(inline=False)
@@ -227,13 +218,13 @@ def _root_of_shift(y: float, k: float, kc: float) -> float:
 
 @kernel(inline=False)
 def near_series_of(
-    root_kappa: DoubleDouble, kc: DoubleDouble, agm: DoubleDouble, sign: float
-) -> tuple[NearSeries, DoubleDouble, float]:
+    root_kappa: dd.DoubleDouble, kc: dd.DoubleDouble, agm: dd.DoubleDouble, sign: float
+) -> tuple[NearSeries, dd.DoubleDouble, float]:
     """Return (series, W, shift): 2 y = W x ln 2 at the phase v = pi x; the angle 2 b v / pi is shift x half turns.
 
     root_kappa: sqrt(kappa); agm: AGM(1, kc), kc < NEAREST_KC; sign of I_s - I_p.
     """
-    one: DoubleDouble = (1.0, 0.0)
+    one: dd.DoubleDouble = (1.0, 0.0)
     width, phase = elliptic.near_scale(kc, agm, one, root_kappa)
     near = elliptic.near_series(kc[0])
     q = near.root_nome
@@ -244,6 +235,6 @@ def near_series_of(
     c_2, s_2 = twice * c_1 - c, twice * s_1 - s
     c_3, s_3 = twice * c_2 - c_1, twice * s_2 - s_1
     q9 = q4 * q4 * q
-    attitude = NearAttitudeSeries((c, q * c_1, q4 * c_2, q9 * c_3), (s, q * s_1, q4 * s_2, q9 * s_3))
-    series = NearSeries(attitude, elliptic.Near(q, sign * near.sn, near.cn, near.dn))
+    jacobi = elliptic.Near(q, sign * near.sn, near.cn, near.dn)
+    series = NearSeries((c, q * c_1, q4 * c_2, q9 * c_3), (s, q * s_1, q4 * s_2, q9 * s_3), jacobi)
     return series, dd.scale(sign, width), sign * phase[0]

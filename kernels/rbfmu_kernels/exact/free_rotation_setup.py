@@ -1,7 +1,7 @@
 """Sets up the constants of a free body's motion (notation: free_rotation.py); double-double where time multiplies."""
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from ..buffer_access import record
 from ..compile.decorator import kernel
@@ -11,7 +11,7 @@ from ..numerics.double_double import ONE_OVER_PI, DoubleDouble, Vector, two_prod
 from ..numerics.elementary import power_of_two_for
 from ..numerics.elliptic import NEAREST_KC, angle_in_half_turns, climb_scale
 from ..rotations.quaternion import compose_quaternions, invert_quaternion
-from ..types import _SHAPES, Quaternion, Vec3
+from ..types import SHAPES, Quaternion, Vec3
 from . import free_rotation_series
 from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, Series, SteadyTurn
 from .uniform_rotation import ONE_OVER_4PI, turning_about
@@ -185,11 +185,8 @@ class FreeRotation(NamedTuple):
 
 
 FREE_ROTATION_SIZE, put_free_rotation, read_free_rotation, flatten_free_rotation = record(FreeRotation)
-if TYPE_CHECKING:
-    FreeRotationNumbers = tuple[float, ...]  # mypy has no tuple of 62 floats short of writing it out
-else:
-    FreeRotationNumbers = tuple[(float,) * FREE_ROTATION_SIZE]
-_SHAPES[FreeRotationNumbers] = (FREE_ROTATION_SIZE,)
+FreeRotationNumbers = tuple[float, ...]  # there is no tuple of 62 floats short of writing it out
+SHAPES[FreeRotationNumbers] = (FREE_ROTATION_SIZE,)
 
 _LEAST_KC = 1e-300
 """Below, a motion is on the separatrix: K(k) = ln(4 / kc), so that a turn takes 690 of its time scales or more."""

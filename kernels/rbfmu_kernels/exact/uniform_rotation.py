@@ -5,18 +5,17 @@ from typing import NamedTuple
 from ..buffer_access import record
 from ..compile.decorator import kernel
 from ..numerics import double_double as dd
-from ..numerics.double_double import DoubleDouble, Vector, two_product, two_sum
 from ..numerics.elementary import power_of_two_for, round_to_integer, sincos_half_turns
 from ..types import Buffer, Quaternion, Vec3
 
-ONE_OVER_4PI: DoubleDouble = (0.07957747154594767, -4.919669168795622e-18)
+ONE_OVER_4PI: dd.DoubleDouble = (0.07957747154594767, -4.919669168795622e-18)
 
 
 class Turning(NamedTuple):
     """A unit axis, and the rate about it over 4 pi, 1/s."""
 
     axis: Vec3
-    rate: DoubleDouble
+    rate: dd.DoubleDouble
 
 
 TURNING_SIZE, put_turning, _read_turning, _ = record(Turning)
@@ -29,16 +28,16 @@ def turning_at(z: Buffer, i: int) -> Turning:
 
 
 @kernel
-def without_turns(a: DoubleDouble, t: DoubleDouble) -> DoubleDouble:
+def without_turns(a: dd.DoubleDouble, t: dd.DoubleDouble) -> dd.DoubleDouble:
     """Return the product a t less an integer, within [-1, 1]."""
-    high, low = two_product(a[0], t[0])
+    high, low = dd.two_product(a[0], t[0])
     low += a[1] * t[0] + a[0] * t[1]
-    high, low = two_sum(high - round_to_integer(high), low)
+    high, low = dd.two_sum(high - round_to_integer(high), low)
     return (high - round_to_integer(high), low)
 
 
 @kernel
-def rotation_after(turning: Turning, t: DoubleDouble) -> Quaternion:
+def rotation_after(turning: Turning, t: dd.DoubleDouble) -> Quaternion:
     """Return the rotation of a turning after a time t, s."""
     axis, rate = turning
     high, low = without_turns(rate, t)
@@ -47,19 +46,19 @@ def rotation_after(turning: Turning, t: DoubleDouble) -> Quaternion:
 
 
 @kernel
-def length_of(v: Vector) -> DoubleDouble:
+def length_of(v: dd.Vector) -> dd.DoubleDouble:
     """Return |v|, for numbers of about 1 or less."""
     return dd.root(dd.dot(v, v))
 
 
 @kernel
-def power_for(v: Vector) -> float:
+def power_for(v: dd.Vector) -> float:
     """Return a power of two that brings a vector to a size of about 1."""
     return power_of_two_for(max(max(abs(v[0][0]), abs(v[1][0])), abs(v[2][0])))
 
 
 @kernel
-def turning_about(omega: Vector) -> Turning:
+def turning_about(omega: dd.Vector) -> Turning:
     """Return the turning of a constant rate omega, rad/s, of any size."""
     up = power_for(omega)
     v = dd.scale_vector(up, omega)
@@ -70,7 +69,7 @@ def turning_about(omega: Vector) -> Turning:
 
 
 @kernel
-def symmetric_turnings(i_t: DoubleDouble, i_s: DoubleDouble, omega: Vector) -> tuple[Turning, Turning]:
+def symmetric_turnings(i_t: dd.DoubleDouble, i_s: dd.DoubleDouble, omega: dd.Vector) -> tuple[Turning, Turning]:
     """Return (A, B) of a free body with moments i_t, i_t, i_s and rate omega: q(t) = q(0) A(t) B(t).
 
     A turns about the angular momentum by its size over i_t, B about the third axis by omega_3 (1 - i_s / i_t).

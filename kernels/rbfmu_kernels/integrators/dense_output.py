@@ -16,7 +16,6 @@ from ..compile.decorator import kernel
 from ..compile.simd import Lanes, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
 from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, ROTATION, V_C, WHOLE_STATE, Body, LoadPolynomial
 from ..numerics import double_double as dd
-from ..numerics.double_double import DoubleDouble
 from ..rotations.quaternion import largest_of, scale_quaternion, square_of
 from ..rotations.vec3 import add, add_scaled, largest_component, norm, scale, subtract
 from ..types import Buffer, Quaternion, Vec3
@@ -147,15 +146,8 @@ def attitude_at(s: Buffer, w: int, order: int, t: float) -> Quaternion:
 
 
 SERIES_BLOCKS = {
-    "validity": 1,
-    "reach": 1,
-    "since": 2,
-    "extent": 1,
-    "turn_order": 1,
-    "cool_down": 1,
-    "start": ROTATION,
-    "path": 6,
-}
+    "validity": 1, "reach": 1, "since": 2, "extent": 1, "turn_order": 1, "cool_down": 1, "start": ROTATION, "path": 6,
+}  # fmt: skip
 """NONE, VALID, or STALE; how far the series reaches, and how far it has served, s; how much of a state it serves; the
 order of the attitude; steps until a series is tried again; attitude and rate where it began; velocity and way that a
 force which turns with the body has added since then."""
@@ -197,7 +189,7 @@ def reaches_over(z: Buffer, i: int, h: float) -> bool:
 
 
 @kernel
-def clock_after(z: Buffer, i: int, h: float) -> DoubleDouble:
+def clock_after(z: Buffer, i: int, h: float) -> dd.DoubleDouble:
     """Return how far the series has served after a step h, s."""
     return dd.add_float(pair_at(z, i + KEPT.since), h)
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 from ..compile.decorator import kernel
 from ..numerics import double_double as dd
-from ..numerics.double_double import DoubleDouble
 from ..numerics.double_double_functions import angle_of, exponential, natural_logarithm, sine_and_cosine
 from ..types import Array, Indices
 from . import polynomials
@@ -55,7 +54,7 @@ class Equations(NamedTuple):
 
 
 @kernel
-def _sum(s: Array, a: int, b: int, k: int, first: int, last: int) -> DoubleDouble:
+def _sum(s: Array, a: int, b: int, k: int, first: int, last: int) -> dd.DoubleDouble:
     """Return the sum of a[j] b[k - j] for j from first to last."""
     total = (0.0, 0.0)
     for j in range(first, last + 1):
@@ -64,16 +63,16 @@ def _sum(s: Array, a: int, b: int, k: int, first: int, last: int) -> DoubleDoubl
 
 
 @kernel
-def _sum_of_slopes(s: Array, a: int, b: int, k: int, first: int, last: int) -> DoubleDouble:
-    """Return the sum of j a[j] b[k - j] for j from first to last."""
+def _sum_of_slopes(s: Array, a: int, b: int, k: int, last: int) -> dd.DoubleDouble:
+    """Return the sum of j a[j] b[k - j] for j from 1 to last."""
     total = (0.0, 0.0)
-    for j in range(first, last + 1):
+    for j in range(1, last + 1):
         total = dd.add(total, dd.multiply_float(dd.multiply(dd.at(s, a + j), dd.at(s, b + k - j)), float(j)))
     return total
 
 
 @kernel(inline=False)
-def _value(kind: int, i: int, a: int, b: int, c: int, s: Array) -> DoubleDouble:
+def _value(kind: int, i: int, a: int, b: int, c: int, s: Array) -> dd.DoubleDouble:
     """Return an operation's value; a, b, c: where the numbers begin that it is of."""
     x, y = dd.at(s, a), dd.at(s, b)
     if kind == _ADD:
@@ -106,7 +105,7 @@ def _value(kind: int, i: int, a: int, b: int, c: int, s: Array) -> DoubleDouble:
 
 
 @kernel(inline=False)
-def _coefficient(kind: int, i: int, a: int, b: int, c: int, s: Array, k: int) -> DoubleDouble:
+def _coefficient(kind: int, i: int, a: int, b: int, c: int, s: Array, k: int) -> dd.DoubleDouble:
     """Return an operation's k-th coefficient, k > 0."""
     n = float(k)
     if kind == _ADD:
@@ -123,21 +122,21 @@ def _coefficient(kind: int, i: int, a: int, b: int, c: int, s: Array, k: int) ->
         rest = dd.subtract(dd.at(s, a + k), _sum(s, i, i, k, 1, k - 1))
         return dd.divide(rest, dd.scale(2.0, dd.at(s, i))) if s[0, i] != 0.0 else (0.0, 0.0)
     if kind == _EXP:
-        return dd.divide(_sum_of_slopes(s, a, i, k, 1, k), (n, 0.0))
+        return dd.divide(_sum_of_slopes(s, a, i, k, k), (n, 0.0))
     if kind == _LOG:
-        rest = dd.subtract(dd.multiply_float(dd.at(s, a + k), n), _sum_of_slopes(s, i, a, k, 1, k - 1))
+        rest = dd.subtract(dd.multiply_float(dd.at(s, a + k), n), _sum_of_slopes(s, i, a, k, k - 1))
         return dd.divide(rest, dd.multiply_float(dd.at(s, a), n))
     if kind == _SIN:
-        return dd.divide(_sum_of_slopes(s, a, b, k, 1, k), (n, 0.0))
+        return dd.divide(_sum_of_slopes(s, a, b, k, k), (n, 0.0))
     if kind == _COS:
-        return dd.divide(dd.negate(_sum_of_slopes(s, a, b, k, 1, k)), (n, 0.0))
+        return dd.divide(dd.negate(_sum_of_slopes(s, a, b, k, k)), (n, 0.0))
     if kind == _ATAN2:
-        turned = dd.subtract(_sum_of_slopes(s, a, b, k, 1, k), _sum_of_slopes(s, b, a, k, 1, k))
-        rest = dd.subtract(turned, _sum_of_slopes(s, i, c, k, 1, k - 1))
+        turned = dd.subtract(_sum_of_slopes(s, a, b, k, k), _sum_of_slopes(s, b, a, k, k))
+        rest = dd.subtract(turned, _sum_of_slopes(s, i, c, k, k - 1))
         return dd.divide(rest, dd.multiply_float(dd.at(s, c), n))
     if kind == _POWER:
-        rest = dd.multiply(dd.at(s, b), _sum_of_slopes(s, a, i, k, 1, k))
-        return dd.divide(dd.subtract(rest, _sum_of_slopes(s, i, a, k, 1, k - 1)), dd.multiply_float(dd.at(s, a), n))
+        rest = dd.multiply(dd.at(s, b), _sum_of_slopes(s, a, i, k, k))
+        return dd.divide(dd.subtract(rest, _sum_of_slopes(s, i, a, k, k - 1)), dd.multiply_float(dd.at(s, a), n))
     if kind == _SELECT:
         return dd.at(s, b + k) if s[0, a] > 0.0 else dd.at(s, c + k)
     return (0.0, 0.0)
@@ -258,14 +257,14 @@ def _to_corner(equations: Equations, s: Array, longest: float) -> float:
 
 
 @kernel(inline=False)
-def _put_states(states: Indices, s: Array, at: DoubleDouble, found: Array, stride: int) -> None:
+def _put_states(states: Indices, s: Array, at: dd.DoubleDouble, found: Array) -> None:
     """Set the states at a time after the series' beginning, in the places of the operations."""
     for m in range(states.shape[0]):
         i = states[m, 0] * LENGTH
         total = dd.at(s, i + ORDER)
         for k in range(ORDER - 1, -1, -1):
             total = dd.add(dd.multiply(at, total), dd.at(s, i + k))
-        dd.put(found, states[m, 0] * stride, total)
+        dd.put(found, states[m, 0], total)
 
 
 @kernel(inline=False)
@@ -308,13 +307,13 @@ def formula_motion(
             at = dd.scale(1.0 / unit, dd.subtract(dd.at(times, k), now))
             if at[0] > longest:
                 break
-            _put_states(states, s, at, here, 1)
+            _put_states(states, s, at, here)
             evaluate(operations, here, 1, True)
             for m in range(wanted.shape[0]):
                 rows[k, m] = here[0, wanted[m]]
             k += 1
         if k < end:
-            _put_states(states, s, (longest, 0.0), here, 1)
+            _put_states(states, s, (longest, 0.0), here)
             now = dd.add(now, dd.scale(unit, (longest, 0.0)))
             for m in range(states.shape[0]):
                 dd.put(s, states[m, 0] * LENGTH, dd.at(here, states[m, 0]))

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from ..buffer import MAX_SUBSTEPS
-from ..buffer_access import pair_at, put_pair_at, vec3_at
+from ..buffer_access import vec3_at
 from ..compile.decorator import kernel
 from ..compile.wide import any_of, choose
 from ..mechanics.equations_of_motion import RATE_ONLY
@@ -81,8 +81,7 @@ def nearer_size(h: float, order: int, excess: float) -> float:
 @kernel
 def count_substep(z: Buffer, size: int) -> None:
     """Add one to the count that is kept next to the step size at z[size]."""
-    h, count = pair_at(z, size)
-    put_pair_at(z, size, (h, count + 1.0))
+    z[size + 1] += 1.0
 
 
 @kernel

@@ -144,11 +144,7 @@ def _gyroscopic_term(s: Buffer, k: int, M: Matrix, products: Vec3) -> Vec3:
     (a, d, e), (_, b, f), (_, _, c) = M
     x, y, v = products
     xx, yy, vv = _squares(s, k)
-    off = (
-        f * (vv - yy) + (d * y - e * v),
-        e * (xx - vv) + (f * v - d * x),
-        d * (yy - xx) + (e * x - f * y),
-    )
+    off = (f * (vv - yy) + (d * y - e * v), e * (xx - vv) + (f * v - d * x), d * (yy - xx) + (e * x - f * y))
     return add(((b - c) * x, (c - a) * y, (a - b) * v), off)
 
 

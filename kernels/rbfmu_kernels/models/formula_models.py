@@ -11,9 +11,8 @@ from types import FunctionType
 from typing import Any
 
 from ..body import members as one
-from ..body import shell
 from ..body.members import Control, Driving, Members, Room, Run
-from ..body.shell import Lanes, Model, bind
+from ..body.shell import Lanes, Model, bind, make_model
 from ..buffer import OK, STEP_REJECTED, Layout
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..types import Array, Buffer
@@ -180,15 +179,8 @@ def make_formulas(constant: str, layout: Layout, generated: Kernels, places: Map
     own = {**places, **generated}
     advance = _bound(formulas.advance_formulas, constant, own)
     set_up = _bound(formulas.set_up_formulas, constant, own)
-    return Model(
-        f"formulas.{constant}",
-        *layout,
-        initialize=bind(shell.initialize, _HOME, constant, set_up=set_up),
-        step=bind(shell.step, _HOME, constant, advance=advance),
-        outputs=_bound(formulas.outputs_now, constant, own),
-        feedthrough=generated["feedthrough"],
-        ORDERS=formulas.ORDERS,
-    )
+    shown = {"outputs": _bound(formulas.outputs_now, constant, own), "feedthrough": generated["feedthrough"]}
+    return make_model(constant, layout, set_up, advance, ORDERS=formulas.ORDERS, **shown)
 
 
 def make_over(constant: str, base: Model, layout: Layout, generated: Kernels, places: Mapping[str, Any]) -> Model:

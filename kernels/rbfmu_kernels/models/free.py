@@ -10,26 +10,24 @@ panels of at most `substep`, each with `order` points of Gauss's rule. What a pa
 Source: Abramowitz and Stegun, 25.4.30.
 """
 
-from ..body import closed_form, fixed_axis, memory
+from ..body import closed_form, memory
 from ..body.outputs import output_rates
-from ..body.principal import axes_as_floats, exact_frame, exact_symmetric_frame, keeps_its_rate, rates_along
+from ..body.principal import axes_as_floats, exact_frame, exact_symmetric_frame, keeps_its_rate, rates_along, turns_path
 from ..body.shell import make_model
 from ..buffer import OK, STEP_REJECTED, TORQUE_ACTS, UNSTEADY, UNSYMMETRIC, places, with_work_space
 from ..buffer_access import matrix_at, put_matrix_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact import free_rotation as exact
 from ..exact import uniform_rotation as uniform
-from ..exact.free_rotation_series import Place
 from ..exact.free_rotation_setup import FREE_ROTATION_SIZE, FreeRotation, put_free_rotation, read_free_rotation
 from ..integrators import dense_output as dense
 from ..integrators import taylor_coefficients as series
 from ..integrators.splitting import is_symmetric_top
 from ..integrators.substeps import LONGEST_STEP, Method, substeps_in
-from ..integrators.taylor_coefficients import MAX_ORDER
 from ..mechanics.equations_of_motion import ROTATION, Body, steady_acceleration, turning_acceleration
 from ..mechanics.inertia import is_diagonal
 from ..numerics import double_double as dd
-from ..numerics.double_double import two_sum
+from ..numerics.elliptic import Place
 from ..rotations.matrix import invert_matrix, quaternion_from_matrix, transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import add_scaled, norm
@@ -61,7 +59,7 @@ def _advance_constant_rate(z: Buffer, h: float) -> int:
 @kernel
 def _is_disturbed(z: Buffer) -> bool:
     """Return whether a torque acts, or a turning force bends the body's path; one along the rate does not turn."""
-    return closed_form.has_torque(z) or fixed_axis.turns_path(z, memory.rotation_of(z).omega_b)
+    return closed_form.has_torque(z) or turns_path(z, memory.rotation_of(z).omega_b)
 
 
 CONSTANT_RATE = make_model("CONSTANT_RATE", _CONSTANT_RATE_LAYOUT, _set_up_constant_rate, _advance_constant_rate)
@@ -163,7 +161,7 @@ def _advance_free_triaxial(z: Buffer, h: float) -> int:
         return _advance_exactly(z, h)
     t, _ = dense.clock_after(z, _SERIES, h)
     q = dense.attitude_at(z, _TRIAXIAL.work, int(z[_TRIAXIAL.turn_order]), t)
-    status = closed_form.finish_step(z, h, q, dense.rate_at(z, _TRIAXIAL.work, MAX_ORDER, t))
+    status = closed_form.finish_step(z, h, q, dense.rate_at(z, _TRIAXIAL.work, series.MAX_ORDER, t))
     if status == OK:
         dense.pass_time(z, _SERIES, h)
         z[_TRIAXIAL.moved] = 0.0
@@ -190,14 +188,14 @@ def _advance_exactly(z: Buffer, h: float) -> int:
 @kernel(inline=False)
 def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -> None:
     """Make a series from attitude and rate on, and keep it if it reaches over many steps of h."""
-    s, method = z[_TRIAXIAL.work : _TRIAXIAL.work + _FREE_WORK], Method(ROTATION, MAX_ORDER, _ROUND_OFF, 0.0)
+    s, method = z[_TRIAXIAL.work : _TRIAXIAL.work + _FREE_WORK], Method(ROTATION, series.MAX_ORDER, _ROUND_OFF, 0.0)
     series.put_factors(s, series.RATE, omega)
     no_loads = series.SpaceFixedLoads(False, False, False)
-    series.motion_series(s, 0, MAX_ORDER, 0, _undamped(body), (_NONE, _NONE, _NONE), no_loads)
-    dense.end_series(s, series.RATE, MAX_ORDER)
-    reach = dense.likely_reach(s, MAX_ORDER, z[_TRIAXIAL.next_reach])
+    series.motion_series(s, 0, series.MAX_ORDER, 0, _undamped(body), (_NONE, _NONE, _NONE), no_loads)
+    dense.end_series(s, series.RATE, series.MAX_ORDER)
+    reach = dense.likely_reach(s, series.MAX_ORDER, z[_TRIAXIAL.next_reach])
     reach, _ = dense.reach_within(s, method, 0, 1.0, reach, 1.0)
-    m = dense.attitude_series(s, series.FORCE, q, MAX_ORDER, reach, 0.5 * _ROUND_OFF)
+    m = dense.attitude_series(s, series.FORCE, q, series.MAX_ORDER, reach, 0.5 * _ROUND_OFF)
     reach, z[_TRIAXIAL.next_reach] = dense.reach_within(s, method, m, 1.0, reach, 1.0)
     dense.begin_clock(z, _SERIES, ROTATION, m, reach)
     if not _LEAST_REACH * h <= reach:
@@ -210,10 +208,7 @@ def _undamped(body: Body) -> Body:
 
     With the damping the rate would drift over each series and jump back at its end.
     """
-    return Body(
-        inverse_mass=body.inverse_mass, inertia=body.inertia, inertia_inverse=body.inertia_inverse, arm_b=body.arm_b,
-        damping_b=_NONE, is_free=body.is_free,
-    )  # fmt: skip
+    return Body(body.inverse_mass, body.inertia, body.inertia_inverse, body.arm_b, _NONE, body.is_free)
 
 
 @kernel
@@ -346,17 +341,13 @@ def _gained(z: Buffer, h: float, count: int) -> tuple[Vec3, Vec3]:
 @kernel
 def _sum(a: Vec3, low: Vec3, b: Vec3) -> tuple[Vec3, Vec3]:
     """Return a + low + b, and its low part."""
-    x, low_x = two_sum(a[0], b[0] + low[0])
-    y, low_y = two_sum(a[1], b[1] + low[1])
-    w, low_w = two_sum(a[2], b[2] + low[2])
+    x, low_x = dd.two_sum(a[0], b[0] + low[0])
+    y, low_y = dd.two_sum(a[1], b[1] + low[1])
+    w, low_w = dd.two_sum(a[2], b[2] + low[2])
     return (x, y, w), (low_x, low_y, low_w)
 
 
 FREE_BODY_FORCE = make_model(
-    "FREE_BODY_FORCE",
-    _FREE_BODY_FORCE_LAYOUT,
-    _set_up_free_body_force,
-    _advance_free_body_force,
-    ORDERS=ORDERS,
-    output_rates=rates_of_outputs,
-)
+    "FREE_BODY_FORCE", _FREE_BODY_FORCE_LAYOUT, _set_up_free_body_force, _advance_free_body_force,
+    ORDERS=ORDERS, output_rates=rates_of_outputs,
+)  # fmt: skip

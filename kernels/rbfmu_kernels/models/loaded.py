@@ -132,9 +132,6 @@ def _advance_loaded_splitting(z: Buffer, h: float) -> int:
 
 
 LOADED_SPLITTING = make_model(
-    "LOADED_SPLITTING",
-    _LOADED_SPLITTING_LAYOUT,
-    _set_up_loaded_splitting,
-    _advance_loaded_splitting,
+    "LOADED_SPLITTING", _LOADED_SPLITTING_LAYOUT, _set_up_loaded_splitting, _advance_loaded_splitting,
     ORDERS=SPLITTING_ORDERS,
-)
+)  # fmt: skip

@@ -6,7 +6,7 @@
 
 import math
 
-from ..body import closed_form, fixed_axis, memory
+from ..body import closed_form, memory, principal
 from ..body.shell import make_model
 from ..buffer import MAX_SUBSTEPS, MORE_AXES, NO_PENDULUM, OK, STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
@@ -26,13 +26,13 @@ _STEADY = _ONE_AXIS_LAYOUT.at
 
 @kernel
 def _set_up_one_axis(z: Buffer) -> int:
-    axis = fixed_axis.main_axis(z)
-    cosine, sine = fixed_axis.swing(z, axis)
-    if not memory.skips_model_checks(z) and (cosine[0] != 0.0 or sine[0] != 0.0 or fixed_axis.leaves_axis(z, axis)):
+    axis = principal.main_axis(z)
+    cosine, sine = principal.swing(z, axis)
+    if not memory.skips_model_checks(z) and (cosine[0] != 0.0 or sine[0] != 0.0 or principal.leaves_axis(z, axis)):
         return MORE_AXES
     put_vec3_at(z, _STEADY.axis, axis)
     z[_STEADY.rate] = dot(axis, memory.rotation_of(z).omega_b)
-    drive, z[_STEADY.damping_rate] = fixed_axis.drive_and_damping_rate(z, axis)
+    drive, z[_STEADY.damping_rate] = principal.drive_and_damping_rate(z, axis)
     z[_STEADY.drive] = drive + cosine[0]
     return closed_form.start_clocks(z)
 
@@ -59,14 +59,14 @@ _HANGING = _PENDULUM_LAYOUT.at
 
 @kernel
 def _set_up_pendulum(z: Buffer) -> int:
-    (q, omega), axis = memory.rotation_of(z), fixed_axis.main_axis(z)
+    (q, omega), axis = memory.rotation_of(z), principal.main_axis(z)
     if not memory.skips_model_checks(z):
-        if fixed_axis.leaves_axis(z, axis):
+        if principal.leaves_axis(z, axis):
             return MORE_AXES
-        drive, damping_rate = fixed_axis.drive_and_damping_rate(z, axis)
+        drive, damping_rate = principal.drive_and_damping_rate(z, axis)
         if drive != 0.0 or damping_rate != 0.0:
             return NO_PENDULUM
-    sine, cosine = exact.half_angle_rates(*fixed_axis.swing(z, axis))
+    sine, cosine = exact.half_angle_rates(*principal.swing(z, axis))
     s, c = exact.sincos_of_half_angle(sine, cosine)
     put_quaternion_at(z, _HANGING.q_hanging, compose_quaternions(q, (c, *scale(-s, axis))))
     put_vec3_at(z, _HANGING.axis, axis)
@@ -101,14 +101,14 @@ _RATE_SERIES, _SINE_SERIES, _COSINE_SERIES = _AT.rate_series, _AT.sine_series, _
 
 @kernel
 def _set_up_one_axis_taylor(z: Buffer) -> int:
-    axis = fixed_axis.main_axis(z)
-    if not memory.skips_model_checks(z) and fixed_axis.leaves_axis(z, axis):
+    axis = principal.main_axis(z)
+    if not memory.skips_model_checks(z) and principal.leaves_axis(z, axis):
         return MORE_AXES
-    cosine, sine = fixed_axis.swing(z, axis)
+    cosine, sine = principal.swing(z, axis)
     put_vec3_at(z, _AT.axis, axis)
     z[_AT.angle] = z[_AT.substeps] = 0.0
     put_pair_at(z, _AT.swing, (cosine[0], sine[0]))
-    z[_AT.drive], z[_AT.damping_rate] = fixed_axis.drive_and_damping_rate(z, axis)
+    z[_AT.drive], z[_AT.damping_rate] = principal.drive_and_damping_rate(z, axis)
     return closed_form.start_clocks(z)
 
 

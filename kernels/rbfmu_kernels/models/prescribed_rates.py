@@ -14,7 +14,6 @@ from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at
 from ..compile.decorator import kernel
 from ..exact.uniform_rotation import TURNING_SIZE, Turning, put_turning, rotation_after, turning_about, turning_at
 from ..numerics import double_double as dd
-from ..numerics.double_double import DoubleDouble, two_sum
 from ..rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b, rotate
 from ..rotations.vec3 import add_scaled, is_nonzero, norm, scale
@@ -63,7 +62,7 @@ def _advance(z: Buffer, h: float) -> int:
         return _changing_step(z, h, omega, slope, bend)
     steady = omega == vec3_at(z, _AT.omega_anchor)
     high, rest = pair_at(z, _AT.elapsed) if steady else (0.0, 0.0)
-    t, low = two_sum(high, h)
+    t, low = dd.two_sum(high, h)
     low += rest
     anchor = quaternion_at(z, _AT.anchor if steady else _AT.quaternion)
     kept = turning_at(z, _AT.turning)
@@ -77,7 +76,7 @@ def _advance(z: Buffer, h: float) -> int:
 
 
 @kernel
-def _put_anchor(z: Buffer, anchor: Quaternion, omega: Vec3, elapsed: DoubleDouble, turning: Turning) -> None:
+def _put_anchor(z: Buffer, anchor: Quaternion, omega: Vec3, elapsed: dd.DoubleDouble, turning: Turning) -> None:
     """Keep the attitude when the rates changed, those rates, the time since then, and their turning."""
     put_quaternion_at(z, _AT.anchor, anchor)
     put_vec3_at(z, _AT.omega_anchor, omega)
@@ -159,11 +158,7 @@ def feedthrough(z: Buffer, change: Buffer) -> int:
 
 
 PRESCRIBED_RATES = Model(
-    "prescribed_rates.PRESCRIBED_RATES",
-    *_LAYOUT,
-    initialize=initialize,
+    "prescribed_rates.PRESCRIBED_RATES", *_LAYOUT, initialize,
     step=bind(step, __name__, "PRESCRIBED_RATES", advance=_advance),
-    outputs=outputs,
-    output_rates=output_rates,
-    feedthrough=feedthrough,
-)
+    outputs=outputs, output_rates=output_rates, feedthrough=feedthrough,
+)  # fmt: skip

@@ -8,9 +8,8 @@ across turns in the body by (I_s - I_t) / I_t times that angle, and fades. The a
 Source: Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).
 """
 
-from ..body import closed_form, fixed_axis, memory
+from ..body import closed_form, memory, principal
 from ..body.outputs import outputs
-from ..body.principal import is_sphere, symmetric_frame
 from ..body.shell import make_model
 from ..buffer import MORE_THAN_MOMENTUM, NO_SPIN_UP, OK, STEP_REJECTED, TURNS, places
 from ..buffer_access import matrix_at, put_matrix_at, put_pair_at, put_vec3_at, vec3_at
@@ -61,7 +60,8 @@ _AT_REST = (0.0, 0.0, 0.0)
 
 @kernel
 def _set_up_angular_momentum(z: Buffer) -> int:
-    more = closed_form.has_turning_torque(z) or memory.shows_more_than_momentum(z, is_sphere(memory.body_of(z).inertia))
+    sphere = principal.is_sphere(memory.body_of(z).inertia)
+    more = closed_form.has_turning_torque(z) or memory.shows_more_than_momentum(z, sphere)
     if more and not memory.skips_model_checks(z):
         return MORE_THAN_MOMENTUM
     put_pair_at(z, _MOMENTUM.since_alpha, (0.0, 0.0))
@@ -103,14 +103,14 @@ _AT = _SPIN_UP_LAYOUT.at
 
 @kernel
 def _set_up_spin_up(z: Buffer) -> int:
-    across, own, axes = symmetric_frame(memory.body_of(z).inertia)
+    across, own, axes = principal.symmetric_frame(memory.body_of(z).inertia)
     astray = memory.needs_attitude(z) or memory.has_unknown_load(z) or leads_astray(z, axes)
     if astray and not memory.skips_model_checks(z):
         return NO_SPIN_UP
     put_matrix_at(z, _AT.axes, axes)
     put_vec3_at(z, _AT.rates, transform(axes, memory.rotation_of(z).omega_b))
-    z[_AT.drive], z[_AT.damping_rate] = fixed_axis.drive_and_damping_rate(z, axes[2])
-    _, z[_AT.damping_rate_across] = fixed_axis.drive_and_damping_rate(z, axes[0])
+    z[_AT.drive], z[_AT.damping_rate] = principal.drive_and_damping_rate(z, axes[2])
+    _, z[_AT.damping_rate_across] = principal.drive_and_damping_rate(z, axes[0])
     z[_AT.ratio] = (own - across) / across
     return closed_form.start_clocks(z)
 

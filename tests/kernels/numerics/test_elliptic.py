@@ -104,7 +104,7 @@ def test_attitude_is_two_theta_functions(sign):
             k, k_prime = mp.ellipk(1 - kc**2), mp.ellipk(kc**2)
             v = mp.mpc(mp.pi * x, mp.pi * shift(kappa, kc) / (2 * k))
             q2 = mp.exp(-2 * mp.pi * k_prime / k)
-            found = attitude(*sincos_half_turns(x, 0.0), series.attitude)
+            found = attitude(*sincos_half_turns(x, 0.0), series)
             worst = max(worst, distance(found, mp.jtheta(4, v, q2), mp.jtheta(1, v, q2), sign))
     assert 0.5 < worst <= 4.0
 
