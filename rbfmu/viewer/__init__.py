@@ -23,10 +23,8 @@ from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, faults_of, 
 from rbfmu.scene.toml_file import read_file
 from rbfmu.simulation import plan, simulate
 from rbfmu.types import Array
+from rbfmu_kernels import Quaternion, Vec3, principal_axes, quaternion_from_matrix
 from rbfmu_kernels.compile.tiered import evaluated
-from rbfmu_kernels.mechanics.inertia import principal_axes
-from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
-from rbfmu_kernels.types import Quaternion, Vec3
 
 # The shape
 

@@ -14,14 +14,10 @@ from rbfmu.studies.one_step import OneStepMethod
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS
 from rbfmu.studies.stability import CURVE, OWN, Columns, Finding, Study, exponent, finding, motions
 from rbfmu.studies.stability.motions import SPHERE, TUMBLING, UPRIGHT, ZERO, at, attitude_after, free_body, spin
+from rbfmu_kernels import Matrix, Vec3, angle_between, angular_momentum, kinetic_energy, matrix_from_quaternion, norm
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, angular_acceleration
-from rbfmu_kernels.mechanics.newton_euler import angular_momentum, kinetic_energy
 from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
-from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
-from rbfmu_kernels.rotations.quaternion import angle_between
 from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec, rotvec_from_quaternion, rotvec_rate_b
-from rbfmu_kernels.rotations.vec3 import norm
-from rbfmu_kernels.types import Matrix, Vec3
 
 EULER, SEMI, MIDPOINT, RK4, RK4_ON_Q, RK4_ON_R, RK4_ON_ANGLES, *_ = REFERENCE_INTEGRATORS.values()
 MOSER_VESELOV, MOSER_VESELOV_10 = TORQUE_FREE_INTEGRATORS.values()

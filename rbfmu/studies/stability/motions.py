@@ -21,11 +21,8 @@ from rbfmu.studies.one_step import OneStepMethod
 from rbfmu.studies.reference_methods import ALL_INTEGRATORS
 from rbfmu.studies.stability import Finding, finding
 from rbfmu.types import Array
+from rbfmu_kernels import Quaternion, Vec3, diagonal, inverse_inertia, quaternion_from_rotvec, scale
 from rbfmu_kernels.mechanics.equations_of_motion import Body, State
-from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
-from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec
-from rbfmu_kernels.rotations.vec3 import scale
-from rbfmu_kernels.types import Quaternion, Vec3
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
