@@ -88,13 +88,9 @@ def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], pa
 
 
 def build_native_fmu(
-    scene: Scene,
-    plan: Plan,
-    path: Path,
-    platforms: Sequence[str] = (),
-    version: FmiVersion = FMI2,
+    scene: Scene, plan: Plan, path: Path, platforms: Sequence[str] = (), version: FmiVersion = FMI2,
     terminals: bool = False,
-) -> Path:
+) -> Path:  # fmt: skip
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done.
 
     platforms: names from `platforms.PLATFORMS`, or "all"; none: this one; terminals: list them in FMI 2.0 as well.
@@ -108,21 +104,15 @@ def build_native_fmu(
     xml = _identify(version, d, version.abilities_of(d), parts)
     contents["modelDescription.xml"] = xml_bytes(xml)
     generated["scene.h"] = scene_header(d, version, xml.attrib[version.identity])
-    for folder in sorted({version.folders[p.name] for p in chosen}):
+    folders = {version.folders[p.name] for p in chosen}
+    for folder in sorted(folders):
         members = [p for p in chosen if version.folders[p.name] == folder]
         libraries = [native.link(c_sources(version), objects[p], p, d.identifier, generated) for p in members]
-        for place in (folder, *_second_folders(version, members, chosen)):
+        second = {version.second_folders.get(p.name, folder) for p in members}
+        for place in {folder} | (second - folders):  # a second one that no platform here has for its own
             contents[f"binaries/{place}/{d.identifier}{members[0].suffix}"] = native.universal(libraries)
     shown = presentation_files(d, version, needs_python=False, with_terminals=terminals)
     return write_archive(contents | shown, path)
-
-
-def _second_folders(
-    version: FmiVersion, members: Sequence[native.Platform], chosen: Sequence[native.Platform]
-) -> list[str]:
-    """Return further folders of a library that serves `members`: such as no platform of the FMU has for its own."""
-    second = {version.second_folders[p.name] for p in members if p.name in version.second_folders}
-    return sorted(second - {version.folders[p.name] for p in chosen})
 
 
 def c_sources(version: FmiVersion) -> tuple[str, ...]:

@@ -188,9 +188,9 @@ def draw_kept(chart: Chart, path: Path) -> list[Path]:
     """Draw the drift of conserved quantities against cost; no file if nothing is conserved."""
     kept = {}
     for name, column in DRIFTS.items():
-        rows = [replace(row, error=max(getattr(row, column), LEAST_DRIFT)) for row in chart.rows]
-        if any(math.isfinite(row.error) for row in rows):
-            kept[name] = lines_of([row for row in rows if math.isfinite(row.error)])
+        drifts = [(row, getattr(row, column)) for row in chart.rows]
+        if rows := [replace(row, error=max(drift, LEAST_DRIFT)) for row, drift in drifts if math.isfinite(drift)]:
+            kept[name] = lines_of(rows)
     if not kept:
         return []
     width = 1.5 + 6.9 * len(kept)

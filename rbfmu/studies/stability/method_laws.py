@@ -98,15 +98,13 @@ def drift(quick: bool) -> Study:
     for column, part in (("q", 9216.0), ("R", 72.0)):
         columns[f"{column}, predicted"] = [-math.expm1(n * math.log1p(-(x**6) / part)) for n in counts]
     n = 10_000
-    q, R, q_predicted, R_predicted = (
-        columns[name][counts.index(n)] for name in ("q", "R", "q, predicted", "R, predicted")
-    )
+    after = {name: values[counts.index(n)] for name, values in columns.items()}
     lag = angle_between(RK4.run(spin(1.0), x, n, _BODY, NO_LOADS).q_ab, attitude_after(spin(1.0), x * n))
     findings = [
-        finding("decay of q", q, q_predicted),
+        finding("decay of q", after["q"], after["q, predicted"]),
         finding("lag on q", lag, n * x**5 / 1920.0),
-        finding("drift of R", R, R_predicted),
-        finding("R over q", R / (2.0 * q)),
+        finding("drift of R", after["R"], after["R, predicted"]),
+        finding("R over q", after["R"] / (2.0 * after["q"])),
     ]
     return Study("drift", findings, columns)
 
@@ -161,11 +159,9 @@ def _gains(method: OneStepMethod) -> dict[str, float]:
     gains = np.diff([sizes(y.omega_b) for y in states], axis=0)
     alphas = [angular_acceleration(y.q_ab, y.omega_b, body, NO_LOADS) for y in states[:-1]]
     predicted = [(h * h * energy, h * h * momentum) for energy, momentum in map(sizes, alphas)]
-    energy, momentum = np.sum(gains, axis=0) / np.sum(predicted, axis=0)
-    energy_lost, momentum_lost = -np.min(gains, axis=0)
-    return {
-        "energy gained": energy, "momentum gained": momentum, "energy lost": energy_lost, "momentum lost": momentum_lost
-    }  # fmt: skip
+    gained, lost = np.sum(gains, axis=0) / np.sum(predicted, axis=0), -np.min(gains, axis=0)
+    names = ("energy gained", "momentum gained", "energy lost", "momentum lost")
+    return dict(zip(names, (*gained, *lost), strict=True))
 
 
 def rod_growth(method: OneStepMethod) -> list[float]:
