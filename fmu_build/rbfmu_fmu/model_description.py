@@ -104,10 +104,8 @@ FMI3 = FmiVersion(
     course_of_inputs="sets them in intermediate updates",
     nested=False,
 )  # fmt: skip
-FMI3_SCALARS = replace(FMI3, references=scalars)
-"""For importers that take no arrays."""
-VERSIONS = {(2, False): FMI2, (3, False): FMI3, (3, True): FMI3_SCALARS}
-"""What FMUs are built for: by the version of FMI, and by whether scalars are asked for in place of arrays."""
+VERSIONS = {(2, False): FMI2, (3, False): FMI3, (3, True): replace(FMI3, references=scalars)}
+"""What FMUs are built for: by the version of FMI, and by whether an importer takes scalars in place of arrays."""
 
 
 def version_of(fmi: int, scalars: bool) -> FmiVersion:

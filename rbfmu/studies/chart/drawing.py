@@ -161,8 +161,8 @@ def name_lines(
                       arrowprops=tie | {"color": color})  # fmt: skip
 
 
-def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[float]:
-    """Return rising places, moved as little as may be so that they are `apart` and none is above `highest`.
+def spread(places: Sequence[float], apart: float) -> list[float]:
+    """Return rising places, moved as little as may be so that they are `apart` and none is above 1.
 
     Where places are too close, they are spread about their mean.
     """
@@ -174,7 +174,7 @@ def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[
             groups[-1] += last
     found = [mean(group) for group in groups for _ in group]
     found = [max(place, 0.0) + i * apart for i, place in enumerate(found)]
-    limit = highest
+    limit = 1.0
     for i in reversed(range(len(found))):
         found[i] = min(found[i], limit)
         limit = found[i] - apart

@@ -294,15 +294,10 @@ def small_angles(quick: bool) -> Study:
     def plain_versine(theta: float) -> float:
         return relative((1.0 - math.cos(theta)) / theta**2, 2.0 * math.sin(0.5 * theta) ** 2 / theta**2)
 
-    def way_there(theta: float) -> float:
-        return relative(quaternion_from_rotvec((theta, 0.0, 0.0))[1], math.sin(0.5 * theta))
-
-    def dexp_coefficient(theta: float) -> float:
-        """Return the factor of u x (u x omega) in du/dt, |u| = theta, as `rotvec_rate_b` computes it."""
-        return (1.0 - rotvec_rate_b((theta, 0.0, 0.0), (0.0, 1.0, 0.0))[1]) / (theta * theta)
-
     thetas = np.geomspace(1e-12, 1.0, 37 if quick else 241).tolist()
-    back = [relative(rotvec_from_quaternion(quaternion_from_rotvec((x, 0.0, 0.0)))[0], x) for x in thetas]
+    turns = [quaternion_from_rotvec((x, 0.0, 0.0)) for x in thetas]
+    there = [relative(q[1], math.sin(0.5 * x)) for q, x in zip(turns, thetas, strict=True)]
+    back = [relative(rotvec_from_quaternion(q)[0], x) for q, x in zip(turns, thetas, strict=True)]
     columns = {
         "theta": thetas,
         "acos of the trace": [relative(_acos_of_trace(x), x) for x in thetas],
@@ -311,15 +306,17 @@ def small_angles(quick: bool) -> Study:
     }
 
     def at_a_turn(gap: float) -> Finding:
-        over = dexp_coefficient(2.0 * math.pi - gap) * 2.0 * math.pi * gap
-        return finding("dexp", over, near=2.0 * gap + 1e-15 / gap, gap=gap)
+        """Return what is found of the factor of u x (u x omega) in du/dt, as `rotvec_rate_b` computes it."""
+        theta = 2.0 * math.pi - gap
+        factor = (1.0 - rotvec_rate_b((theta, 0.0, 0.0), (0.0, 1.0, 0.0))[1]) / (theta * theta)
+        return finding("dexp", factor * 2.0 * math.pi * gap, near=2.0 * gap + 1e-15 / gap, gap=gap)
 
     findings = [
         *map(at_a_turn, (1e-2, 1e-4, 1e-6)),
         finding("acos", _acos_of_trace(1e-8)),
         finding("versine", plain_versine(1e-8)),
         finding("rotation vector", max(back), 4.0 * EPS),
-        finding("quaternion", max(map(way_there, thetas)), 2.0 * EPS),
+        finding("quaternion", max(there), 2.0 * EPS),
     ]
     return Study("small_angles", findings, columns)
 
