@@ -18,7 +18,7 @@ from rbfmu.runs.plan import Plan
 from rbfmu.studies.one_step import OneStepMethod
 from rbfmu_kernels.body.driven import DRIVEN, STEP_SIZE, finish, keep, load_polynomial_of, part_to_integrate
 from rbfmu_kernels.body.memory import STATE_START, body_of, loads_of
-from rbfmu_kernels.body.shell import Model, make_model
+from rbfmu_kernels.body.shell import make_model
 from rbfmu_kernels.buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, with_work_space
 from rbfmu_kernels.buffer_access import copy_numbers, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from rbfmu_kernels.compile.decorator import kernel
@@ -203,21 +203,13 @@ def _advance(z: Buffer, h: float) -> int:
 
 
 LOADED_DOP853 = make_model("LOADED_DOP853", _LAYOUT, _set_up, _advance)
-_SPEC = ModelSpec("body under loads", LOADED_DOP853.name)
 
 
 class Dop853Plan(Plan):
     """The plan of a body under loads by DOP853, which no scene's own plan takes and no FMU needs."""
 
-    @property
-    def spec(self) -> ModelSpec:
-        """Return what is known of the model."""
-        return _SPEC
-
-    @property
-    def kernels(self) -> Model:
-        """Return the model."""
-        return LOADED_DOP853
+    spec = ModelSpec("body under loads", LOADED_DOP853.name)
+    kernels = LOADED_DOP853
 
 
 def _steps(start: motion.State, h: float, n: int, body: Body, loads: Loads) -> motion.State:
