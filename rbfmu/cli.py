@@ -11,39 +11,14 @@ from typing import Any
 import click
 
 import rbfmu
-from rbfmu.cli_output import (
-    INPUTS,
-    MODEL,
-    PATH,
-    RUN_OPTIONS,
-    Asked,
-    Commands,
-    SceneCommand,
-    check_target,
-    choice,
-    file_option,
-    folder_option,
-    keys_option,
-    method_option,
-    more_keys,
-    plan_text,
-    plot_option,
-    print_columns,
-    print_end,
-    print_ensemble,
-    print_fit,
-    print_written,
-    say_where_nothing_is_kept,
-    usage_errors,
-    write,
-)
+import rbfmu.cli_output as common
 from rbfmu.exceptions import SceneWarning, named, warn_caller
 from rbfmu.extras import needed
 from rbfmu.on_disk import kept_plan
 from rbfmu.progress import bar, progress_bar
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=common.Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="rbfmu")
 def main() -> None:
     """One rigid body: simulate scenes, build and verify their co-simulation units (FMUs).
@@ -53,15 +28,15 @@ def main() -> None:
 
 
 @main.command()
-@folder_option("rbfmu_demo", "Folder for the FMU, the results and the picture.")
+@common.folder_option("rbfmu_demo", "Folder for the FMU, the results and the picture.")
 def demo(folder: Path) -> None:
     """Simulate NASA's tumbling brick in three ways, compare them with each other and with NASA, draw it."""
     from rich.console import Console
 
     import rbfmu_fmu.demo
 
-    say_where_nothing_is_kept()
-    with usage_errors(rbfmu_fmu.VerificationError), named(folder):
+    common.say_where_nothing_is_kept()
+    with common.usage_errors(rbfmu_fmu.VerificationError), named(folder):
         passed = rbfmu_fmu.demo.run_demo(folder, Console(highlight=False))
     click.get_current_context().exit(0 if passed else 1)
 
@@ -89,7 +64,7 @@ def new(name: str) -> None:
     from rbfmu.scene.keys import new_scene
 
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
-    check_target(path, "NAME", (".toml",))
+    common.check_target(path, "NAME", (".toml",))
     text = new_scene(path.stem)
     rbfmu.Scene.from_dict(tomllib.loads(text), str(path))
     try:
@@ -100,10 +75,10 @@ def new(name: str) -> None:
     click.echo(f"{path} (next: rbfmu run {shlex.quote(str(path))})")
 
 
-@main.command("plan", cls=SceneCommand, shared=[*INPUTS, MODEL, *RUN_OPTIONS])
+@main.command("plan", cls=common.SceneCommand, shared=[*common.INPUTS, common.MODEL, *common.RUN_OPTIONS])
 @click.option("--json", "as_json", is_flag=True, help="Print model, method, substep, states and reasons as JSON.")
 @click.option("--code", is_flag=True, help="Print the kernels that are made from the scene's formulas.")
-def show_plan(asked: Asked, as_json: bool, code: bool) -> None:
+def show_plan(asked: common.Asked, as_json: bool, code: bool) -> None:
     """Say which model and method a scene gets, and why."""
     if code:
         from rbfmu.planning.select import code_of
@@ -117,7 +92,7 @@ def show_plan(asked: Asked, as_json: bool, code: bool) -> None:
     click.echo(json.dumps(known["plan"] | {"variables": known["variables"]}, indent=1) if as_json else known["text"])
 
 
-def _plan_of(asked: Asked, opened: AbstractContextManager["rbfmu.Scene"]) -> dict[str, Any]:
+def _plan_of(asked: common.Asked, opened: AbstractContextManager["rbfmu.Scene"]) -> dict[str, Any]:
     """Return what is said of a scene's plan and of doubts: kept, or made now, and kept where no inputs are given."""
     is_driven = asked.driven["inputs"] is not None
 
@@ -129,17 +104,17 @@ def _plan_of(asked: Asked, opened: AbstractContextManager["rbfmu.Scene"]) -> dic
             with bar(f"planning {scene.name}") as tell:
                 chosen = rbfmu.plan(scene, full=asked.model == "full", progress=tell, **asked.driven)
             variables, full = sizes(scene, chosen)
-            text = plan_text(scene, chosen, variables, full, is_driven)
+            text = common.plan_text(scene, chosen, variables, full, is_driven)
             doubts = [f"{scene.name}: {doubt}" for doubt in doubts_before(scene)]
         return {"plan": chosen.to_dict(), "variables": variables, "text": text, "doubts": doubts}
 
     return made() if is_driven else kept_plan(asked.file, {"model": asked.model, **asked.run}, made)
 
 
-@main.command(cls=SceneCommand, shared=[*INPUTS, MODEL, *RUN_OPTIONS])
-@file_option("Save to FILE (.csv, .npz or .aem).", (".csv", ".npz", ".aem"))
-@plot_option("Draw")
-def run(asked: Asked, output: Path | None, plot: Path | None) -> None:
+@main.command(cls=common.SceneCommand, shared=[*common.INPUTS, common.MODEL, *common.RUN_OPTIONS])
+@common.file_option("Save to FILE (.csv, .npz or .aem).", (".csv", ".npz", ".aem"))
+@common.plot_option("Draw")
+def run(asked: common.Asked, output: Path | None, plot: Path | None) -> None:
     """Simulate a scene, its ports at zero or driven by a file.
 
     The units of the columns of FILE.csv are written to FILE.units.csv, events to FILE.events.csv.
@@ -147,37 +122,37 @@ def run(asked: Asked, output: Path | None, plot: Path | None) -> None:
     from rbfmu.result import check_attitude
 
     with asked.opened() as scene:
-        with usage_errors():
+        with common.usage_errors():
             check_attitude(output, scene.outputs.quantities)
         planned = rbfmu.Plan.from_dict(_plan_of(asked, nullcontext(scene))["plan"]).of_scene(scene)
         result = rbfmu.simulate(scene, planned=planned, progress=progress_bar(scene.name), **asked.driven)
-    write(result, output, plot, scene.name)
-    print_end(scene, planned, result, asked.driven["inputs"] is not None)
+    common.write(result, output, plot, scene.name)
+    common.print_end(scene, planned, result, asked.driven["inputs"] is not None)
     beside = [".units.csv", *([".events.csv"] if result.events else [])] if output and output.suffix == ".csv" else []
-    print_written(output, *(output.with_suffix(ending) for ending in beside if output), plot)
+    common.print_written(output, *(output.with_suffix(ending) for ending in beside if output), plot)
 
 
 @main.command()
-@click.argument("scenes", metavar="SCENE...", nargs=-1, required=True, type=PATH)
+@click.argument("scenes", metavar="SCENE...", nargs=-1, required=True, type=common.PATH)
 def warm(scenes: tuple[Path, ...]) -> None:
     """Keep plans and compiled code of scenes, so that processes that share the cache plan and compile nothing."""
     from rbfmu.ensembles.running import warm as warm_scene
 
-    for asked in map(Asked, scenes):
-        with asked.opened() as scene, usage_errors():
+    for asked in map(common.Asked, scenes):
+        with asked.opened() as scene, common.usage_errors():
             warm_scene(scene, rbfmu.Plan.from_dict(_plan_of(asked, nullcontext(scene))["plan"]))
 
 
-@main.command(cls=SceneCommand, shared=[*INPUTS, *RUN_OPTIONS])
-@file_option("Keep in STORE (.npz or .zarr).", (".npz", ".zarr"), metavar="STORE", type=PATH)
+@main.command(cls=common.SceneCommand, shared=[*common.INPUTS, *common.RUN_OPTIONS])
+@common.file_option("Keep in STORE (.npz or .zarr).", (".npz", ".zarr"), metavar="STORE", type=common.PATH)
 @click.option("--runs", type=click.IntRange(1), help="In place of the scene's ensemble.runs.")
 @click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
 @click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
 @click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
-@plot_option("Draw")
+@common.plot_option("Draw")
 def ensemble(
-    asked: Asked, output: Path | None, runs: int | None, workers: int | None, scheduler: str | None, resume: bool,
-    plot: Path | None,
+    asked: common.Asked, output: Path | None, runs: int | None, workers: int | None, scheduler: str | None,
+    resume: bool, plot: Path | None,
 ) -> None:  # fmt: skip
     """Run a scene many times, with the numbers that its table [ensemble] varies.
 
@@ -192,7 +167,7 @@ def ensemble(
         raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
     if resume and output is None:
         raise click.UsageError("--resume: expected --output with the store to go on with")
-    with asked.opened() as loaded, usage_errors():
+    with asked.opened() as loaded, common.usage_errors():
         check_store(output, resume)
         if plot:
             needed("scipy.stats", "ensemble")  # known to be there before anything runs
@@ -210,40 +185,40 @@ def ensemble(
                 raise
         if plot:
             found.plot(plot)
-        print_ensemble(planned, found)  # which reads the store
-    print_written(output, plot)
+        common.print_ensemble(planned, found)  # which reads the store
+    common.print_written(output, plot)
 
 
-@main.command("sensitivity", cls=SceneCommand, shared=[*INPUTS, *RUN_OPTIONS])
-@keys_option("--by", "Such as initial.omega_b; several stand one after another.")
-@more_keys
-@file_option("Save to FILE (.csv or .npz).", (".csv", ".npz"))
-@plot_option("Draw what matters when")
+@main.command("sensitivity", cls=common.SceneCommand, shared=[*common.INPUTS, *common.RUN_OPTIONS])
+@common.keys_option("--by", "Such as initial.omega_b; several stand one after another.")
+@common.more_keys
+@common.file_option("Save to FILE (.csv or .npz).", (".csv", ".npz"))
+@common.plot_option("Draw what matters when")
 def show_sensitivity(
-    asked: Asked, by: tuple[str, ...], more: tuple[str, ...], output: Path | None, plot: Path | None
+    asked: common.Asked, by: tuple[str, ...], more: tuple[str, ...], output: Path | None, plot: Path | None
 ) -> None:
     """Print, save or draw how a scene's outputs hang on its numbers: derivatives along the motion."""
-    with asked.opened() as scene, usage_errors():
+    with asked.opened() as scene, common.usage_errors():
         found = rbfmu.sensitivity(scene, (*by, *more), **asked.driven)
-        write(found, output, plot, scene.name)
+        common.write(found, output, plot, scene.name)
     changes = [found.changes(name) for name in found.of]
     rows = [(key, *(f"{of[key].max():.3g}" for of in changes)) for key in found.keys]
-    print_columns([("1 % of", *found.of), *rows])
-    print_written(output, plot)
+    common.print_columns([("1 % of", *found.of), *rows])
+    common.print_written(output, plot)
 
 
-@main.command("fit", cls=SceneCommand, shared=INPUTS)
-@click.argument("data", metavar="DATA", type=PATH)
-@keys_option("--free", "What is fitted, such as body.inertia; several stand one after another.")
-@more_keys
+@main.command("fit", cls=common.SceneCommand, shared=common.INPUTS)
+@click.argument("data", metavar="DATA", type=common.PATH)
+@common.keys_option("--free", "What is fitted, such as body.inertia; several stand one after another.")
+@common.more_keys
 @click.option("--sigma", metavar="NUMBER|FILE", help="Noise: a number, or a CSV file with a column an output.")
 @click.option(
-    "--loss", **choice(["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
+    "--loss", **common.choice(["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
 )
-@file_option("Write the fitted scene to FILE.toml.", (".toml",))
-@plot_option("Draw residuals")
+@common.file_option("Write the fitted scene to FILE.toml.", (".toml",))
+@common.plot_option("Draw residuals")
 def fit_scene(
-    asked: Asked, data: Path, free: tuple[str, ...], more: tuple[str, ...], sigma: str | None, loss: str,
+    asked: common.Asked, data: Path, free: tuple[str, ...], more: tuple[str, ...], sigma: str | None, loss: str,
     output: Path | None, plot: Path | None,
 ) -> None:  # fmt: skip
     """Fit numbers of a scene to measured motion: rates, attitudes or any outputs, with gaps.
@@ -252,22 +227,22 @@ def fit_scene(
     """
     from rbfmu.identification.measured import sigma_of
 
-    with asked.opened() as scene, usage_errors():
+    with asked.opened() as scene, common.usage_errors():
         noise = None if sigma is None else sigma_of(sigma)
         found = rbfmu.fit(scene, data, (*free, *more), noise, loss, **asked.driven)
         if output:
             found.save(output, asked.file)
         if plot:
             found.plot(plot)
-    print_fit(found)
-    print_written(output, plot)
+    common.print_fit(found)
+    common.print_written(output, plot)
     click.get_current_context().exit(1 if found.doubts else 0)
 
 
 @main.command()
-@click.argument("source", metavar="SCENE|RESULT", type=PATH)
-@file_option("Page to write, also over one that is there.  [motion.html, if there is none]", (".html",))
-@click.option("--scene", type=PATH, help="Whose body a RESULT (.csv, .npz, .aem) moves.")
+@click.argument("source", metavar="SCENE|RESULT", type=common.PATH)
+@common.file_option("Page to write, also over one that is there.  [motion.html, if there is none]", (".html",))
+@click.option("--scene", type=common.PATH, help="Whose body a RESULT (.csv, .npz, .aem) moves.")
 @click.option("--stop", type=float, help="End of what is shown (s).")
 @click.option("--ghosts", type=click.IntRange(0), default=0, metavar="N",
               help="Show N runs of the scene's ensemble as pale bodies.")  # fmt: skip
@@ -279,26 +254,28 @@ def view(source: Path, output: Path | None, **shown: Any) -> None:
     target = output or Path("motion.html")
     if output is None and target.exists():
         raise click.UsageError(f"{target}: exists already, and stays as it is; -o {target} writes over it")
-    say_where_nothing_is_kept()
-    with usage_errors(), bar(f"planning {source.stem}") as tell:
+    common.say_where_nothing_is_kept()
+    with common.usage_errors(), bar(f"planning {source.stem}") as tell:
         motion = rbfmu.view(source, target, progress=tell, **shown)
     size = target.stat().st_size / 1e6
     click.echo(f"{target}: {size:.1f} MB, {len(motion.result.time)} pictures, played in {motion.played:.3g} s")
 
 
-view.params += INPUTS  # for a SCENE, after its own
+view.params += common.INPUTS  # for a SCENE, after its own
 
 
-@main.command(cls=SceneCommand, shared=[MODEL, *RUN_OPTIONS])
-@file_option("FMU to write.  [NAME.fmu]", (".fmu",))
+@main.command(cls=common.SceneCommand, shared=[common.MODEL, *common.RUN_OPTIONS])
+@common.file_option("FMU to write.  [NAME.fmu]", (".fmu",))
 @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
 @click.option("--platform", default="", metavar="NAME,...",
               help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64; all.")  # fmt: skip
-@click.option("--fmi", **choice(["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native."))
+@click.option(
+    "--fmi", **common.choice(["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")
+)
 @click.option("--scalars", is_flag=True, help="Of FMI 3.0: no arrays, as importers that cannot take them need it.")
 @click.option("--terminals", is_flag=True, help="Of FMI 2.0: list terminals, at which some importers fail; 3.0 does.")
 def build(
-    asked: Asked, output: Path | None, native: bool, platform: str, fmi: str, scalars: bool, terminals: bool
+    asked: common.Asked, output: Path | None, native: bool, platform: str, fmi: str, scalars: bool, terminals: bool
 ) -> None:
     """Build a scene's FMU for co-simulation (FMI 2.0, pythonfmu or native; FMI 3.0, native)."""
     import rbfmu_fmu
@@ -313,7 +290,7 @@ def build(
     ):
         if is_alone:
             raise click.UsageError(f"{option}: expected {needs} with it")
-    with usage_errors(rbfmu_fmu.BuildError), asked.opened() as scene:
+    with common.usage_errors(rbfmu_fmu.BuildError), asked.opened() as scene:
         if slow := [one.name for one in platforms_named(platforms) if takes_minutes(one)]:
             why = "the first time takes minutes, as ziglang builds the platform's C library"
             click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
@@ -322,17 +299,17 @@ def build(
 
 
 @main.command()
-@click.argument("fmu", metavar="FILE.fmu", type=PATH)
+@click.argument("fmu", metavar="FILE.fmu", type=common.PATH)
 @click.option("--seed", default=1, show_default=True, help="Of the signal that drives the inputs.")
 def verify(fmu: Path, seed: int) -> None:
     """Compare an FMU with direct calls of its kernels, bit by bit, and validate it."""
     import rbfmu_fmu
 
-    say_where_nothing_is_kept()
-    with usage_errors(rbfmu_fmu.VerificationError):
+    common.say_where_nothing_is_kept()
+    with common.usage_errors(rbfmu_fmu.VerificationError):
         found = rbfmu_fmu.verify(fmu, seed)
     rows = [(name, found.units[name], repr(difference)) for name, difference in found.differences.items()]
-    print_columns([("output", "unit", "largest difference to the kernels"), *rows])
+    common.print_columns([("output", "unit", "largest difference to the kernels"), *rows])
     click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
     click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")
     click.echo("\n".join([*(f"problem: {text}" for text in found.problems), "passed" if found.passed else "FAILED"]))
@@ -340,10 +317,10 @@ def verify(fmu: Path, seed: int) -> None:
 
 
 @main.command()
-@click.argument("scene", metavar="[SCENE]", required=False, type=PATH)
-@folder_option("rbfmu_chart", "Folder for the tables and pictures.")
+@click.argument("scene", metavar="[SCENE]", required=False, type=common.PATH)
+@common.folder_option("rbfmu_chart", "Folder for the tables and pictures.")
 @click.option("--quick", is_flag=True, help="Few cases and methods: to see that it runs.")
-@method_option
+@common.method_option
 def chart(scene: Path | None, folder: Path, quick: bool, method: Path | None) -> None:
     """Chart accuracy against cost: which method to use, here and with the peers that are installed.
 
@@ -352,7 +329,7 @@ def chart(scene: Path | None, folder: Path, quick: bool, method: Path | None) ->
     from rbfmu.studies.chart import run_charts
     from rbfmu_fmu.cosimulation_chart import run_cosimulation_chart
 
-    with usage_errors(), bar("chart") as progress, named(folder):
+    with common.usage_errors(), bar("chart") as progress, named(folder):
         if scene is not None:
             paths = rbfmu.chart(scene, quick, progress, method).save(folder)
         else:
@@ -362,14 +339,14 @@ def chart(scene: Path | None, folder: Path, quick: bool, method: Path | None) ->
 
 
 @main.command()
-@folder_option("rbfmu_stability", "Folder for the tables and pictures.")
+@common.folder_option("rbfmu_stability", "Folder for the tables and pictures.")
 @click.option("--quick", is_flag=True, help="Coarse and fast: to see that it runs.")
-@method_option
+@common.method_option
 def stability(folder: Path, quick: bool, method: Path | None) -> None:
     """Measure where methods fail, against the laws that predict it; draw it."""
     from rbfmu.studies.stability import OWN, failures, print_laws, read_findings, run_stability
 
-    with usage_errors(), named(folder):
+    with common.usage_errors(), named(folder):
         paths = run_stability(folder, quick, progress_bar("stability"), method)
     findings, wrong = read_findings(folder), failures(folder)
     print_laws(findings)

@@ -23,20 +23,9 @@ from rbfmu.planning.select import plan
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe
 from rbfmu_fmu.model_description import FMI2, FmiVersion, model_description, version_of, xml_bytes
+from rbfmu_fmu.native import platforms as native
 from rbfmu_fmu.native.headers import headers, scene_header
 from rbfmu_fmu.native.object_code import object_files
-from rbfmu_fmu.native.platforms import (
-    ANY_VERSION,
-    FLAGS,
-    HEADERS,
-    NoLinkerError,
-    Platform,
-    link,
-    platforms_named,
-    source,
-    this_platform,
-    universal,
-)
 from rbfmu_fmu.presentation import presentation_files
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
@@ -99,44 +88,36 @@ def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], pa
 
 
 def build_native_fmu(
-    scene: Scene,
-    plan: Plan,
-    path: Path,
-    platforms: Sequence[str] = (),
-    version: FmiVersion = FMI2,
+    scene: Scene, plan: Plan, path: Path, platforms: Sequence[str] = (), version: FmiVersion = FMI2,
     terminals: bool = False,
-) -> Path:
+) -> Path:  # fmt: skip
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done.
 
     platforms: names from `platforms.PLATFORMS`, or "all"; none: this one; terminals: list them in FMI 2.0 as well.
     """
-    chosen, d = platforms_named(platforms), describe(scene, plan)
+    chosen, d = native.platforms_named(platforms), describe(scene, plan)
     objects = {p: object_files(d.plan.kernels, p) for p in chosen}
     contents, generated = {"resources/scene.json": scene_inside(d)}, headers(d, version)
-    parts = contents | {name: source(name) for name in (*c_sources(version), *HEADERS)}
-    parts |= {name: text.encode() for name, text in generated.items()} | {"flags": " ".join(FLAGS).encode()}
+    parts = contents | {name: native.source(name) for name in (*c_sources(version), *native.HEADERS)}
+    parts |= {name: text.encode() for name, text in generated.items()} | {"flags": " ".join(native.FLAGS).encode()}
     parts |= {f"{p.name}/{name}": code for p, files in objects.items() for name, code in files.items()}
     xml = _identify(version, d, version.abilities_of(d), parts)
     contents["modelDescription.xml"] = xml_bytes(xml)
     generated["scene.h"] = scene_header(d, version, xml.attrib[version.identity])
-    for folder in sorted({version.folders[p.name] for p in chosen}):
+    folders = {version.folders[p.name] for p in chosen}
+    for folder in sorted(folders):
         members = [p for p in chosen if version.folders[p.name] == folder]
-        libraries = [link(c_sources(version), objects[p], p, d.identifier, generated) for p in members]
-        for place in (folder, *_second_folders(version, members, chosen)):
-            contents[f"binaries/{place}/{d.identifier}{members[0].suffix}"] = universal(libraries)
+        libraries = [native.link(c_sources(version), objects[p], p, d.identifier, generated) for p in members]
+        second = {version.second_folders.get(p.name, folder) for p in members}
+        for place in {folder} | (second - folders):  # a second one that no platform here has for its own
+            contents[f"binaries/{place}/{d.identifier}{members[0].suffix}"] = native.universal(libraries)
     shown = presentation_files(d, version, needs_python=False, with_terminals=terminals)
     return write_archive(contents | shown, path)
 
 
-def _second_folders(version: FmiVersion, members: Sequence[Platform], chosen: Sequence[Platform]) -> list[str]:
-    """Return further folders of a library that serves `members`: such as no platform of the FMU has for its own."""
-    second = {version.second_folders[p.name] for p in members if p.name in version.second_folders}
-    return sorted(second - {version.folders[p.name] for p in chosen})
-
-
 def c_sources(version: FmiVersion) -> tuple[str, ...]:
     """Return the C sources in `native/` of an FMU of a version of FMI."""
-    return (version.signatures, *ANY_VERSION)
+    return (version.signatures, *native.ANY_VERSION)
 
 
 # --- the pythonfmu kind
@@ -181,11 +162,11 @@ def _package_files(d: Description) -> dict[str, bytes]:
 
 def _shipped_code(plan: Plan) -> tuple[str, bytes]:
     """Return (name, content) of a shared library for this platform or, without a C compiler, of an object file."""
-    platform = this_platform()
+    platform = native.this_platform()
     objects = object_files(plan.kernels, platform)
     try:
-        return CODE + LIBRARY, link(["exports.c"], objects, platform, "model")
-    except NoLinkerError:
+        return CODE + LIBRARY, native.link(["exports.c"], objects, platform, "model")
+    except native.NoLinkerError:
         return CODE + OBJECT, objects["model.o"]
 
 

@@ -21,20 +21,11 @@ from rbfmu_fmu.verification import Unit, unit_of
 
 STIFFNESS, DAMPING = 2.0, 3.0
 """N m per unit of 2 eps, N m s/rad."""
-FINAL_TIME = 2.0
 MAX_ROUNDS, SETTLED, LARGEST_CHANGE = 60, 1e-11, 1e2
 """Of the iteration; N m. Beyond the last it diverges, and the body would spin too fast to follow."""
 SUBSTEPS = (1, 8)
-LOADS = {"gravity_a": [0.0, 0.0, 0.0]}
-SCENE: dict[str, object] = {
-    "name": "attitude_loop",
-    "body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
-    "initial": {"attitude": {"rotvec": [1.2, -0.9, 0.6]}, "omega_b": [0.3, -0.5, 0.8]},
-    "loads": LOADS,
-    "inputs": {"ports": ["torque_b"]},
-    "outputs": {"quantities": ["quaternion", "omega_b"]},
-    "run": {"stop": FINAL_TIME, "step": 0.1, "accuracy": 1e-12},
-}
+SCENE = rbfmu.load_scene(Path(__file__).with_name("attitude_loop.toml"))
+FINAL_TIME = SCENE.run.stop
 
 
 def controller(state: Array) -> Array:
@@ -118,19 +109,17 @@ def reference() -> Array:
     """Return the continuous loop's final state: the controller is a formula of the scene."""
     eps, towards = "[q_ab[2], q_ab[3], q_ab[4]]", "where(q_ab[1] > 0, 1, -1)"  # by the shorter way
     law = f"-{2.0 * STIFFNESS!r}*{towards}*{eps} - {DAMPING!r}*omega_b"
-    closed = rbfmu.Scene.from_dict(SCENE | {"loads": LOADS | {"torque_b": law}, "inputs": {}})
-    found = rbfmu.simulate(closed)
+    found = rbfmu.simulate(SCENE.replace({"loads.torque_b": law, "inputs.ports": []}))
     return np.append(found.quaternion[-1], found.omega_b[-1])
 
 
 @contextmanager
 def attitude_loop() -> Iterator[Loop]:
     """Build and start the FMU of `SCENE` in a folder that goes at the end."""
-    scene = rbfmu.Scene.from_dict(SCENE)
-    plan = rbfmu.plan(scene)
+    plan = rbfmu.plan(SCENE)
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
-        path = build_python_fmu(scene, plan, Path(folder) / "attitude_loop.fmu")
-        with unit_of(path, describe(scene, plan)) as unit:
+        path = build_python_fmu(SCENE, plan, Path(folder) / "attitude_loop.fmu")
+        with unit_of(path, describe(SCENE, plan)) as unit:
             unit.start(0.0, FINAL_TIME, [0.0, 0.0, 0.0])
             yield Loop(unit)
             unit.fmu.terminate()

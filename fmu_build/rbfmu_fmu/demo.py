@@ -28,10 +28,9 @@ from rbfmu.plot import COLORS, draw_components, open_frame
 from rbfmu.types import Array
 from rbfmu_fmu.builder import build_python_fmu
 from rbfmu_fmu.verification import Verification, check_plain, verify
+from rbfmu_kernels import ZYX, Quaternion, compose_quaternions, euler_from_quaternion, quaternion_from_euler
 from rbfmu_kernels.compile.tiered import evaluated, tiered
-from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, quaternion_from_euler
-from rbfmu_kernels.rotations.quaternion import angle_between, compose_quaternions
-from rbfmu_kernels.types import Quaternion
+from rbfmu_kernels.rotations.quaternion import angle_between
 
 RATE_BOUND, ATTITUDE_BOUND = 1e-9, 1e-4
 """deg/s and deg: NASA's simulations 01 and 04 agree with Euler's equations to 4e-10 and 6e-5 (their printed digits)."""

@@ -138,20 +138,16 @@ def describe(scene: Scene, plan: Plan) -> Description:
     kernels, z = plan.kernels, filled_buffer(scene, plan)
     sizes, shown = nominal_sizes(scene, kernels, z), _blocks(scene, plan)
     outputs = [place for name, place in kernels.BLOCKS.items() if name in OUTPUT]
-    counts = [
+    counts = tuple(
         Count(f"{name}_count", kernels.BLOCKS["events.counts"].start + e,
               f"how often {event.about or event.when} came to zero, {event.direction}")
         for e, (name, event) in enumerate(scene.events.items())
-    ]  # fmt: skip
+    )  # fmt: skip
+    variables = tuple(v for block in shown for v in _variables(block, plan, z, sizes))
+    outputs_end = max(place.stop for place in (*outputs, *(block.place for block in shown)))
+    start_place = kernels.BLOCKS["series.start_time"].start if plan.formulas else -1
     return Description(
-        scene=scene,
-        plan=plan,
-        identifier=identifier(scene.name),
-        variables=tuple(v for block in shown for v in _variables(block, plan, z, sizes)),
-        counts=tuple(counts),
-        start_buffer=tuple(z.tolist()),
-        outputs_end=max(place.stop for place in (*outputs, *(block.place for block in shown))),
-        start_place=kernels.BLOCKS["series.start_time"].start if plan.formulas else -1,
+        scene, plan, identifier(scene.name), variables, counts, tuple(z.tolist()), outputs_end, start_place
     )
 
 
@@ -259,24 +255,15 @@ def _variables(block: _Block, plan: Plan, z: Buffer, sizes: Mapping[str, float])
     rates = _rate_blocks(plan, name, causality)
     return [
         Variable(
-            name=f"{name}{index}",
-            block=name,
-            component=component,
-            unit=row.unit,
-            meaning=row.meaning,
-            offset=place.start + i,
-            causality=causality,
+            name=f"{name}{index}", block=name, component=component, unit=row.unit, meaning=row.meaning,
+            offset=place.start + i, causality=causality,
             start=None if causality == "output" else float(z[place.start + i]),
-            minimum=bounds[i][0],
-            maximum=bounds[i][1],
-            nominal=sizes.get(name),
+            minimum=bounds[i][0], maximum=bounds[i][1], nominal=sizes.get(name),
             pinned=causality == "parameter" and name in plan.pinned,
-            rates=tuple(block.start + i for block in rates),
-            follows=follows,
-            begins_with=begins_with,
+            rates=tuple(block.start + i for block in rates), follows=follows, begins_with=begins_with,
         )
         for i, (index, component) in enumerate(zip(quantities.indices(row), components(row), strict=True))
-    ]
+    ]  # fmt: skip
 
 
 def _rate_blocks(plan: Plan, name: str, causality: str) -> list[slice]:

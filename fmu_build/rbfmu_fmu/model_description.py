@@ -104,10 +104,8 @@ FMI3 = FmiVersion(
     course_of_inputs="sets them in intermediate updates",
     nested=False,
 )  # fmt: skip
-FMI3_SCALARS = replace(FMI3, references=scalars)
-"""For importers that take no arrays."""
-VERSIONS = {(2, False): FMI2, (3, False): FMI3, (3, True): FMI3_SCALARS}
-"""What FMUs are built for: by the version of FMI, and by whether scalars are asked for in place of arrays."""
+VERSIONS = {(2, False): FMI2, (3, False): FMI3, (3, True): replace(FMI3, references=scalars)}
+"""What FMUs are built for: by the version of FMI, and by whether an importer takes scalars in place of arrays."""
 
 
 def version_of(fmi: int, scalars: bool) -> FmiVersion:
@@ -175,7 +173,7 @@ def _element(version: FmiVersion, outer: str, kind: str, said: dict[str, str], t
 def _type_definitions(version: FmiVersion, d: Description) -> list[Element]:
     """Return the declared types in one element, or none where no variable has a type."""
     definitions, kind = Element("TypeDefinitions"), version.real if version.nested else f"{version.real}Type"
-    for unit in sorted(_units(d), key=_fmi_name):
+    for unit in sorted(_units(d), key=fmi_name):
         if name := _unit(unit).quantity:
             definitions.append(_element(version, "SimpleType", kind, {}, _of_unit(unit)))
             definitions[-1].set("name", name)
@@ -255,7 +253,7 @@ def _unit_definitions(names: set[str]) -> Element:
     """Return units with FMI's exponents of the base units, and the units in which a tool may show them."""
     definitions = Element("UnitDefinitions")
     for name in sorted(names):
-        element, unit = SubElement(definitions, "Unit", name=_fmi_name(name)), _unit(name)
+        element, unit = SubElement(definitions, "Unit", name=fmi_name(name)), _unit(name)
         if name in UNITS:
             SubElement(element, "BaseUnit", {base: str(exponent) for base, exponent in unit.exponents.items()})
         for display, factor in unit.display:
@@ -267,16 +265,12 @@ def _of_unit(name: str) -> dict[str, str]:
     """Return the attributes quantity, unit and displayUnit, as far as there are any."""
     unit = _unit(name)
     display = unit.display[0][0] if unit.display else ""
-    return stated(quantity=unit.quantity, unit=_fmi_name(name), displayUnit=display)
+    return stated(quantity=unit.quantity, unit=fmi_name(name), displayUnit=display)
 
 
-def _fmi_name(unit: str) -> str:
+def fmi_name(unit: str) -> str:
+    """Return the name of a unit in FMI."""
     return unit.replace(" ", ".")
-
-
-def unit_of(v: Variable) -> str:
-    """Return a variable's unit, by its name in FMI."""
-    return _fmi_name(v.unit)
 
 
 def depends_on(d: Description, output: Variable) -> list[int]:

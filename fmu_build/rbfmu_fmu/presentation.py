@@ -24,7 +24,7 @@ from rbfmu import Scene
 from rbfmu.types import Array
 from rbfmu.viewer import Shape, shape_of
 from rbfmu_fmu.description import AXES, Description, Variable, blocks, scalars
-from rbfmu_fmu.model_description import STATUS_MEANING, FmiVersion, stated, unit_of, xml_bytes
+from rbfmu_fmu.model_description import STATUS_MEANING, FmiVersion, fmi_name, stated, xml_bytes
 from rbfmu_fmu.native.platforms import FMI_HEADERS
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.quantities import PORTS
@@ -114,7 +114,7 @@ def _row(variables: list[Variable]) -> tuple[str, ...]:
     components = ", ".join(f"{v.name.removeprefix(v.block)} {v.component}" for v in variables if v.component)
     start = ", ".join(repr(v.start) for v in variables if v.start is not None)
     held = " (cannot be changed)" if first.pinned else ""
-    return first.block, unit_of(first), first.meaning + held, components, start
+    return first.block, fmi_name(first.unit), first.meaning + held, components, start
 
 
 def licenses(with_pythonfmu: bool) -> dict[str, bytes]:
@@ -284,5 +284,5 @@ def _osp_group(block: str, variables: list[Variable]) -> Element:
     group = Element(KINDS[block], name=block)
     for k, v in enumerate(variables):
         axis = AXES[k] if len(variables) == 3 else ""
-        SubElement(group, "Variable", stated(ref=v.name, unit=unit_of(v), axis=axis))
+        SubElement(group, "Variable", stated(ref=v.name, unit=fmi_name(v.unit), axis=axis))
     return group

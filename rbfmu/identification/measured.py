@@ -47,60 +47,56 @@ def read_measured(scene: Scene, data: Data) -> Measured:
     Roll, pitch and yaw count as the attitude that they describe.
     Raises ValueError.
     """
-    where = "data"
+    where = str(Path(data)) if isinstance(data, str | Path) else "data"
     if isinstance(data, str | Path):
         path = Path(data)
-        if path.suffix == ".csv":
-            return _check(scene, by_quantity(path, _columns(path)), str(path))
-        data, where = Result.load(path), str(path)
-    known = {"time": data.time, **data.quantities} if isinstance(data, Result) else data
+        data = by_quantity(path, _columns(path)) if path.suffix == ".csv" else Result.load(path)
+    try:
+        return _checked(scene, {"time": data.time, **data.quantities} if isinstance(data, Result) else data)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+
+
+def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:
     if not isinstance(known, Mapping) or "time" not in known:
-        raise ValueError(f"{where}: expected a file, a Result, or a mapping with time and outputs by name")
-    return _check(scene, known, where)
-
-
-def _check(scene: Scene, known: Mapping[str, ArrayLike], where: str) -> Measured:
+        raise ValueError("expected a file, a Result, or a mapping with time and outputs by name")
     sizes = {name: row.size for name, row in OUTPUT.items()}
     try:
         columns = {name: np.array(value, dtype=np.float64) for name, value in known.items()}
     except (TypeError, ValueError):
-        raise ValueError(f"{where}: expected arrays of numbers") from None
+        raise ValueError("expected arrays of numbers") from None
     time, values = columns.pop("time"), dict[str, Array]()
     if "rpy" in columns:
         if QUATERNION in columns:
-            raise ValueError(f"{where}: expected quaternion or rpy, not both")
+            raise ValueError("expected quaternion or rpy, not both")
         columns[QUATERNION] = arrays.quaternion_from_euler("ZYX", columns.pop("rpy")[..., ::-1])
     if time.ndim != 1 or len(time) < 2 or not np.isfinite(time).all() or np.any(np.diff(time) <= 0.0):
-        raise ValueError(f"{where}: time: expected at least two finite times (s) that increase")
+        raise ValueError("time: expected at least two finite times (s) that increase")
     if time[0] < scene.run.start:
-        raise ValueError(
-            f"{where}: time = {float(time[0])!r} in row 1: expected at least run.start = {scene.run.start!r}"
-        )
+        raise ValueError(f"time = {float(time[0])!r} in row 1: expected at least run.start = {scene.run.start!r}")
     for name, value in columns.items():
         if name not in sizes and name not in scene.outputs.own:
             shown = ", ".join((*sizes, *scene.outputs.own))
-            raise ValueError(f"{where}: {name!r}: expected outputs among {shown}")
+            raise ValueError(f"{name!r}: expected outputs among {shown}")
         rows = value.reshape(len(value), -1) if value.ndim else value.reshape(1, 1)
         if rows.shape[0] != len(time) or rows.shape[1] != sizes.get(name, rows.shape[1]):
-            raise ValueError(f"{where}: {name} has shape {value.shape}: expected ({len(time)}, {sizes.get(name, 1)})")
+            raise ValueError(f"{name} has shape {value.shape}: expected ({len(time)}, {sizes.get(name, 1)})")
         if np.isinf(rows).any():
-            raise ValueError(f"{where}: {name}: expected finite numbers, or NaN for a gap")
-        values[name] = _unit(rows, where) if name == QUATERNION else rows
+            raise ValueError(f"{name}: expected finite numbers, or NaN for a gap")
+        values[name] = _unit(rows) if name == QUATERNION else rows
     found = Measured(time, values)
     if not found.count:
-        raise ValueError(f"{where}: expected at least one measured output")
+        raise ValueError("expected at least one measured output")
     return found
 
 
-def _unit(rows: Array, where: str) -> Array:
+def _unit(rows: Array) -> Array:
     """Return quaternions of length 1; a row with a gap counts as one."""
     rows[~np.isfinite(rows).all(axis=1)] = np.nan
     lengths = np.linalg.norm(rows, axis=1)
     if np.any(np.abs(lengths - 1.0) > 0.1):
         row = int(np.nanargmax(np.abs(lengths - 1.0))) + 1
-        raise ValueError(
-            f"{where}: quaternion in row {row} has length {lengths[row - 1]:.3g}: expected 1, scalar first"
-        )
+        raise ValueError(f"quaternion in row {row} has length {lengths[row - 1]:.3g}: expected 1, scalar first")
     return np.asarray(rows / lengths[:, None])
 
 

@@ -9,6 +9,7 @@ Source: E. Hairer, S. P. Norsett & G. Wanner, Solving Ordinary Differential Equa
 """
 
 import math
+from pathlib import Path
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from rbfmu.runs.plan import Plan
 from rbfmu.studies.one_step import OneStepMethod
 from rbfmu_kernels.body.driven import DRIVEN, STEP_SIZE, finish, keep, load_polynomial_of, part_to_integrate
 from rbfmu_kernels.body.memory import STATE_START, body_of, loads_of
-from rbfmu_kernels.body.shell import Model, make_model
+from rbfmu_kernels.body.shell import make_model
 from rbfmu_kernels.buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, with_work_space
 from rbfmu_kernels.buffer_access import copy_numbers, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from rbfmu_kernels.compile.decorator import kernel
@@ -29,32 +30,13 @@ from rbfmu_kernels.rotations.vec3 import dot, largest_component
 from rbfmu_kernels.types import Buffer
 
 STAGES = 12
-_COLUMNS = ([], [0], [0, 1], [0, 2], [0, 2, 3], *([0, *range(3, s)] for s in range(5, STAGES)), [0, *range(5, STAGES)])
-A = np.zeros((STAGES + 1, STAGES))
-"""A[s, l]: weight of rate l in stage s; row 12 holds the weights of the result. Given: all that are not 0, by rows."""
-A[tuple(np.transpose([(s, l) for s, columns in enumerate(_COLUMNS) for l in columns]))] = [
-    0.05260015195876773, 0.0197250569845379, 0.0591751709536137, 0.02958758547680685, 0.08876275643042054,
-    0.2413651341592667, -0.8845494793282861, 0.924834003261792, 0.037037037037037035, 0.17082860872947386,
-    0.12546768756682242, 0.037109375, 0.17025221101954405, 0.06021653898045596, -0.017578125, 0.03709200011850479,
-    0.17038392571223998, 0.10726203044637328, -0.015319437748624402, 0.008273789163814023, 0.6241109587160757,
-    -3.3608926294469414, -0.868219346841726, 27.59209969944671, 20.154067550477894, -43.48988418106996,
-    0.47766253643826434, -2.4881146199716677, -0.590290826836843, 21.230051448181193, 15.279233632882423,
-    -33.28821096898486, -0.020331201708508627, -0.9371424300859873, 5.186372428844064, 1.0914373489967295,
-    -8.149787010746927, -18.52006565999696, 22.739487099350505, 2.4936055526796523, -3.0467644718982196,
-    2.273310147516538, -10.53449546673725, -2.0008720582248625, -17.9589318631188, 27.94888452941996,
-    -2.8589982771350235, -8.87285693353063, 12.360567175794303, 0.6433927460157636,
-    0.054293734116568765, 4.450312892752409, 1.8915178993145003, -5.801203960010585, 0.3111643669578199,
-    -0.1521609496625161, 0.20136540080403034, 0.04471061572777259,
-]  # fmt: skip
+_TABLEAU = np.loadtxt(Path(__file__).with_name("dop853.csv"), delimiter=",")
+A = _TABLEAU[: STAGES + 1]
+"""A[s, l]: weight of rate l in stage s; row 12 holds the weights of the result."""
 C = np.sum(A, axis=1)
 """C[s]: the time of stage s in the step."""
-E5, E3 = np.zeros(STAGES), A[STAGES].copy()
+E5, E3 = _TABLEAU[STAGES + 1], A[STAGES] - _TABLEAU[STAGES + 2]
 """Weights of the rates in the two error estimates: those of order 5, and the result's less those of order 3."""
-E5[[0, *range(5, STAGES)]] = [
-    0.01312004499419488, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864, -0.35032884874997366,
-    0.3341791187130175, 0.08192320648511571, -0.022355307863886294,
-]  # fmt: skip
-E3[[0, 8, 11]] -= [0.2440944881889764, 0.7338466882816118, 0.022058823529411766]
 
 _LAYOUT = with_work_space(DRIVEN, motion.STATE_SIZE * (STAGES + 1))
 """The work space has a trial state, and then the stages' rates."""
@@ -221,21 +203,13 @@ def _advance(z: Buffer, h: float) -> int:
 
 
 LOADED_DOP853 = make_model("LOADED_DOP853", _LAYOUT, _set_up, _advance)
-_SPEC = ModelSpec("body under loads", LOADED_DOP853.name)
 
 
 class Dop853Plan(Plan):
     """The plan of a body under loads by DOP853, which no scene's own plan takes and no FMU needs."""
 
-    @property
-    def spec(self) -> ModelSpec:
-        """Return what is known of the model."""
-        return _SPEC
-
-    @property
-    def kernels(self) -> Model:
-        """Return the model."""
-        return LOADED_DOP853
+    spec = ModelSpec("body under loads", LOADED_DOP853.name)
+    kernels = LOADED_DOP853
 
 
 def _steps(start: motion.State, h: float, n: int, body: Body, loads: Loads) -> motion.State:

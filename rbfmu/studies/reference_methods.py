@@ -13,18 +13,15 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from rbfmu.studies.one_step import F, Form, OneStepMethod, Steps, compiled, compiled_loop, convert
+from rbfmu_kernels import ZYX, Matrix, Quaternion, Vec3, add_scaled_matrix, quaternion_from_rotvec
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.integrators.splitting import rkn4_steps, rkn6_steps, strang_steps
 from rbfmu_kernels.mechanics import equations_of_motion as motion
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, Rates, State, state_rates
-from rbfmu_kernels.mechanics.inertia import add_scaled_matrix
 from rbfmu_kernels.rotations import euler_angles as euler
 from rbfmu_kernels.rotations import matrix as matrices
-from rbfmu_kernels.rotations.euler_angles import ZYX
 from rbfmu_kernels.rotations.quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b
-from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec
 from rbfmu_kernels.rotations.vec3 import add, add_scaled, cross, dot, scale, subtract
-from rbfmu_kernels.types import Matrix, Quaternion, Vec3
 
 
 class OtherState(NamedTuple):

@@ -23,10 +23,8 @@ from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, faults_of, 
 from rbfmu.scene.toml_file import read_file
 from rbfmu.simulation import plan, simulate
 from rbfmu.types import Array
+from rbfmu_kernels import Quaternion, Vec3, principal_axes, quaternion_from_matrix
 from rbfmu_kernels.compile.tiered import evaluated
-from rbfmu_kernels.mechanics.inertia import principal_axes
-from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
-from rbfmu_kernels.types import Quaternion, Vec3
 
 # The shape
 
@@ -71,16 +69,15 @@ def shape_of(scene: Scene | None, written: dict[str, Any] | None = None) -> Shap
     """Return the shape to draw for a scene; written: the table `body.shape` of its file, where it has one."""
     if scene is None or scene.body is None:
         return PLAIN
-    centre = scene.body.r_oc_b
     if written:
-        kind, sides_of = DRAWN[written["kind"]]
-        x, y, z = map(float, sides_of(written))
-        sides = (x, y, z)
-        return Shape(kind, _visible_sides(sides), f"{written['kind']}, {_metres(sides)}", centre)
-    moments, axes = evaluated(principal_axes, scene.body.inertia)
-    sides = equivalent_box(scene.body.mass, moments)
-    q_bp = evaluated(quaternion_from_matrix, axes)
-    return Shape("box", _visible_sides(sides), f"box with the body's mass and inertia, {_metres(sides)}", centre, q_bp)
+        (kind, sides_of), what, q_bp = DRAWN[written["kind"]], written["kind"], UNTURNED
+        sides = sides_of(written)
+    else:
+        moments, axes = evaluated(principal_axes, scene.body.inertia)
+        kind, what, q_bp = "box", "box with the body's mass and inertia", evaluated(quaternion_from_matrix, axes)
+        sides = equivalent_box(scene.body.mass, moments)
+    x, y, z = (float(max(side, THINNEST * max(sides))) for side in sides)
+    return Shape(kind, (x, y, z), f"{what}, {' × '.join(f'{side:.3g}' for side in sides)} m", scene.body.r_oc_b, q_bp)
 
 
 def equivalent_box(mass: float, moments: Vec3 | Array) -> Vec3:
@@ -88,15 +85,6 @@ def equivalent_box(mass: float, moments: Vec3 | Array) -> Vec3:
     squares = 6.0 * (np.sum(moments) - 2.0 * np.asarray(moments)) / mass
     x, y, z = np.sqrt(np.maximum(squares, 0.0)).tolist()
     return x, y, z
-
-
-def _visible_sides(sides: Vec3) -> Vec3:
-    x, y, z = (max(side, THINNEST * max(sides)) for side in sides)
-    return x, y, z
-
-
-def _metres(sides: Vec3) -> str:
-    return " × ".join(f"{side:.3g}" for side in sides) + " m"
 
 
 # The motion
@@ -227,16 +215,12 @@ def pictures(span: float, largest_rate: float, rows: float = math.inf) -> Pictur
 
 
 NEEDED = ("quaternion", "omega_a", "angular_momentum_a")
-NOT_DRIVEN: Mapping[str, Any] = {}
 
 
 def motion_of_scene(
-    scene: Scene,
-    written: Written = None,
-    progress: Callable[[float], object] | None = None,
-    ghosts: int = 0,
-    driven: Mapping[str, Any] = NOT_DRIVEN,
-) -> Motion:
+    scene: Scene, written: Written = None, progress: Callable[[float], object] | None = None, ghosts: int = 0,
+    driven: Mapping[str, Any] | None = None,
+) -> Motion:  # fmt: skip
     """Simulate a scene, and show it; written: its file's `body.shape`; driven: inputs, and how to interpolate them.
 
     Under inputs it is shown as its communication step lets, with ports at zero at the instants of the pictures.
@@ -279,7 +263,7 @@ def motion_of_result(result: Result, title: str, scene: Scene | None = None, wri
 
 def _motion(title: str, result: Result, scene: Scene | None, written: Written) -> Motion:
     pivot = scene is not None and scene.body is not None and scene.body.pivot
-    gravity = np.array(scene.loads.gravity_a if scene else (0.0, 0.0, 0.0))
+    gravity = np.array(scene.loads.gravity_a if scene else ORIGIN)
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array(UP)
     return Motion(title, result, shape_of(scene, written), pivot=pivot, up=tuple(up.tolist()))
 
@@ -307,7 +291,7 @@ def view(
     ModuleNotFoundError without viser, and ValueError where a result has no attitude.
     """
     needed("viser", "view")
-    driven = {} if inputs is None else {"inputs": inputs, "interpolate": interpolate}
+    driven = None if inputs is None else {"inputs": inputs, "interpolate": interpolate}
     title = "motion"
     if isinstance(source, str | Path) and Path(source).suffix in FORMATS:
         title, source = Path(source).stem, Result.load(source)

@@ -9,7 +9,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rbfmu.runs.motion import attitude_error
-from rbfmu.scene.scene import Scene
 from rbfmu_fmu import cosimulation_chart as chart
 
 MOMENTS = np.array([1.0, 2.0, 3.0])
@@ -22,7 +21,7 @@ def test_reference_is_the_continuous_loop_to_1e_12() -> None:
         dq = (-0.5 * x @ w, *(0.5 * (e * w + np.cross(x, w))))
         return (*dq, *((torque - np.cross(w, MOMENTS * w)) / MOMENTS))
 
-    initial = Scene.from_dict(chart.SCENE).initial
+    initial = chart.SCENE.initial
     start = [*initial.quaternion, *initial.omega_b]
     truth = solve_ivp(rates, (0.0, chart.FINAL_TIME), start, "DOP853", rtol=2.3e-14, atol=1e-15).y[:, -1]
     assert np.max(np.abs(chart.reference() - truth)) < 1e-12

@@ -19,7 +19,7 @@ import rbfmu_fmu
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu import builder, presentation
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.model_description import FMI2, FMI3, FMI3_SCALARS
+from rbfmu_fmu.model_description import FMI2, FMI3, VERSIONS
 from rbfmu_fmu.presentation import page, presentation_files
 from tests.support.fmu.fmus import TABLES, built, planned, scene, unzipped
 from tests.support.paths import ROOT
@@ -240,7 +240,7 @@ def test_its_name_is_the_one_that_libcosim_looks_for():
     assert presentation.osp_place(describe(odd, planned("default"))).endswith("/OspModelDescription.xml")
 
 
-@pytest.mark.parametrize(("version", "member"), [(FMI3, "quaternion"), (FMI3_SCALARS, "quaternion[1]")])
+@pytest.mark.parametrize(("version", "member"), [(FMI3, "quaternion"), (VERSIONS[3, True], "quaternion[1]")])
 def test_fmi_3_has_its_icon_and_its_own_variables_in_terminals(version, member):
     files_of_it = presentation_files(described("driven"), version, False)
     assert files_of_it["terminalsAndIcons/icon.png"] == shown("driven")["model.png"]

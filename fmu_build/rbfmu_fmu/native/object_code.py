@@ -48,10 +48,6 @@ COMPILER = Path(__file__)
 _LOCK = threading.Lock()  # LLVM modules of one Numba process are not made for concurrent use
 
 
-class NotSelfContainedError(BuildError):
-    """The compiled kernels need something that only a Python process has."""
-
-
 def object_files(model: Model, platform: Platform) -> dict[str, bytes]:
     """Return relocatable object files of the model's entries by name, the same bytes each time.
 
@@ -165,12 +161,13 @@ def _without_counters(source: str) -> str:
 
 
 def _check_self_contained(module: llvm.ModuleRef) -> None:
+    """Refuse what needs something that only a Python process has."""
     values = [*module.functions, *module.global_variables]
     foreign = {v.name for v in values if v.is_declaration and not v.name.startswith("llvm.")} - LIBM
     if "inttoptr" in str(module):  # how LLVM spells a call through an address that Numba wrote into the code
         foreign.add("an address of this process")
     if foreign:
-        raise NotSelfContainedError(f"the compiled model needs {', '.join(sorted(foreign))}")
+        raise BuildError(f"the compiled model needs {', '.join(sorted(foreign))}")
 
 
 def keep_or_compile(what: str, compile_anew: Callable[[], bytes]) -> bytes:

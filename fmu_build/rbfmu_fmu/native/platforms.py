@@ -108,12 +108,9 @@ def _here() -> str:
 
 
 def link(
-    layer: Sequence[str],
-    objects: dict[str, bytes],
-    platform: Platform,
-    name: str,
+    layer: Sequence[str], objects: dict[str, bytes], platform: Platform, name: str,
     includes: dict[str, str] | None = None,
-) -> bytes:
+) -> bytes:  # fmt: skip
     """Link object files and C sources of `native/` to a shared library, stripped, the same bytes each time.
 
     layer: names of the C sources; objects: contents by file name; name: of the library, without its suffix;

@@ -12,7 +12,8 @@ from pathlib import Path
 
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.studies import WIDTH, Progress, cost_text, join_parts, short, times, wrap_lines, write_rows
-from rbfmu.studies.chart.cases import FLOOR, OUTPUT_STEP
+from rbfmu.studies.chart import measure
+from rbfmu.studies.chart.cases import CASES, FLOOR, OUTPUT_STEP, case_of
 from rbfmu.studies.chart.result import SIDES, STOPPED, Chart, Offer
 
 __all__ = ["Chart", "chart", "run_charts", "write_charts"]
@@ -35,13 +36,10 @@ def chart(
     file with a method of one's own (`rbfmu.studies.one_step`), which competes.
     A full chart takes one or two minutes. Raises SceneError where the accuracy asked cannot be met.
     """
-    from rbfmu.studies.chart.cases import case_of
-    from rbfmu.studies.chart.measure import extent, measure
-
-    what = extent(quick, method)
+    what = measure.extent(quick, method)
     progress = progress or (lambda done, total, text: None)
     progress(0, 1, f"{scene.name}: the true motion")
-    return replace(measure(case_of(scene), what, progress), whole=scene.run.stop - scene.run.start)
+    return replace(measure.measure(case_of(scene), what, progress), whole=scene.run.stop - scene.run.start)
 
 
 # The charts of the eight motions, and what they say together
@@ -52,10 +50,8 @@ def run_charts(folder: Path, quick: bool, progress: Progress, method: Path | Non
 
     progress, method: as in `chart`.
     """
-    from rbfmu.studies.chart.cases import CASES
-    from rbfmu.studies.chart.measure import charts_of, extent
-
-    return write_charts(folder, charts_of(QUICK_MOTIONS if quick else tuple(CASES), extent(quick, method), progress))
+    keys, what = QUICK_MOTIONS if quick else tuple(CASES), measure.extent(quick, method)
+    return write_charts(folder, measure.charts_of(keys, what, progress))
 
 
 def write_charts(folder: Path, charts: Sequence[Chart]) -> list[Path]:
@@ -211,10 +207,9 @@ def _dearness(found: Sequence[Verdict]) -> list[str]:
     if not any(v.rival for v in found):
         return []
     goal = f"keeps its accuracy and costs at most {DEAREST:g} times the cheapest method that is no peer"
-    missed = [_miss(v) for v in found if not v.kept]
-    if not missed:
-        return textwrap.wrap(f"Every plan {goal}, at the error of the plan.", WIDTH)
-    return [*textwrap.wrap(f"Plans that miss the goal (a plan {goal}, at the error of the plan):", WIDTH), *missed]
+    goal, missed = f"{goal}, at the error of the plan", [_miss(v) for v in found if not v.kept]
+    head = f"Plans that miss the goal (a plan {goal}):" if missed else f"Every plan {goal}."
+    return [*textwrap.wrap(head, WIDTH), *missed]
 
 
 def _miss(v: Verdict) -> str:

@@ -33,9 +33,7 @@ from rbfmu_kernels.integrators.splitting import is_symmetric_top
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 from rbfmu_kernels.quantities import OUTPUT, elements
 
-WHOLE = tuple(
-    name for block, size in (("q", 4), ("omega", 3), ("r_c", 3), ("v_c", 3)) for name in elements(block, size)
-)
+WHOLE = (*elements("q", 4), *elements("omega", 3), *elements("r_c", 3), *elements("v_c", 3))
 """The names of a body's states: q_ab, omega_b, r_c and v_c."""
 POINTS, MAX_OUTPUTS = 200, 20_000
 """The largest number of points at which errors are measured, and of communication steps of a charted run."""

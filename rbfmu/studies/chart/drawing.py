@@ -161,8 +161,8 @@ def name_lines(
                       arrowprops=tie | {"color": color})  # fmt: skip
 
 
-def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[float]:
-    """Return rising places, moved as little as may be so that they are `apart` and none is above `highest`.
+def spread(places: Sequence[float], apart: float) -> list[float]:
+    """Return rising places, moved as little as may be so that they are `apart` and none is above 1.
 
     Where places are too close, they are spread about their mean.
     """
@@ -174,7 +174,7 @@ def spread(places: Sequence[float], apart: float, highest: float = 1.0) -> list[
             groups[-1] += last
     found = [mean(group) for group in groups for _ in group]
     found = [max(place, 0.0) + i * apart for i, place in enumerate(found)]
-    limit = highest
+    limit = 1.0
     for i in reversed(range(len(found))):
         found[i] = min(found[i], limit)
         limit = found[i] - apart
@@ -188,9 +188,9 @@ def draw_kept(chart: Chart, path: Path) -> list[Path]:
     """Draw the drift of conserved quantities against cost; no file if nothing is conserved."""
     kept = {}
     for name, column in DRIFTS.items():
-        rows = [replace(row, error=max(getattr(row, column), LEAST_DRIFT)) for row in chart.rows]
-        if any(math.isfinite(row.error) for row in rows):
-            kept[name] = lines_of([row for row in rows if math.isfinite(row.error)])
+        drifts = [(row, getattr(row, column)) for row in chart.rows]
+        if rows := [replace(row, error=max(drift, LEAST_DRIFT)) for row, drift in drifts if math.isfinite(drift)]:
+            kept[name] = lines_of(rows)
     if not kept:
         return []
     width = 1.5 + 6.9 * len(kept)

@@ -140,8 +140,7 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
     own = [] if what.own is None else [fixed_steps(what.own, YOURS, lambda case: takes_step)]
     methods += [method for method in own if not why_not(method, case)]
     first_calls, total = {} if first_calls is None else first_calls, len(methods) + what.repeats
-    found: list[Tried] = []
-    ends: list[End] = []
+    found, ends = list[Tried](), list[End]()
     for i, method in enumerate(methods):
         progress(i, total, f"{name}, {case.outputs} outputs: {method.name}")
         tried, end = explore(what, case, method, first_calls)

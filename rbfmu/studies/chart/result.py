@@ -26,25 +26,17 @@ TAKES_NO = "takes no"
 """How the reason begins why a model does not serve a scene with ports, or with parameters to be changed."""
 STOPPED = "stopped: time limit"
 YOURS = "your method"
-KINDS = {
-    "rbfmu's plan": "#000000",
-    "exact": "#009e73",
-    "Taylor series": "#56b4e9",
-    "DOP853": "#0072b2",
+OWN_KINDS = {
+    "rbfmu's plan": "#000000", "exact": "#009e73", "Taylor series": "#56b4e9", "DOP853": "#0072b2",
     "splitting": "#cc79a7",
-    "Moser-Veselov": "#8a7500",
-    "heyoka.py": "#d55e00",
-    "numbalsoda": "#e69f00",
-    "SciPy odeint": "#a0522d",
-    "SciPy solve_ivp": "#c97b63",
-    "MuJoCo": "#7b3294",
-    "Basilisk": "#b58ac2",
-    "Drake": "#5e3c99",
-    "RK4, Euler and others": "#8c8c8c",
-    YOURS: "#e7298a",
-}
-"""The kinds of methods, the library's own first, and the colour of the line that is the best of each."""
-OWN_KINDS = tuple(KINDS)[:5]
+}  # fmt: skip
+"""The library's own kinds of methods, and the colour of the line that is the best of each."""
+KINDS = OWN_KINDS | {
+    "Moser-Veselov": "#8a7500", "heyoka.py": "#d55e00", "numbalsoda": "#e69f00", "SciPy odeint": "#a0522d",
+    "SciPy solve_ivp": "#c97b63", "MuJoCo": "#7b3294", "Basilisk": "#b58ac2", "Drake": "#5e3c99",
+    "RK4, Euler and others": "#8c8c8c", YOURS: "#e7298a",
+}  # fmt: skip
+"""All kinds, in the same way."""
 _FAMILIES = {"planned": "rbfmu's plan", "Taylor": "Taylor series", "classic": "RK4, Euler and others"}
 
 

@@ -133,8 +133,7 @@ def in_words(finding: Finding) -> str:
 
 _INDENT = (0, 0, 0, 2)
 _RECORDED = '"Recorded": no theory gives this figure; it was measured when the law was written down.'
-_HOLDS = {EQUAL: "holds", AT_MOST: "holds", RECORDED: "as recorded", OWN: "yours"}
-_FAILS = {EQUAL: "FAILS", AT_MOST: "FAILS", RECORDED: "NOT as recorded"}
+_VERDICTS = {RECORDED: ("NOT as recorded", "as recorded"), OWN: ("", "yours")}
 
 
 def print_laws(findings: Sequence[Finding]) -> None:
@@ -170,8 +169,8 @@ def rows(findings: Iterable[Finding]) -> Iterator[tuple[str, str, str, str]]:
 
 def _row(finding: Finding, what: str) -> tuple[str, str, str, str]:
     predicted = ("<= " if finding.kind == AT_MOST else "") + _number(finding.predicted)
-    verdict = (_HOLDS if finding.holds else _FAILS)[finding.kind]
-    return what, predicted, _number(finding.measured), verdict
+    verdicts = _VERDICTS.get(finding.kind, ("FAILS", "holds"))
+    return what, predicted, _number(finding.measured), verdicts[finding.holds]
 
 
 def _number(x: float) -> str:
@@ -195,11 +194,9 @@ def all_studies() -> tuple[Callable[[bool], Study], ...]:
 
 
 def run_stability(
-    folder: Path,
-    quick: bool = False,
-    progress: Callable[[Sequence[Any]], Iterable[Any]] | None = None,
+    folder: Path, quick: bool = False, progress: Callable[[Sequence[Any]], Iterable[Any]] | None = None,
     method: str | Path | None = None,
-) -> list[Path]:
+) -> list[Path]:  # fmt: skip
     """Measure all laws and maps, write CSV files and pictures into a folder; return their paths, `laws.csv` first.
 
     progress: wraps the sequence of parts, for instance in a progress bar; a part takes a few seconds. method: a file

@@ -14,14 +14,10 @@ from rbfmu.studies.one_step import OneStepMethod
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS
 from rbfmu.studies.stability import CURVE, OWN, Columns, Finding, Study, exponent, finding, motions
 from rbfmu.studies.stability.motions import SPHERE, TUMBLING, UPRIGHT, ZERO, at, attitude_after, free_body, spin
+from rbfmu_kernels import Matrix, Vec3, angle_between, angular_momentum, kinetic_energy, matrix_from_quaternion, norm
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, angular_acceleration
-from rbfmu_kernels.mechanics.newton_euler import angular_momentum, kinetic_energy
 from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
-from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
-from rbfmu_kernels.rotations.quaternion import angle_between
 from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec, rotvec_from_quaternion, rotvec_rate_b
-from rbfmu_kernels.rotations.vec3 import norm
-from rbfmu_kernels.types import Matrix, Vec3
 
 EULER, SEMI, MIDPOINT, RK4, RK4_ON_Q, RK4_ON_R, RK4_ON_ANGLES, *_ = REFERENCE_INTEGRATORS.values()
 MOSER_VESELOV, MOSER_VESELOV_10 = TORQUE_FREE_INTEGRATORS.values()
@@ -102,15 +98,13 @@ def drift(quick: bool) -> Study:
     for column, part in (("q", 9216.0), ("R", 72.0)):
         columns[f"{column}, predicted"] = [-math.expm1(n * math.log1p(-(x**6) / part)) for n in counts]
     n = 10_000
-    q, R, q_predicted, R_predicted = (
-        columns[name][counts.index(n)] for name in ("q", "R", "q, predicted", "R, predicted")
-    )
+    after = {name: values[counts.index(n)] for name, values in columns.items()}
     lag = angle_between(RK4.run(spin(1.0), x, n, _BODY, NO_LOADS).q_ab, attitude_after(spin(1.0), x * n))
     findings = [
-        finding("decay of q", q, q_predicted),
+        finding("decay of q", after["q"], after["q, predicted"]),
         finding("lag on q", lag, n * x**5 / 1920.0),
-        finding("drift of R", R, R_predicted),
-        finding("R over q", R / (2.0 * q)),
+        finding("drift of R", after["R"], after["R, predicted"]),
+        finding("R over q", after["R"] / (2.0 * after["q"])),
     ]
     return Study("drift", findings, columns)
 
@@ -165,11 +159,9 @@ def _gains(method: OneStepMethod) -> dict[str, float]:
     gains = np.diff([sizes(y.omega_b) for y in states], axis=0)
     alphas = [angular_acceleration(y.q_ab, y.omega_b, body, NO_LOADS) for y in states[:-1]]
     predicted = [(h * h * energy, h * h * momentum) for energy, momentum in map(sizes, alphas)]
-    energy, momentum = np.sum(gains, axis=0) / np.sum(predicted, axis=0)
-    energy_lost, momentum_lost = -np.min(gains, axis=0)
-    return {
-        "energy gained": energy, "momentum gained": momentum, "energy lost": energy_lost, "momentum lost": momentum_lost
-    }  # fmt: skip
+    gained, lost = np.sum(gains, axis=0) / np.sum(predicted, axis=0), -np.min(gains, axis=0)
+    names = ("energy gained", "momentum gained", "energy lost", "momentum lost")
+    return dict(zip(names, (*gained, *lost), strict=True))
 
 
 def rod_growth(method: OneStepMethod) -> list[float]:
@@ -302,15 +294,10 @@ def small_angles(quick: bool) -> Study:
     def plain_versine(theta: float) -> float:
         return relative((1.0 - math.cos(theta)) / theta**2, 2.0 * math.sin(0.5 * theta) ** 2 / theta**2)
 
-    def way_there(theta: float) -> float:
-        return relative(quaternion_from_rotvec((theta, 0.0, 0.0))[1], math.sin(0.5 * theta))
-
-    def dexp_coefficient(theta: float) -> float:
-        """Return the factor of u x (u x omega) in du/dt, |u| = theta, as `rotvec_rate_b` computes it."""
-        return (1.0 - rotvec_rate_b((theta, 0.0, 0.0), (0.0, 1.0, 0.0))[1]) / (theta * theta)
-
     thetas = np.geomspace(1e-12, 1.0, 37 if quick else 241).tolist()
-    back = [relative(rotvec_from_quaternion(quaternion_from_rotvec((x, 0.0, 0.0)))[0], x) for x in thetas]
+    turns = [quaternion_from_rotvec((x, 0.0, 0.0)) for x in thetas]
+    there = [relative(q[1], math.sin(0.5 * x)) for q, x in zip(turns, thetas, strict=True)]
+    back = [relative(rotvec_from_quaternion(q)[0], x) for q, x in zip(turns, thetas, strict=True)]
     columns = {
         "theta": thetas,
         "acos of the trace": [relative(_acos_of_trace(x), x) for x in thetas],
@@ -319,15 +306,17 @@ def small_angles(quick: bool) -> Study:
     }
 
     def at_a_turn(gap: float) -> Finding:
-        over = dexp_coefficient(2.0 * math.pi - gap) * 2.0 * math.pi * gap
-        return finding("dexp", over, near=2.0 * gap + 1e-15 / gap, gap=gap)
+        """Return what is found of the factor of u x (u x omega) in du/dt, as `rotvec_rate_b` computes it."""
+        theta = 2.0 * math.pi - gap
+        factor = (1.0 - rotvec_rate_b((theta, 0.0, 0.0), (0.0, 1.0, 0.0))[1]) / (theta * theta)
+        return finding("dexp", factor * 2.0 * math.pi * gap, near=2.0 * gap + 1e-15 / gap, gap=gap)
 
     findings = [
         *map(at_a_turn, (1e-2, 1e-4, 1e-6)),
         finding("acos", _acos_of_trace(1e-8)),
         finding("versine", plain_versine(1e-8)),
         finding("rotation vector", max(back), 4.0 * EPS),
-        finding("quaternion", max(map(way_there, thetas)), 2.0 * EPS),
+        finding("quaternion", max(there), 2.0 * EPS),
     ]
     return Study("small_angles", findings, columns)
 

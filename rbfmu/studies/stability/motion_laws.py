@@ -230,11 +230,9 @@ def product_models(quick: bool) -> Study:
 
 
 _CHANGING = {
-    "force_a": (0.1, -0.2, 0.3),
-    "force_b": (0.2, 0.1, -0.1),
-    "torque_a": (-0.1, 0.05, 0.1),
-    "torque_b": (0.1, 0.1, -0.2),
-}
+    "force_a": (0.1, -0.2, 0.3), "force_b": (0.2, 0.1, -0.1),
+    "torque_a": (-0.1, 0.05, 0.1), "torque_b": (0.1, 0.1, -0.2),
+}  # fmt: skip
 """Loads through ports; their first derivatives equal their values, their second derivatives are half of them."""
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, start_run
@@ -21,11 +20,8 @@ from rbfmu.studies.one_step import OneStepMethod
 from rbfmu.studies.reference_methods import ALL_INTEGRATORS
 from rbfmu.studies.stability import Finding, finding
 from rbfmu.types import Array
+from rbfmu_kernels import Quaternion, Vec3, diagonal, inverse_inertia, quaternion_from_rotvec, scale
 from rbfmu_kernels.mechanics.equations_of_motion import Body, State
-from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
-from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec
-from rbfmu_kernels.rotations.vec3 import scale
-from rbfmu_kernels.types import Quaternion, Vec3
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
@@ -92,9 +88,8 @@ def truth(key: str) -> dict[str, Array]:
     return {name: np.array(references()["motions"][key][name]) for name in QUANTITIES}
 
 
-def attitude_error(q: ArrayLike, true_q: ArrayLike) -> float:
+def attitude_error(q: Array, true_q: Array) -> float:
     """Return the largest attitude error in rad; a deviation of the quaternion's norm from 1 counts as an error."""
-    q, true_q = np.asarray(q), np.asarray(true_q)
     sign = np.where(np.sum(q * true_q, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     apart, together = np.linalg.norm(sign * q - true_q, axis=-1), np.linalg.norm(sign * q + true_q, axis=-1)
     return float(np.max(4.0 * np.arctan2(apart, together)))
@@ -203,7 +198,7 @@ def _verdict(ratio: float, turn: float, attitudes: Array) -> Verdict:
     if not np.all(np.isfinite(attitudes)):
         return NOT_FINITE, math.inf
     rows = dict(zip(CHECK_TIMES, references()["maps"][repr(ratio)], strict=True))
-    error = attitude_error(attitudes, [rows[turn * (k + 1) / CHECKS] for k in range(CHECKS)])
+    error = attitude_error(attitudes, np.array([rows[turn * (k + 1) / CHECKS] for k in range(CHECKS)]))
     return (RIGHT if error <= LARGEST_ERROR else WRONG), error
 
 
