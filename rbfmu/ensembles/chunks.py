@@ -135,7 +135,8 @@ def run_chunk(work: Work, index: int) -> Chunk:
     summary = None
     if work.keeps(STATISTICS):
         sample = sample_of(rows, good, first, work.columns, work.share)
-        summary = summary_of(rows, good, work.columns, work.most_points, index)._replace(sample=sample)
+        full = count == work.size
+        summary = summary_of(rows, good, work.columns, work.most_points, index, full)._replace(sample=sample)
     kept = rows[:, -1:].copy() if summed else rows
     messages = {first + i: text for i, text in sorted(failed.items())}
     return Chunk(first, samples.applied, samples.redrawn, kept, events, messages, summary)

@@ -71,9 +71,9 @@ def most_points(numbers: int) -> int:
     return min(max(1 << max(fitting.bit_length() - 1, 0), LEAST_POINTS), MOST_POINTS)
 
 
-def weight_of(members: int, most: int) -> int:
-    """Return for how many of so many members a point stands: 1 where all fit."""
-    return 1 if members <= most else max(LEAST_WEIGHT, 1 << (-(-members // most) - 1).bit_length())
+def weight_of(members: int, most: int, least: int = LEAST_WEIGHT) -> int:
+    """Return for how many of so many members a point stands: 1 where all fit, else a power of 2 from the least on."""
+    return 1 if members <= most else max(least, 1 << (-(-members // most) - 1).bit_length())
 
 
 def keys_of(members: Indices) -> Array:
@@ -96,12 +96,16 @@ def sample_of(rows: Array, good: Indices, first: int, columns: Columns, share: f
     return Sample(keys[taken], rows[good[taken]][:, :, columns.slices[ATTITUDE]])
 
 
-def summary_of(rows: Array, good: Indices, columns: Columns, most: int, turn: int) -> Summary:
-    """Return the summary of those rows (m, n, K) of a chunk that are good, with at most so many points."""
+def summary_of(rows: Array, good: Indices, columns: Columns, most: int, turn: int, full: bool = True) -> Summary:
+    """Return the summary of those rows (m, n, K) of a chunk that are good, with at most so many points.
+
+    full: whether it has as many members as a chunk may have; one that has not is the last, or alone, and is merged with
+    no other, so that it keeps all points that fit.
+    """
     (members, points, _), angles, pairs, ranked = rows.shape, columns.angles, columns.pairs, columns.ranked
     width = columns.width + 2 * len(angles)
     mean, products = np.zeros((points, width)), np.zeros((points, len(pairs)))
-    weight = weight_of(members, most) if most else 1
+    weight = weight_of(members, most, LEAST_WEIGHT if full else 1) if most else 1
     chosen, error = _every(weight, len(good) if most else 0, turn)
     values = np.empty((points, len(ranked), len(chosen)))
     at_once = max(1, SUMMED_AT_ONCE // (width * max(len(good), 1)))

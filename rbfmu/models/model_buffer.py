@@ -10,7 +10,7 @@ from rbfmu.scene.body import six_numbers
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Buffer
 from rbfmu_kernels.body import closed_form, memory, outputs, principal
-from rbfmu_kernels.buffer import CHANGED, FAULTS, places
+from rbfmu_kernels.buffer import CHANGED, FAULTS, NO_OUTPUTS, places
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import splitting
 from rbfmu_kernels.mechanics import inertia
@@ -41,6 +41,9 @@ def put_scene(scene: Scene, blocks: dict[str, slice], z: Buffer, settings: Mappi
 def refusal(scene: Scene, code: int, blocks: dict[str, slice], z: Buffer) -> SceneError:
     """Return the error for a start that a model refuses; code: a key of `buffer.FAULTS`."""
     block, expected = FAULTS[code]
+    if code == NO_OUTPUTS:
+        own = [name for name in scene.outputs.own if not np.isfinite(z[blocks.get(name, slice(0))]).all()]
+        block = " and ".join(f"outputs.{name}" for name in own) or block
     named = f"{block} = {z[blocks[block]].tolist()}" if block in blocks else block.strip(CHANGED) or "parameters"
     return SceneError(f"{named}: {expected}", scene.name)
 

@@ -111,10 +111,10 @@ def _without_formulas(scene: Scene, formulas: FormulaModel) -> Question | None:
     tables["inputs"] = {"parameters": [name for name in PARAMETERS if name in listed]}
     tables["loads"] = {name: x for name, x in tables["loads"].items() if name != "potential"}
     graph = formulas.motion.graph
-    tables["loads"] |= {name: numbers_of(graph, load, graph.numbers) for name, load in loads.items()}
     try:
+        tables["loads"] |= {name: numbers_of(graph, load, graph.numbers) for name, load in loads.items()}
         return Question(Scene.from_dict(tables, scene.name))
-    except SceneError:  # as of a damping that drives
+    except (ArithmeticError, ValueError):  # no number, or a load that no scene has, as a damping that drives
         return None
 
 

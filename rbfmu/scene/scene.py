@@ -167,7 +167,8 @@ def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
     if section is None:  # a table with names of one's own, of which a new value keeps unit and meaning
         return {**table, **{key: _in_row(table.get(key), item) for key, item in value.items()}}
     fields = {section._keys[key][0] for key in value if key in section._keys}
-    return {key: x for key, x in table.items() if section._keys.get(key, (key,))[0] not in fields} | dict(value)
+    kept = {key: x for key, x in table.items() if section._keys.get(key, (key,))[0] not in fields}
+    return kept | {key: item if key in section._keys else _in_row(kept.get(key), item) for key, item in value.items()}
 
 
 def _in_row(row: Any, item: Any) -> Any:

@@ -124,9 +124,13 @@ def test_other_keys_of_a_row_stay_when_one_is_replaced():
     one = rbfmu.Scene(
         body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
         events={"half": {"when": "u - 0.5", "direction": "falling"}},
+        outputs={"level": {"value": "u", "unit": "m"}},
         run={"stop": 1.0, "step": 0.5},
         **tables,
     )
+    for changes in ({"outputs.level.value": "2*u"}, {"outputs.level": "2*u"}, {"outputs": {"level": "2*u"}}):
+        level = one.replace(changes).outputs.own["level"]
+        assert (level.value, level.unit) == ("2*u", "m")  # 2026-11-25: the unit was lost
     other = one.replace({"states.u.start": 3.0, "constants.c.value": 4.0, "events.half.direction": "any"})
     assert (other.states["u"].start, other.states["u"].rate, other.states["u"].unit) == ((3.0,), "-c*u", "m")
     assert (other.constants["c"].value, other.constants["c"].unit) == ((4.0,), "1/s")

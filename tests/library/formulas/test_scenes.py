@@ -268,19 +268,26 @@ def test_what_leads_nowhere_is_refused():
         rbfmu.plan(rbfmu.Scene.from_dict(singular))
 
 
-@pytest.mark.filterwarnings("ignore::rbfmu.exceptions.PlanningWarning")  # of a motion that is not followed
+@pytest.mark.parametrize("text", ["1/c", "c**-1", "sqrt(c - 1)"])
+def test_a_load_of_constants_alone_that_is_no_number_is_named(text):
+    """2026-11-25: a bare ZeroDivisionError or ValueError, as a closed form was looked for with the load's number."""
+    tables = scene(loads={"torque_b": f"[0, {text}, 0]"}, body=B) | {"constants": {"c": 0.0}}
+    with pytest.raises(rbfmu.SceneError, match=r"before t = 0 s, where loads\.torque_b is not finite"):
+        rbfmu.plan(rbfmu.Scene.from_dict(tables))
+
+
 @pytest.mark.parametrize(("gain", "text"), [(-1.0, "sqrt(gain)"), (1.0, "log(-gain - t)")])
 def test_an_output_that_is_not_finite_at_the_start_is_called_so(gain, text):
-    """And no parameter, where an input's value or the formula is at fault."""
+    """And no parameter, where an input's value or the formula is at fault; nor is planning said to take long."""
     made = rbfmu.Scene.from_dict(
         {
             "body": B,
             "inputs": {"ports": [{"name": "gain", "size": 1, "start": gain}]},
-            "outputs": {"root": text},
+            "outputs": {"root": text, "time_left": "1 - t"},
             "run": {"stop": 1.0, "step": 0.5},
         }
     )
-    with pytest.raises(rbfmu.SceneError, match=r"^scene: outputs: expected finite numbers with these parameters"):
+    with pytest.raises(rbfmu.SceneError, match=r"^scene: outputs\.root: expected finite numbers with these parameters"):
         rbfmu.simulate(made)
 
 
