@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rbfmu import arrays
-from rbfmu.exceptions import named
+from rbfmu.exceptions import SceneError, named
 from rbfmu.models.formulas import EVENT
 from rbfmu.models.model_buffer import BodyAtStart
 from rbfmu.models.question import Question
@@ -22,6 +22,7 @@ from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.simulation import course
 from rbfmu.types import Array
+from rbfmu_kernels.buffer import FAULTS, NO_OUTPUTS
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import BY_NAME, OUTPUT, elements
 
@@ -144,9 +145,11 @@ class Varied:
         """Return the derivatives at the communication points of a drive; scene: as the first, but for the numbers."""
         try:
             run = _Run(self, scene, *self._plan(scene, planned), drive)
-        except ZeroDivisionError:  # of kernels that run as plain Python; where compiled, the number is not finite
-            expected = "expected no norm, root or angle, in an output or a load, of what is zero at the start"
-            raise ValueError(f"{scene.name}: a formula has no derivative: {expected}") from None
+        except SceneError as error:
+            if FAULTS[NO_OUTPUTS][1] not in str(error):
+                raise
+            why = "and norms, roots and angles of what is zero at the start have no derivative"
+            raise SceneError([f"{one}, {why}" for one in error.faults], scene.name) from None
         of = run.slopes()
         for name, rows in of.items():
             known = np.isfinite(rows).all(axis=(1, 2))
@@ -183,25 +186,29 @@ def _names_of_numbers(scene: Scene) -> dict[str, tuple[str, list[str]]]:
     return found | {key: (row.block, elements(key, row.size)) for key, row in scene.own_parameters.items()}
 
 
-def columns_of(scene: Scene, key: str) -> list[Column]:
-    """Return the numbers that a key names. Raises ValueError."""
+def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:
+    """Return the numbers that a key of an argument names. Raises ValueError."""
     whole, known = key.partition("[")[0], _names_of_numbers(scene)
     if whole not in known:
-        raise ValueError(f"by = {key!r}: expected one of {', '.join(known)}")
+        raise ValueError(f"{argument} = {key!r}: expected one of {', '.join(known)}")
     block, names = known[whole]
     on_graph = elements(block, len(names))
     found = [Column(name, on_graph[i], i) for i, name in enumerate(names)]
     if whole != key:
         found = [column for column in found if column.name == key]
         if not found:
-            raise ValueError(f"by = {key!r}: expected one of {', '.join(names)}")
+            raise ValueError(f"{argument} = {key!r}: expected one of {', '.join(names)}")
     elif whole == "body.inertia" and scene.body is not None:
         M = scene.body.M_c
         found = found[:3] if not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2))) else found
     if whole in {f"loads.{name}" for name in scene.load_formulas}:
-        raise ValueError(f"by = {key!r}: expected a load of numbers; this one is a formula, whose constants may vary")
+        raise ValueError(
+            f"{argument} = {key!r}: expected a load of numbers; this one is a formula, whose constants may vary"
+        )
     if block in ("inertia", "r_oc_b") and BodyAtStart(scene).principal_axes[0][0] <= 0.0:
-        raise ValueError(f"by = {key!r}: expected another; a slender beam has no inertia about its axis to begin with")
+        raise ValueError(
+            f"{argument} = {key!r}: expected another; a slender beam has no inertia about its axis to begin with"
+        )
     return found
 
 

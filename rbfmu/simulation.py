@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
 from numbers import Real
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -283,15 +284,17 @@ class Simulator:
 
     def save(self) -> bytes:
         """Return the whole state, for `restore` of this or another simulator of the scene."""
-        return self._identity + _CLOCK.pack(self.time, self._count) + self._bytes.tobytes()
+        content = _CLOCK.pack(self.time, self._count) + self._bytes.tobytes()
+        return self._identity + _checksum(content) + content
 
     def restore(self, state: bytes) -> None:
         """Go back to a saved state. Raises ValueError, with nothing changed, if it is no state of the scene."""
-        head = len(self._identity)
-        if len(state) != head + _CLOCK.size + self._bytes.nbytes or state[:head] != self._identity:
+        content = state[len(state) - _CLOCK.size - self._bytes.nbytes :]
+        head = self._identity + _checksum(content)  # with damaged numbers a step could end the process
+        if state[: -len(content)] != head:
             raise ValueError(f"these {len(state)} bytes are no state of {self.scene.name} under its plan")
-        self.time, self._count = _CLOCK.unpack_from(state, head)
-        self._bytes[:] = state[head + _CLOCK.size :]
+        self.time, self._count = _CLOCK.unpack_from(content)
+        self._bytes[:] = content[_CLOCK.size :]
 
 
 def _seconds(h: Any) -> float:
@@ -334,6 +337,10 @@ def compiled_step(scene: Scene, planned: Plan | None = None) -> tuple[Callable[[
 @of_scene_or_path
 def _planned(scene: Scene) -> tuple[Scene, Plan]:
     return scene, plan(scene)
+
+
+def _checksum(content: bytes) -> bytes:
+    return crc32(content).to_bytes(4, "big")
 
 
 def _identity(scene: Scene, planned: Plan) -> bytes:

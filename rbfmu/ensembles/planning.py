@@ -194,11 +194,15 @@ def _of_growth(scene: Scene, growth: float, wild: bool) -> Iterator[str]:
 def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
     """Yield which keys do nothing: those that a member has of another one, while its outputs stay as they are."""
     samples = samples_at(scene, draws.at_random(ensemble_of(scene), 0, 2, APART))
+    shaped = any(key.startswith(f"{SHAPE}.") for key in samples.applied)
     step = {"run.step": (scene.run.stop - scene.run.start) / FEW_POINTS}
     with suppress(SceneError, SimulationError):  # of no member that can be tried nothing is said
         own = _quietly(member(scene, samples, 0).replace(step), chosen)
-        for key, values in samples.applied.items():
-            other = replace(samples, applied={**samples.applied, key: values[::-1]})
+        for key in samples.applied:  # a shape's inertia has its mass
+            swapped = [key, "body.inertia"] if key == "body.mass" and shaped else [key]
+            other = replace(
+                samples, applied={**samples.applied, **{one: samples.applied[one][::-1] for one in swapped}}
+            )
             found = _quietly(member(scene, other, 0).replace(step), chosen)
             if not key.startswith(f"{SHAPE}.") and not any(
                 differ(np.stack([own[name].ravel(), found[name].ravel()])).any() for name in own

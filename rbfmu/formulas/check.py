@@ -56,12 +56,18 @@ class Texts:
         return {**self.motion.rates(self.loads), **dict(by_element(own))}
 
     def _changing(self, key: str, text: str) -> Any:
-        """Return the value of a scalar formula that changes with the motion, the time or an input."""
+        """Return the value of a scalar formula that changes with the motion, the time or an input, not by jumps."""
         found = self._shaped(key, text, ())
-        if found is None or (isinstance(found, Symbol) and not found.is_constant):
+        if found is None or (isinstance(found, Symbol) and self._changes_between_jumps(found)):
             return found
-        self.faults.append(f"{key}: expected a formula that changes with the motion, the time or an input: {text}")
+        jumps = ", not by jumps alone" if isinstance(found, Symbol) and not found.is_constant else ""
+        changing = f"a formula that changes with the motion, the time or an input{jumps}"
+        self.faults.append(f"{key}: expected {changing}: {text}")
         return None
+
+    def _changes_between_jumps(self, x: Symbol) -> bool:
+        graph = self.motion.graph
+        return any(graph.operations[i].kind in ("state", "input") for i in graph.reached([x], "side"))
 
     def _take_potential(self, text: str | None) -> None:
         """Add the force and the torque of a potential, and let outputs read energies."""

@@ -65,15 +65,15 @@ class Graph:
         """Return a number that is known by its name alone; kind: one of LEAVES."""
         return self.add(kind, value=name)
 
-    def reached(self, numbers: Iterable["Number"]) -> list[int]:
-        """Return the places of all operations that numbers come of, in order."""
+    def reached(self, numbers: Iterable["Number"], last: str = "") -> list[int]:
+        """Return the places of all operations that numbers come of, in order; last: a kind to look no further than."""
         seen: set[int] = set()
         left = [x.index for x in numbers if isinstance(x, Symbol)]
         while left:
             i = left.pop()
             if i not in seen:
                 seen.add(i)
-                left += self.operations[i].of
+                left += () if self.operations[i].kind == last else self.operations[i].of
         return sorted(seen)
 
 

@@ -37,7 +37,7 @@ class Chart:
     reach = math.inf
 
     def __init__(self, scene: Scene, key: str) -> None:
-        self.whole, self.columns = key.partition("[")[0], columns_of(scene, key)
+        self.whole, self.columns = key.partition("[")[0], columns_of(scene, key, "free")
         self.start = np.array(value_of(scene, self.whole), dtype=np.float64).ravel()
         self.size = float(np.max(np.abs(self.start), initial=0.0)) or 1.0
         self.chosen = [column.at for column in self.columns]

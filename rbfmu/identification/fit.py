@@ -241,6 +241,9 @@ class _Search:
             data = self._data.until(begin + part * (self._data.time[-1] - begin))
             if part == 1.0 or data.count >= 2 * len(p):
                 p = self._nearest(p, data, sigma, HELD if part < 1.0 else HELD_LAST)
+        given = 0.0 * p  # parts of the time may have led away from it
+        if self._misfit(given, sigma) < self._misfit(p, sigma):
+            p = self._nearest(given, self._data, sigma, HELD_LAST)
         for _ in range(0 if len(self._given) == len(self._data.values) else 2):
             left, _ = self._evaluate(p, self._data)
             sigma = {name: self._given.get(name) or _deviation(left[name]) for name in sigma}
@@ -260,6 +263,9 @@ class _Search:
             left[name], by_number = residuals(name, found.values[name][rows], values, of)
             slopes[name] = by_number @ by_coordinate
         return left, slopes
+
+    def _misfit(self, p: Array, sigma: Mapping[str, float]) -> float:
+        return float(np.linalg.norm(self._stack(p, self._data, sigma)[0]))
 
     def _slopes(self, p: Array) -> Array:
         """Return the derivatives of all numbers by coordinates."""

@@ -161,7 +161,7 @@ def _faults_of_times(scene: Scene, times: Array, name: str, interpolate: str) ->
     if len(bad):
         yield f"{name} = {float(times[bad[0]])!r} in row {bad[0] + 1}: expected a finite number"
         return
-    later = np.flatnonzero(np.diff(times) <= 0.0)
+    later = np.flatnonzero(np.diff(times) < 0.0 if interpolate == LINEAR else np.diff(times) <= 0.0)
     if len(later):
         row = later[0] + 1
         before = f"a time after {float(times[row - 1])!r} s in the row before"

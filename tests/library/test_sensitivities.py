@@ -116,7 +116,7 @@ def test_an_inertia_has_the_numbers_that_are_not_zero():
         (["initial.omega_b[4]"], {}, r"by = 'initial.omega_b\[4\]': expected one of initial.omega_b\[1\]"),
         (["loads.torque_b"], {"loads": {"torque_b": "[t, 0, 0]"}}, "this one is a formula"),
         (["body.inertia"], {"body": {"mass": 1.0, "inertia": [1, 1, 0]}, "initial": {}}, "a slender beam"),
-        (["initial.omega_b"], {"outputs": {"off": "norm(to_b([0, 0, 1]) - [0, 0, 1])"}}, "no derivative"),
+        (["initial.omega_b"], {"outputs": {"off": "norm(to_b([0, 0, 1]) - [0, 0, 1])"}}, "zero at the start have no"),
         (["initial.attitude"], {"body": None, "inputs": {"ports": ["omega_b"]}, "outputs": {}, "initial": {}},
          "expected a scene with a body"),
     ],

@@ -29,7 +29,7 @@ SCENE = ROOT / "examples" / "scenes" / "tumbling_brick.toml"
 
 def in_python(function):
     """A tier that has not asked yet whether the code is kept, and never gets tired."""
-    tier = tiered.Tiered(function, tiered.on_buffer(tiered.interpreted(function)))
+    tier = tiered.Tiered(function, tiered.on_buffer(tiered.interpreted(function), function))
     tier._patience, tier._call = math.inf, tier._interpreted
     return tier
 
@@ -102,6 +102,18 @@ def test_a_division_by_zero_is_as_in_machine_code_and_what_it_cut_short_is_undon
     z, other = np.array([1.0, 0.0]), np.array([1.0, 0.0])
     assert in_python(_next_quotient)(z, 1.0) == _next_quotient(other, 1.0) == math.inf
     assert z.tolist() == other.tolist() == [2.0, 0.0]
+
+
+@kernel
+def _next_quotient_of_none(z: Any, x: float) -> float:
+    z[0] += 1.0
+    return 1.0 / (1.0 - (1.0 if z[0] > 1.0 else 0.0)) + x
+
+
+def test_so_is_one_by_a_number_that_is_no_buffers():
+    z = np.array([1.0, 0.0])
+    assert in_python(_next_quotient_of_none)(z, 1.0) == math.inf
+    assert z.tolist() == [2.0, 0.0]
 
 
 def test_what_others_have_compiled_meanwhile_is_used():

@@ -201,6 +201,13 @@ def test_a_key_without_effect_is_said(recwarn):
     assert said == ("it: ensemble.vary: body.mass varies without effect on any output", __file__)
 
 
+def test_a_mass_that_makes_the_inertia_of_a_shape_has_an_effect(recwarn):
+    body = {"mass": 50.0, "shape": {"kind": "box", "sides": [0.6, 0.5, 0.4]}}
+    tables = FREE | {"body": body, "loads": {"torque_b": [0.0, 0.0, 0.1]}}
+    plan_ensemble(Scene.from_dict(tables | {"ensemble": {"vary": {"body.mass": {"uniform": [40.0, 60.0]}}}}))
+    assert not [w for w in recwarn if "without effect" in str(w.message)]
+
+
 @pytest.mark.parametrize(("exponent", "shape"), [(1.0, "as 1/d beside a separatrix"), (0.1, "much the same in all")])
 def test_the_likely_worst_error_is_rarely_exceeded_and_not_far_off(exponent, shape):
     random, beyond, far = np.random.default_rng(4), 0, []

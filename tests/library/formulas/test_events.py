@@ -181,7 +181,7 @@ def test_events_of_motions_are_as_many_as_to_40_digits_and_as_pages_say():
 @pytest.mark.parametrize(("event", "said"), [
     ("2*3", "expected a formula that changes"), ("omega_b", "a scalar"), ({"direction": "rising"}, "when is missing"),
     ({"when": "t", "direction": "up"}, "rising, falling or any"), ({"when": "t", "stop": 1}, "true or false"),
-    ("nothing", "nothing"),
+    ("nothing", "nothing"), ("where(t > 1, 1, -1)", r"an input, not by jumps alone: where\(t > 1, 1, -1\)"),
 ])  # fmt: skip
 def test_wrong_events_are_refused(event, said):
     with pytest.raises(rbfmu.SceneError, match=said):

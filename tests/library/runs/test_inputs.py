@@ -147,8 +147,10 @@ def test_prescribed_rates_take_inputs_as_well():
     np.testing.assert_allclose(angle, found.time**2 / 2, atol=1e-14)
 
 
-@pytest.mark.parametrize("at", [5.0, 5.2])
-def test_two_rows_at_one_time_are_a_jump_of_linear_inputs(at):
+@pytest.mark.parametrize(
+    ("at", "after"), [(5.0, math.nextafter(5.0, 6.0)), (5.2, math.nextafter(5.2, 6.0)), (5.2, 5.2)]
+)
+def test_two_rows_at_one_time_are_a_jump_of_linear_inputs(at, after):
     """omega = torque t / inertia from there on; a ramp up to the next point would lose half of a step."""
     pushed = scene(
         body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
@@ -157,7 +159,7 @@ def test_two_rows_at_one_time_are_a_jump_of_linear_inputs(at):
         outputs={"quantities": ["omega_b"]},
         run={"stop": 10.0, "step": 0.5},
     )
-    times, torque = [0.0, at, math.nextafter(at, 6.0), 10.0], np.zeros((4, 3))
+    times, torque = [0.0, at, after, 10.0], np.zeros((4, 3))
     torque[2:] = [0.02, 0.0, 0.0]
     driven = {"inputs": {"torque_b": (times, torque)}, "interpolate": "linear"}
     found = rbfmu.simulate(pushed, planned=rbfmu.plan(pushed), **driven)

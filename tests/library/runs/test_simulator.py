@@ -80,7 +80,8 @@ def test_what_is_no_state_of_the_scene_is_refused_and_changes_nothing():
     sim = rbfmu.Simulator(SATELLITE)
     sim.step()
     before, longer = sim.save(), rbfmu.Simulator(rbfmu.load_scene(SATELLITE).replace({"run.stop": 70.0})).save()
-    for wrong in (b"", before[:-1], b"x" + before[1:], longer):
+    damaged = before[:-9] + bytes([before[-9] ^ 64]) + before[-8:]  # with which a step could end the process
+    for wrong in (b"", before[:-1], b"x" + before[1:], longer, damaged):
         with pytest.raises(ValueError, match=f"these {len(wrong)} bytes are no state of controlled_satellite"):
             sim.restore(wrong)
         assert sim.save() == before
