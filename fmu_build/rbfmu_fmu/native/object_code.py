@@ -155,9 +155,10 @@ def _optimise(module: llvm.ModuleRef, target: llvm.TargetMachine) -> str:
 
 
 def _without_counters(source: str) -> str:
-    """Rename Numba's mangled names, which hold a counter of the process, so that builds are reproducible."""
+    """Rename what holds a counter of the process, so that builds are reproducible: names by Numba, tables by LLVM."""
     names: dict[str, str] = {}
-    return re.sub(r"_ZN[\w.$%]+|NumbaEnv[\w.$%]+", lambda found: names.setdefault(found[0], f"n{len(names)}"), source)
+    counted = r"_ZN[\w.$%]+|NumbaEnv[\w.$%]+|switch\.table[\w.$%]+"
+    return re.sub(counted, lambda found: names.setdefault(found[0], f"n{len(names)}"), source)
 
 
 def _check_self_contained(module: llvm.ModuleRef) -> None:

@@ -143,6 +143,11 @@ WITHOUT_ZIGLANG = "from rbfmu_fmu.native import platforms; platforms.find_spec =
 # --- what is kept
 
 
+def test_tables_that_llvm_numbers_are_named_alike():
+    text = "@switch.table.step.{0} = private constant\nload @switch.table.step.{0}, @switch.table.{0}"
+    assert object_code._without_counters(text.format(48)) == object_code._without_counters(text.format(51))
+
+
 def test_object_code_is_compiled_once_and_anew_where_the_kept_file_is_damaged(tmp_path, monkeypatch):
     monkeypatch.setattr(object_code.numba.config, "CACHE_DIR", str(tmp_path))
     codes = iter([b"first", b"second", b"third"])
