@@ -17,7 +17,7 @@ from rbfmu.exceptions import warn_caller
 from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
 from rbfmu.runs.motion import Steps, largest_error, least_sizes, motion_of, record, substeps_counted
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
@@ -80,6 +80,7 @@ class Judge:
         """Return the truth, at communication points and between them; raise SceneError where it takes too long."""
         if self._exact is not None:
             return self._exact
+        start_run(self.scene, series_of_all(self.asked, 20, 1e-18))  # refuses what is not finite there
         warn_caller(f"{self.scene.name}: {LONG}", PlanningWarning)
         self.arithmetic = "double precision"
         self.doing = "its motion is followed in small steps, for it turns fast, or damping is stiff"
