@@ -148,6 +148,8 @@ class Listed:
             named = " or ".join(self.formulas.keys_of(lost[0])) or "the motion"
             return f"{named} is not finite"
         sliding = [int(n) for n, begun, _ in sides if begun == kernels.SLIDES]
+        if not sliding:
+            return "the motion changes ever faster"
         named = " or ".join(key for n in sliding for key in self.formulas.keys_of(self.found[n]))
         return f"{named or 'the motion'} slides along a corner of abs, min, max, clip, where or a table"
 
