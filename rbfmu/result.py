@@ -133,6 +133,8 @@ class Result:
         """Return the part up to this time (s), all where it is None."""
         if stop is None:
             return self
+        if not stop >= self.time[0]:
+            raise ValueError(f"stop = {stop!r}: expected a time from {float(self.time[0])!r} s on")
         n = int(np.searchsorted(self.time, stop, side="right"))
         events, touches = (
             {name: times[times <= stop] for name, times in of.items()} for of in (self.events, self.touches)

@@ -135,6 +135,7 @@ class Varied:
     def __init__(self, scene: Scene, by: Sequence[str]) -> None:
         if scene.body is None:
             raise ValueError(f"{scene.name}: expected a scene with a body, not prescribed rates, for derivatives")
+        by = [by] if isinstance(by, str) else by
         self.columns = [column for key in by for column in columns_of(scene, key)]
         if not self.columns:
             raise ValueError("by: expected at least one key")
@@ -163,6 +164,10 @@ class Varied:
         n = len(self.columns)
         if covariance.shape != (n, n):
             raise ValueError(f"covariance: expected a matrix {(n, n)} for {', '.join(self.numbers)}")
+        round_off = 1e-9 * np.max(np.abs(covariance))
+        if not (np.isfinite(round_off) and np.allclose(covariance, covariance.T, atol=round_off)
+                and np.all(np.diag(covariance) >= 0.0)):  # fmt: skip
+            raise ValueError("covariance: expected finite numbers, a symmetric matrix, and variances of at least 0")
         return {name: np.einsum("tkn,nm,tlm->tkl", S, covariance, S) for name, S in of.items()}
 
     def _plan(self, scene: Scene, planned: Plan | None) -> tuple[Plan, bool]:

@@ -149,6 +149,7 @@ def what_formulas_read(asked: Question, plan: Plan) -> tuple[str, ...]:
     sizes = [f"{what} {size}" for what, (name, size) in parts.items() if name in kept]
     sizes += [f"{name} {len(row.start)}" for name, row in asked.scene.states.items() if f"{STATE}{name}" in kept]
     left = [what for what, (name, _) in parts.items() if name not in kept]
+    left += [name for name in asked.scene.states if f"{STATE}{name}" not in kept]
     lines = [f"states: {', '.join(sizes) or 'none'}"]
     if left:
         lines.append(f"left out: {', '.join(left)}, which no output needs")

@@ -68,7 +68,7 @@ def reference_motion(
             raise _leads_nowhere(scene, steps, rows, listed.keys_at_fault(work, sides))
         if taken < 0 or not np.isfinite(rows[chunk]).all():
             left = times[0, -1] - times[0, int(np.isfinite(rows).all(axis=1).sum()) - 1]
-            if scene.has_formulas and left * most > 2.0 * lately * MOST_SERIES:
+            if scene.has_formulas and np.isfinite(rows[0]).all() and left * most > 2.0 * lately * MOST_SERIES:
                 why = f"{most // 2} steps of order {kernels.ORDER} take it on by {lately:.2g} s"
                 raise SceneError(f"run.stop = {scene.run.stop!r}: expected a shorter run, as {why}", scene.name)
             raise ReferenceTooLongError(scene.name)
@@ -148,6 +148,8 @@ class Listed:
             named = " or ".join(self.formulas.keys_of(lost[0])) or "the motion"
             return f"{named} is not finite"
         sliding = [int(n) for n, begun, _ in sides if begun == kernels.SLIDES]
+        if not sliding:
+            return "the motion changes ever faster"
         named = " or ".join(key for n in sliding for key in self.formulas.keys_of(self.found[n]))
         return f"{named or 'the motion'} slides along a corner of abs, min, max, clip, where or a table"
 

@@ -1,6 +1,7 @@
 """What a result writes and draws: streamed, with units, and lines of angles without strokes."""
 
 import csv
+import math
 import tracemalloc
 from html.parser import HTMLParser
 from pathlib import Path
@@ -277,3 +278,9 @@ def test_a_plot_is_a_figure_that_a_notebook_shows(result: Result, tmp_path: Path
     result.plot(tmp_path / "saved.png")
     for name in ("shown.png", "saved.png"):
         assert matplotlib.image.imread(tmp_path / name).std() > 0.0
+
+
+@pytest.mark.parametrize("stop", [-1.0, math.nan])
+def test_the_part_before_its_start_is_refused(stop):
+    with pytest.raises(ValueError, match=f"stop = {stop}: expected a time from 0.0 s on"):
+        rbfmu.Result.of_rows([{"time": 0.0}, {"time": 1.0}]).until(stop)

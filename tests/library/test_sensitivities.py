@@ -1,6 +1,7 @@
 """Derivatives of motions by numbers of their scenes: against differences in quadruple precision, and known ones."""
 
 import csv
+import math
 
 import numpy as np
 import pytest
@@ -93,6 +94,11 @@ def test_a_covariance_is_carried_along():
     np.testing.assert_allclose(found.covariance["omega_b"][5], S @ covariance @ S.T, rtol=1e-12)
     with pytest.raises(ValueError, match=r"covariance: expected a matrix \(3, 3\) for initial.omega_b\[1\]"):
         rbfmu.sensitivity(one, ["initial.omega_b"], covariance=[1.0])
+    for wrong in (math.nan, -1.0):
+        with pytest.raises(ValueError, match="covariance: expected finite numbers"):
+            rbfmu.sensitivity(one, "body.mass", covariance=[[wrong]])
+    with pytest.raises(ValueError, match="a symmetric matrix"):
+        rbfmu.sensitivity(one, ["initial.omega_b"], covariance=covariance + np.triu(covariance[:1]))
 
 
 def test_a_picture_names_what_is_without_effect():

@@ -216,6 +216,7 @@ def test_what_formulas_read_decides_what_is_integrated(loads, outputs, states):
     assert planned.states == states
     assert planned.model == "formulas"
     assert ("left out" in str(planned.reasons)) == (states < 13)
+    assert "u, which no output needs" in str(planned.reasons)
 
 
 def test_time_may_begin_at_any_date():
@@ -262,6 +263,9 @@ def test_what_leads_nowhere_is_refused():
     upright = scene(loads={"torque_b": "[1/gravity_a[1], 0, 0]"}, body=B)
     with pytest.raises(rbfmu.SceneError, match=r"loads\.torque_b: expected a finite number"):
         rbfmu.plan(rbfmu.Scene.from_dict(upright))
+    grows = scene(states={"u": {"start": 1.0, "rate": "u**2"}}, outputs={"own": "u"}, body=B)
+    with pytest.raises(rbfmu.SceneError, match=r"before t = 1 s, where the motion changes ever faster"):
+        rbfmu.plan(rbfmu.Scene.from_dict(grows))
     singular = scene(loads={"force_a": "-position/norm(position)**3"}, initial=A, quantities=("position",))
     singular["body"] = B | {"r_oc_b": [0.0, 0.0, 0.0]}
     with pytest.raises(rbfmu.SceneError, match=r"before t = 0 s, where loads\.force_a is not finite"):
@@ -276,7 +280,7 @@ def test_a_load_of_constants_alone_that_is_no_number_is_named(text):
         rbfmu.plan(rbfmu.Scene.from_dict(tables))
 
 
-@pytest.mark.parametrize(("gain", "text"), [(-1.0, "sqrt(gain)"), (1.0, "log(-gain - t)")])
+@pytest.mark.parametrize(("gain", "text"), [(-1.0, "sqrt(gain)"), (1.0, "log(-gain - t)"), (1.0, "1/t")])
 def test_an_output_that_is_not_finite_at_the_start_is_called_so(gain, text):
     """And no parameter, where an input's value or the formula is at fault; nor is planning said to take long."""
     made = rbfmu.Scene.from_dict(
