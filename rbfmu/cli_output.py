@@ -178,7 +178,8 @@ def print_ensemble(planned: "rbfmu.Plan", result: "rbfmu.EnsembleResult") -> Non
     print_columns([(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation"), *rows])
     for name in result.counts:
         times = result.first_of(name)
-        first = f", first at {times.mean():.6g} s, standard deviation {times.std():.3g} s" if len(times) else ""
+        deviation = times.std(ddof=1) if len(times) > 1 else math.nan  # as of all others
+        first = f", first at {times.mean():.6g} s, standard deviation {deviation:.3g} s" if len(times) else ""
         click.echo(f"{name}: in {len(times):,} of {len(result.good):,} runs{first}")
 
 
