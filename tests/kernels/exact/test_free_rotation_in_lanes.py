@@ -7,6 +7,7 @@ import pytest
 from numba import config
 
 import rbfmu
+from rbfmu.arrays import bodies as array_bodies
 from rbfmu_kernels import free_rotation as body_at
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import wide_at
@@ -89,6 +90,8 @@ def test_the_array_function_gives_the_same_bits_however_it_computes(shape):
     moments[7::27] = 1.0, 2.0, 2.5
     numbers = [a.reshape(*shape, a.shape[-1]) for a in (moments, q_0, omega)]
     q, rates = rbfmu.free_rotation(*numbers, TIMES)
+    assert array_bodies._in_lanes(*numbers, TIMES) is not None
+    assert array_bodies._in_lanes(numbers[0][..., :2], *numbers[1:], TIMES) is None
     assert q.shape == (*shape[:-1], len(TIMES), 4)
     for k, t in enumerate(TIMES):
         attitude, rate = rbfmu.free_rotation(moments, q_0, omega, t)
