@@ -236,6 +236,7 @@ def test_a_hopeless_start_comes_to_an_end():
     assert one.doubts
 
 
+@pytest.mark.thorough
 def test_a_fit_is_no_worse_than_its_beginning_though_the_first_data_lead_away():
     scene = rbfmu.Scene(
         body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},

@@ -223,6 +223,7 @@ def test_many_outputs_are_measured_beside_a_peer_as_accurate(capsys):
 
 
 @pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
+@pytest.mark.thorough
 def test_many_bodies_are_measured_beside_peers_as_accurate(capsys):
     pytest.importorskip("heyoka")
     batches = bench("batches")
