@@ -159,7 +159,7 @@ class Scouts:
     """
 
     def __init__(self, scene: Scene, plan: Plan, names: tuple[str, ...], seconds: float = SECONDS) -> None:
-        self.scene = scene.replace({"outputs.quantities": names})
+        self.scene, self.seconds = scene.replace({"outputs.quantities": names}), seconds
         self.columns = Columns(tuple(OUTPUT[n] for n in names))
         steps = communication_steps(scene)
         most = min(int(MOST_BYTES / (8.0 * self.columns.width * (steps + 1))), int(1e9 * seconds / (plan.cost * steps)))
@@ -181,7 +181,7 @@ class Scouts:
         """Return what the errors of MEMBERS members are likely not to exceed; note whether few tell of far larger."""
         errors = _errors(self.columns, self._run(plan), self.truth)
         likely = likely_worst(errors, MEMBERS)
-        self.are_too_few = len(errors) < SCOUTS and not likely <= HEAVY * np.max(errors)
+        self.are_too_few = len(errors) < SCOUTS and likely > HEAVY * float(np.nanmax(errors, initial=0.0))
         return likely
 
 

@@ -178,30 +178,29 @@ def merge_blocks(x: Any, size: int, room: Any) -> int:
         a[:], b[:] = x[i], x[j]
         while block < count:
             for first in range(uint64(0), count, block + block):
-                _merge_two(a, b, to_a, to_b, first, block)
+                of_a = of_b = (uint64(0), uint64(0))
+                for n in range(block):
+                    of_a = _merge_next(a, to_a, first, block, n, of_a[0], of_a[1])
+                    of_b = _merge_next(b, to_b, first, block, n, of_b[0], of_b[1])
             a, b, to_a, to_b, block = to_a, to_b, a, b, block + block
         x[i], x[j] = a, b
     return 0
 
 
 @kernel
-def _merge_two(a: Any, b: Any, to_a: Any, to_b: Any, first: Any, block: Any) -> None:
-    """Merge two neighbouring blocks of both rows. Places are unsigned: of others the sign would be looked at."""
-    one, end = uint64(1), first + block + block - uint64(1)
-    i = j = k = m = uint64(0)  # how many of the lower block are taken from below, of the upper one from above
-    for n in range(block):
-        low, high = a[first + i], a[first + block + n - i]
-        to_a[first + n] = min(low, high)
-        i += uint64(low <= high)
-        low, high = a[first + block - one - n + j], a[end - j]
-        to_a[end - n] = max(low, high)
-        j += uint64(low <= high)
-        low, high = b[first + k], b[first + block + n - k]
-        to_b[first + n] = min(low, high)
-        k += uint64(low <= high)
-        low, high = b[first + block - one - n + m], b[end - m]
-        to_b[end - n] = max(low, high)
-        m += uint64(low <= high)
+def _merge_next(row: Any, to: Any, first: Any, block: Any, n: Any, i: Any, j: Any) -> tuple[Any, Any]:
+    """Put the n-th number from below and from above of two neighbouring blocks; return how many are taken.
+
+    i: of the lower block, from below; j: of the upper one, from above. Places are unsigned: of others the sign would be
+    looked at.
+    """
+    end = first + block + block - uint64(1)
+    low, high = row[first + i], row[first + block + n - i]
+    to[first + n] = min(low, high)
+    i += uint64(low <= high)
+    low, high = row[first + block - uint64(1) - n + j], row[end - j]
+    to[end - n] = max(low, high)
+    return i, j + uint64(low <= high)
 
 
 _GIVEN = (

@@ -94,9 +94,10 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
         if wild:  # the worst members magnify errors far more than pilots: all that helps is to add none
             for_all = replace(for_all, tolerance=TIGHTEST)
         chosen, growth = _accurate(for_all, judges)
-        likely = chosen if wild else with_likely_error(scene, chosen, judges[0].names)
-        wild = wild or likely.error > scene.run.accuracy
-        chosen = chosen if wild else likely
+        if not wild:
+            likely = with_likely_error(scene, chosen, judges[0].names)
+            wild = likely.error > scene.run.accuracy
+            chosen = chosen if wild else likely
     tell(1.0)
     warn(scene, _of_growth(scene, growth, wild))
     if not scene.inputs.ports:  # through which anything may act
@@ -124,7 +125,8 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             if scouts is None or not scouts.tell_of(fitted):
                 scouts = Scouts(scene, with_cost(asked, fitted), judges[0].names)
             found = for_the_worst(scouts, fitted)
-            if found is None or scouts.are_too_few:  # a few tell little of a heavy tail: more, beside the tightest
+            if scouts.seconds < LONGER and (found is None or scouts.are_too_few):
+                # a few tell little of a heavy tail: more, beside the tightest
                 tightest = replace(fitted, tolerance=TIGHTEST)
                 scouts = Scouts(scene, with_cost(asked, tightest), judges[0].names, LONGER)
                 found = for_the_worst(scouts, fitted)

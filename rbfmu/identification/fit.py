@@ -241,7 +241,7 @@ class _Search:
             data = self._data.until(begin + part * (self._data.time[-1] - begin))
             if part == 1.0 or data.count >= 2 * len(p):
                 p = self._nearest(p, data, sigma, HELD if part < 1.0 else HELD_LAST)
-        given = 0.0 * p  # parts of the time may have led away from it
+        given = np.zeros_like(p)  # parts of the time may have led away from it
         if self._misfit(given, sigma) < self._misfit(p, sigma):
             p = self._nearest(given, self._data, sigma, HELD_LAST)
         for _ in range(0 if len(self._given) == len(self._data.values) else 2):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.ensembles import fitting
 from rbfmu.ensembles.fitting import _errors, likely_worst
 from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
@@ -219,6 +220,16 @@ def test_the_likely_worst_error_is_rarely_exceeded_and_not_far_off(exponent, sha
         far.append(likely / worst)
     assert beyond <= 8  # 2 of 200 are expected
     assert np.median(far) < (500.0 if exponent == 1.0 else 2.0)
+
+
+def test_a_scout_that_fails_makes_no_heavy_tail(monkeypatch):
+    scene = drawn(0, 300)
+    plan = plan_ensemble(scene)
+    scouts = fitting.Scouts(scene, plan, scene.outputs.quantities, seconds=0.0)
+    for found, few in (([np.nan, *[1e-9] * 63], False), ([1e-9 * 3.0**k for k in range(64)], True)):
+        monkeypatch.setattr(fitting, "_errors", lambda *given, found=found: np.array(found))
+        scouts.likely_worst(plan)
+        assert scouts.are_too_few == few
 
 
 def test_errors_that_are_zero_or_missing_have_no_worst():
