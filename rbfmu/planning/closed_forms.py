@@ -41,6 +41,9 @@ PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for r
 
 
 def _refuse_below(asked: Question, error: float) -> None:
+    if error == math.inf:
+        why = "the square of its rate comes to leave the range of numbers"
+        raise SceneError(f"run.stop = {asked.scene.run.stop!r}: expected a shorter run, as {why}", asked.scene.name)
     if asked.accuracy < error:
         expected = f"at least {error:.1e}, what double precision keeps"
         raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", asked.scene.name)
@@ -112,7 +115,8 @@ def _coarse_motion(asked: Question, found: Plan) -> Motion:
 
 
 def _fastest(rates: Array) -> float:
-    return float(np.max(np.linalg.norm(rates, axis=1)))
+    with np.errstate(over="ignore"):  # an infinite error is refused
+        return float(np.max(np.linalg.norm(rates, axis=1)))
 
 
 # Models that are not exact, but within the accuracy

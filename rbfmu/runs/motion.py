@@ -270,7 +270,7 @@ def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     angular = (torque + arm * force) / least
     turning = largest_size(motion.get("omega_b", np.array(asked.scene.initial.omega_b)))
     rate = math.sqrt(angular) + turning
-    angular += turning**2
+    angular += turning * turning
     linear = size["gravity_a"] + force / body.mass
     speed = 0.0 if body.pivot else linear * asked.span
     by_unit = {

@@ -145,6 +145,13 @@ class Initial(Section, path="initial"):
         key, value = self._given.get("omega_b", ("omega_b", None))
         return f"initial.{key}", self.omega_b if value is None else value
 
+    def _contradictions(self) -> Iterator[str]:
+        """Yield a fault if the square of the rate, of which energies are made, leaves the range of numbers."""
+        if not math.isfinite(sum(x * x for x in self.omega_b)):
+            key, rates = self.rates_said
+            unit = "deg/s" if key.endswith("_deg") else "rad/s"
+            yield fault(key, rates, f"3 numbers whose squares have a finite sum ({unit})")
+
     def _shown(self) -> dict[str, object]:
         return dict(("attitude", {k: x}) if k == "quaternion" else (k, x) for k, x in self._set().items())
 

@@ -149,6 +149,12 @@ def test_an_accuracy_out_of_reach_is_a_scene_error(scene):
 
 @pytest.mark.thorough
 @compiled
+def test_rates_whose_squares_leave_the_range_of_numbers_are_refused():
+    scene = made(TRIAXIAL, loads=NO_GRAVITY | {"torque_b": [1e160, 0.0, 0.0]}, outputs={"quantities": ["omega_b"]})
+    with pytest.raises(SceneError, match=r"run\.stop = 5\.0: expected a shorter run, as the square of its rate"):
+        plan(scene)
+
+
 def test_what_a_scene_reaches_is_an_accuracy_it_can_meet():
     def scene(accuracy):
         return made(OFFSET | {"pivot": True}, {"omega_b": [1.0, 2.0, -1.0]}, GRAVITY, stop=30.0, accuracy=accuracy)

@@ -180,6 +180,8 @@ CONTRADICTIONS = {
     ),
     "inertia and shape": ({"body": {"shape": '{ kind = "sphere", radius = 1 }'}}, "inertia or shape, not both"),
     "omega_b twice": ({"initial": {"omega_b": "[0, 0, 0]", "omega_b_deg": "[0, 0, 0]"}}, "not both"),
+    "rates too large": ({"initial": {"omega_b": "[1e308, 0, 0]"}}, "squares have a finite sum (rad/s)"),
+    "rates too large in degrees": ({"initial": {"omega_b_deg": "[0, 1e160, 0]"}}, "squares have a finite sum (deg/s)"),
     "no mass": ({"body": {"mass": ""}}, "body.mass is missing"),
     "no inertia": ({"body": {"inertia": ""}}, "body.inertia is missing"),
     "shape without mass": (
