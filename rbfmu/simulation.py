@@ -15,7 +15,7 @@ import numpy as np
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
 from rbfmu.runs.inputs import HOLD, Inputs, InputTables, drive_of, input_tables, size_of
-from rbfmu.runs.motion import Driven, Events
+from rbfmu.runs.motion import Driven, Events, Happened
 from rbfmu.runs.plan import Plan, start_run, with_parameters
 from rbfmu.runs.time_grid import last_time, steps_until
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
@@ -123,6 +123,8 @@ _CLOCK = struct.Struct("dq")
 """The time, and how many communication steps of the scene led there."""
 _UNKNOWN = -1
 """That number after a step of another length; counting costs half as much as a step."""
+SAME = 1e-9
+"""The part of a step by which times may differ and still be those of one event, or of two at once."""
 _PORT, _NUMBER = struct.Struct("3d"), struct.Struct("d")
 _Input = tuple[struct.Struct, int, tuple[float, ...]]
 _Before = list[_Input]
@@ -151,30 +153,45 @@ class Simulator:
         self._start, self._h, self._last_time = run.start, run.step, last_time(run.stop, run.step)
         self.time, self._count = run.start, 0
         self._events = Events(self.scene, self.plan, self._z) if self.scene.events else None
-        self._told: tuple[str, ...] = ()
+        self._untold = (math.nan,) * len(self.scene.events)
+        self._known = self._told = self._untold
+        """When `step_to_event` told each event, s: before the last step, and at its end; NaN where it did not."""
 
     @property
     def events(self) -> dict[str, Array]:
-        """Return the times of the last step's events by name, s; an event at its end counts for the step after."""
-        return self._events.times(self._events.of_last_step()) if self._events else {}
+        """Return the times of the last step's events by name, s.
+
+        An event at its end counts for the step after, but for one that `step_to_event` stopped at, which is listed then
+        and not again.
+        """
+        if self._events is None:
+            return {}
+        told = [Happened(name, t, False) for name, t in zip(self._events.names, self._told, strict=True) if t == t]
+        return self._events.times(told or self._new_events(self._events))
+
+    def _new_events(self, events: Events) -> list[Happened]:
+        """Return what happened in the last step, but for what was told when it began."""
+        known = dict(zip(events.names, self._known, strict=True))
+        until = {name: t + SAME * (self.time - t) for name, t in known.items()}
+        return [one for one in events.of_last_step() if not one.time <= until[one.name]]  # NaN is no bound
 
     def step_to_event(self, h: float | None = None, **ports: Any) -> tuple[str, ...]:
         """Step as `step` does, but no further than to the first event; return the names of those that happen there."""
-        before, time, count = self._z.copy(), self.time, self._count
+        before, time, count, told, known = self._z.copy(), self.time, self._count, self._told, self._known
         self.step(h, **ports)
-        listed = [one for one in self._events.of_last_step() if not one.touched] if self._events else []
-        near = time + 1e-9 * (self.time - time)  # up to which an event is the one that the last step ended at
-        happened = [one for one in listed if one.time > near or one.name not in self._told]
-        self._told = ()
+        happened = [one for one in self._new_events(self._events) if not one.touched] if self._events else []
         if not happened:
             return ()
         first = happened[0].time
+        at_once = {one.name: one.time for one in happened if one.time <= first + SAME * (self.time - time)}
         self._z[:] = before
-        self.time, self._count = time, count
+        self.time, self._count, self._told, self._known = time, count, told, known
         if first > time:
             self.step(first - time, **ports)
-        self._told = tuple(one.name for one in happened if one.time == first)
-        return self._told
+        else:
+            self.hold(**ports)
+        self._told = tuple(at_once.get(name, math.nan) for name in self.scene.events)
+        return tuple(at_once)
 
     def __getattr__(self, name: str) -> Any:
         """Return an output of one's own; raise AttributeError for what is none, and for quantities not asked for."""
@@ -214,6 +231,7 @@ class Simulator:
         before = self._put(ports) if ports else ()
         if length > 0.0 and math.isfinite(end) and self._step(self._z, length) == OK:
             self.time, self._count = end, count
+            self._known, self._told = self._told, self._untold
             return
         self._put_back(before)
         why = "no finite motion, or none that the accuracy allows" if length > 0.0 else "the step size must be positive"
@@ -277,6 +295,7 @@ class Simulator:
         """Begin anew with the scene's values and the parameters given; inputs are zero. Raises SceneError."""
         self._z[:] = start_run(with_parameters(self.scene, self.plan, parameters), self.plan)
         self.time, self._count = self._start, 0
+        self._known = self._told = self._untold
 
     def values(self) -> dict[str, Any]:
         """Return time and all quantities at this time; `Result.of_rows` makes a result of a loop's."""
@@ -284,17 +303,20 @@ class Simulator:
 
     def save(self) -> bytes:
         """Return the whole state, for `restore` of this or another simulator of the scene."""
-        content = _CLOCK.pack(self.time, self._count) + self._bytes.tobytes()
+        told = np.array((self._known, self._told))
+        content = _CLOCK.pack(self.time, self._count) + told.tobytes() + self._bytes.tobytes()
         return self._identity + _checksum(content) + content
 
     def restore(self, state: bytes) -> None:
         """Go back to a saved state. Raises ValueError, with nothing changed, if it is no state of the scene."""
-        content = state[len(state) - _CLOCK.size - self._bytes.nbytes :]
+        told = _CLOCK.size + 16 * len(self._untold)  # where what was told of events ends
+        content = state[len(state) - told - self._bytes.nbytes :]
         head = self._identity + _checksum(content)  # with damaged numbers a step could end the process
         if state[: -len(content)] != head:
             raise ValueError(f"these {len(state)} bytes are no state of {self.scene.name} under its plan")
         self.time, self._count = _CLOCK.unpack_from(content)
-        self._bytes[:] = content[_CLOCK.size :]
+        self._known, self._told = map(tuple, np.frombuffer(content[_CLOCK.size : told]).reshape(2, -1).tolist())
+        self._bytes[:] = content[told:]
 
 
 def _seconds(h: Any) -> float:

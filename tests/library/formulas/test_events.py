@@ -132,6 +132,33 @@ def test_a_simulator_tells_events_of_its_last_step_and_stops_at_one():
     assert not len(simulator.events["tick"])
 
 
+def test_each_event_that_steps_stop_at_is_listed_once():
+    """Also events at the start, several at once that round-off tells apart, and where states are saved in between."""
+    one = scene(tick="sin(3*t)", a="omega_b[1]", b="-3.3*omega_b[1]", zero="t", stop=4.0)
+    stepped, restored, told = rbfmu.Simulator(one), rbfmu.Simulator(one), {name: [] for name in one.events}
+    while stepped.time < 4.0:
+        names = stepped.step_to_event(0.5)
+        assert names == tuple(name for name, times in stepped.events.items() if len(times))
+        restored.restore(stepped.save())
+        for name, times in restored.events.items():
+            told[name] += times.tolist()
+        stepped, restored = restored, stepped
+    for name, times in rbfmu.simulate(one).events.items():
+        np.testing.assert_allclose(told[name], times, rtol=0, atol=1e-9)
+    stepped.reset()
+    assert stepped.step_to_event(0.5) == ("tick", "zero")
+
+
+def test_inputs_stay_where_an_event_happens_at_once():
+    tables = TABLES | {"inputs": {"ports": ["torque_b"]}, "outputs": {"quantities": ["alpha_b"]}}
+    simulator = rbfmu.Simulator(rbfmu.Scene(**tables | {"events": {"zero": "t"}}))
+    assert simulator.step_to_event(0.5, torque_b=[1.0, 0.0, 0.0]) == ("zero",)
+    simulator.step_to_event(1e-6)
+    held = rbfmu.Simulator(simulator.scene)
+    held.step(1e-6, torque_b=[1.0, 0.0, 0.0])
+    np.testing.assert_array_equal(simulator.alpha_b, held.alpha_b)
+
+
 def test_files_commands_and_pictures_show_events(tmp_path):
     one = scene(tick="sin(3*t)", touch="1 - cos(t)", stop=5.0)
     found = rbfmu.simulate(one)
