@@ -38,6 +38,8 @@ MAX_REFERENCE_STEPS = 100_000
 """The number of the reference's steps in double-double arithmetic, some seconds of work."""
 MAX_SUBSTEPS = 3e6
 """The number of substeps in doubles up to which a motion is followed that takes more steps of the reference."""
+TURNS = 1e-3
+"""The turn in a substep, rad, up to which it is not for turning that substeps are short."""
 MAX_TRIED = 5e7
 """The number of substeps of all pilot runs of a plan, up to half a minute of work: a clock would not be the same
 everywhere."""
@@ -233,11 +235,18 @@ def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, subste
     if np.isfinite(rates[-1]).all():
         return
     last = np.flatnonzero(np.isfinite(rates[:, 0]))[-1]
-    reached = scene.run.start + math.fsum(steps[:last])
-    why = f"where it turns by {np.linalg.norm(rates[last]):.2g} rad/s, or damping is stiff"
+    done, count = math.fsum(steps[:last]), substeps
+    said = f"{substeps:.1e} substeps take it on by {done:.3g} s"
+    if not last:
+        done, count = steps[0], MAX_SUBSTEPS
+        said = f"its first {done:.3g} s take too many substeps, or leave the range of numbers"
+    rate = math.hypot(*rates[last])
+    why = "damping is stiff, or another load too large"
+    if rate * done > TURNS * count:
+        why = f"it turns by {rate:.2g} rad/s"
     if scene.outputs.own:  # formulas of loads are named by the reference, which has not come so far
         why += f", or {' or '.join(f'outputs.{name}' for name in scene.outputs.own)} is not finite from then on"
-    raise too_long(scene, f"{substeps:.1e} substeps reach {reached:.3g} s, {why}")
+    raise too_long(scene, f"{said}: {why}")
 
 
 def too_long(scene: Scene, why: str) -> SceneError:

@@ -156,7 +156,7 @@ def test_a_term_that_is_no_number_gives_no_step(place):
 @pytest.mark.parametrize(
     ("bound", "most", "words"),
     [
-        ("MAX_SUBSTEPS", 20, r"[0-9.e+]+ substeps reach [0-9.]+ s, where it turns by [0-9.]+ rad/s, or damping is"),
+        ("MAX_SUBSTEPS", 20, r"[0-9.e+]+ substeps take it on by [0-9.]+ s: it turns by [0-9.]+ rad/s"),
         ("MAX_TRIED", 20, r"pilot runs take more than 2e\+01 substeps"),
     ],
 )
@@ -168,12 +168,33 @@ def test_a_run_too_long_to_be_planned_is_refused(bound, most, words, monkeypatch
         plan(scene_of("all loads"))
 
 
+@pytest.mark.parametrize(
+    ("steps", "rates", "words"),
+    [
+        ([1e-4, 0.5], [0.3, 1e-6, np.nan], r"2\.0e\+06 substeps take it on by 0\.0001 s: damping is stiff, or another"),
+        (
+            [1e-4, 0.5],
+            [0.3, np.nan, np.nan],
+            r"its first 0\.0001 s take too many substeps, or leave the range of numbers: dam",
+        ),
+        ([1e-4, 0.5], [1e9, np.nan, np.nan], r"its first 0\.0001 s take .* numbers: it turns by 1e\+09 rad/s$"),
+        ([1e-4, 0.5], [1e9, 1e8, np.nan], r"2\.0e\+06 substeps take it on by 0\.0001 s: it turns by 1e\+08 rad/s$"),
+    ],
+)
+def test_a_motion_that_was_given_up_says_how_far_it_came_and_why(steps, rates, words):
+    rows = np.array([[rate, 0.0, 0.0] for rate in rates])
+    with pytest.raises(SceneError, match=r"run\.stop = 8\.0: expected a shorter run, as " + words):
+        judge_module.refuse_unfinished(scene_of("all loads"), steps, rows, 2e6)
+
+
 @compiled
 def test_a_run_too_long_to_be_planned_under_its_inputs_is_refused(monkeypatch):
     scene = scene_of("all loads").replace({"inputs.ports": ["torque_b"]})
     found, tables = plan(scene), input_tables(scene, {"torque_b": np.full((16, 3), 0.1)}, "hold")
     monkeypatch.setattr(select, "MAX_SUBSTEPS", 5)
-    with pytest.raises(SceneError, match=r"run\.stop = 8\.0: expected a shorter run, as [0-9.e+]+ substeps reach"):
+    with pytest.raises(
+        SceneError, match=r"run\.stop = 8\.0: expected a shorter run, as [0-9.e+]+ substeps take it on by"
+    ):
         select.plan_for_inputs(Question(scene), found, partial(drive_of, scene, tables, "hold"))
 
 
