@@ -4,7 +4,7 @@ import csv
 import json
 import math
 import warnings
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TextIO
 
@@ -17,12 +17,13 @@ from rbfmu.types import Array
 def read_columns(
     path: Path, expected: str = "a number", holds: Callable[[float], bool] = lambda x: True,
     gaps: Collection[str] = (), needed: str = "time",
+    faults_of_names: Callable[[Sequence[str]], Iterable[str]] = lambda names: (),
 ) -> dict[str, Array]:  # fmt: skip
     """Return the columns (rows,) of a file by the names in its header.
 
     expected: which numbers a cell may have, in words; holds: whether it may; gaps: what stands for none, in lower case,
-    and is NaN; needed: a column that must be there, if any. Raises SceneError with the first fault of each column, in
-    which rows are counted from 1, without the header.
+    and is NaN; needed: a column that must be there, if any; faults_of_names: yields what is wrong with names. Raises
+    SceneError with that and the first fault of each column, in which rows are counted from 1, without the header.
     """
     source = str(path)
     try:
@@ -33,11 +34,14 @@ def read_columns(
             if needed and needed not in names:
                 said = f"column {needed!r} is missing: expected it in the header, not {', '.join(names) or 'nothing'}"
                 raise SceneError(said, source)
+            faults = [*faults_of_names(names)]
             table = _plain_numbers(file)
             if table is None or table.shape[1] != len(names):
                 file.seek(0)
                 rows = [*filter(None, csv.reader(file, skipinitialspace=True))][1:]
-                table = _numbers(source, names, rows, expected, holds, gaps)
+                table = _numbers(faults, names, rows, expected, holds, gaps)
+            if faults:
+                raise SceneError(faults, source)
     except (UnicodeDecodeError, csv.Error) as error:
         raise SceneError(f"not a CSV file: {error}", source) from None
     return dict(zip(names, table.T, strict=True))
@@ -54,21 +58,21 @@ def _plain_numbers(lines: TextIO) -> Array | None:
 
 
 def _numbers(
-    source: str, names: list[str], rows: list[list[str]], expected: str, holds: Callable[[float], bool],
+    faults: list[str], names: list[str], rows: list[list[str]], expected: str, holds: Callable[[float], bool],
     gaps: Collection[str],
 ) -> Array:  # fmt: skip
-    table, faults = np.full((len(rows), len(names)), np.nan), dict[str, str]()
+    """Return the numbers of rows; add what is wrong with them to the faults."""
+    table, wrong = np.full((len(rows), len(names)), np.nan), dict[str, str]()
     for k, row in enumerate(rows):
         if len(row) != len(names):
-            said = f"row {k + 1} has {len(row)} cells: expected {len(names)}, as many as the header"
-            raise SceneError([*faults.values(), said], source)
+            wrong[""] = f"row {k + 1} has {len(row)} cells: expected {len(names)}, as many as the header"
+            break
         for i, (name, cell) in enumerate(zip(names, map(str.strip, row), strict=True)):
             if cell.lower() not in gaps:
                 table[k, i], good = _number(cell)
                 if not good or not holds(table[k, i]):
-                    faults.setdefault(name, f"{name} = {json.dumps(cell)} in row {k + 1}: expected {expected}")
-    if faults:
-        raise SceneError(faults.values(), source)
+                    wrong.setdefault(name, f"{name} = {json.dumps(cell)} in row {k + 1}: expected {expected}")
+    faults += wrong.values()
     return table
 
 

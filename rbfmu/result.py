@@ -4,7 +4,7 @@ Files are also the CSV that importers of FMUs write.
 """
 
 import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -164,7 +164,11 @@ class Result:
             raise ValueError(f"{str(path)!r}: expected a name that ends in {ENDINGS}")
         from rbfmu.aem import read_aem  # a run does without
 
-        readers = {".csv": lambda path: by_quantity(path, read_columns(path)), ".npz": _npz, ".aem": read_aem}
+        readers = {
+            ".csv": lambda path: by_quantity(read_columns(path, faults_of_names=incomplete)),
+            ".npz": _npz,
+            ".aem": read_aem,
+        }
         columns = readers[path.suffix](path)
         if "time" not in columns:
             raise ValueError(f"{path}: time is missing: expected the result of a run")
@@ -244,19 +248,22 @@ def _npz(path: Path) -> dict[str, Array]:
         raise ValueError(f"{path}: cannot be read as arrays of NumPy ({error}): expected the result of a run") from None
 
 
-def by_quantity(path: Path, flat: Mapping[str, Array]) -> dict[str, Array]:
-    """Return columns by FMU variable name as arrays by quantity; those of others, if not complete, as they are.
+def incomplete(names: Sequence[str]) -> Iterator[str]:
+    """Yield what is missing of quantities, of which some columns have the names."""
+    for name in dict.fromkeys(name.partition("[")[0] for name in names):
+        wanted = elements(name, OUTPUT[name].size) if name in OUTPUT else []
+        missing = [one for one in wanted if one not in names]
+        if missing:
+            yield f"{missing[0]} is missing: expected all of {', '.join(wanted)}"
 
-    Raises ValueError where one of the quantities is not complete.
-    """
+
+def by_quantity(flat: Mapping[str, Array]) -> dict[str, Array]:
+    """Return columns by FMU variable name as arrays by quantity; those of others, if not complete, as they are."""
     names = [name.partition("[")[0] for name in flat]
     found = dict[str, Array]()
     for name in dict.fromkeys(names):
         wanted = elements(name, OUTPUT[name].size if name in OUTPUT else names.count(name))
-        missing = [one for one in wanted if one not in flat]
-        if missing and name in OUTPUT:
-            raise ValueError(f"{path}: {missing[0]} is missing: expected all of {', '.join(wanted)}")
-        if missing:
+        if any(one not in flat for one in wanted):
             found |= {one: values for one, values in flat.items() if one.partition("[")[0] == name}
         else:
             found[name] = np.stack([flat[one] for one in wanted], axis=1) if len(wanted) > 1 else flat[wanted[0]]

@@ -1,8 +1,10 @@
 """Measured motion: outputs of a scene at any times, with gaps, and how far they are from a run."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +12,7 @@ from numpy.typing import ArrayLike
 from rbfmu import arrays
 from rbfmu.csv_table import read_columns
 from rbfmu.exceptions import SceneError
-from rbfmu.result import Result, by_quantity
+from rbfmu.result import Result, by_quantity, incomplete
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import OUTPUT
@@ -50,7 +52,8 @@ def read_measured(scene: Scene, data: Data) -> Measured:
     where = str(Path(data)) if isinstance(data, str | Path) else "data"
     if isinstance(data, str | Path):
         path = Path(data)
-        data = by_quantity(path, _columns(path)) if path.suffix == ".csv" else Result.load(path)
+        names = partial(_faults_of_names, scene)
+        data = by_quantity(_columns(path, faults_of_names=names)) if path.suffix == ".csv" else Result.load(path)
     try:
         return _checked(scene, {"time": data.time, **data.quantities} if isinstance(data, Result) else data)
     except ValueError as error:
@@ -100,9 +103,17 @@ def _unit(rows: Array) -> Array:
     return np.asarray(rows / lengths[:, None])
 
 
-def _columns(path: Path, needed: str = "time") -> dict[str, Array]:
+def _faults_of_names(scene: Scene, names: Sequence[str]) -> Iterator[str]:
+    shown = (*OUTPUT, *scene.outputs.own)
+    for name in names:
+        if name != "time" and name.partition("[")[0] not in shown:
+            yield f"column {name!r}: expected outputs among {', '.join(shown)}"
+    yield from incomplete(names)
+
+
+def _columns(path: Path, **which: Any) -> dict[str, Array]:
     try:
-        return read_columns(path, "a number, or nothing for a gap", gaps=GAPS, needed=needed)
+        return read_columns(path, "a number, or nothing for a gap", gaps=GAPS, **which)
     except SceneError as error:  # no fault of the scene, in whose name it would be told
         raise ValueError(str(error)) from None
 

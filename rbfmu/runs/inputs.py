@@ -1,7 +1,8 @@
 """What drives a run: tables of times and values, from Python or a CSV file, and the pieces that they cut steps to."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -127,30 +128,35 @@ def _not_finite(name: str, values: Array) -> Iterator[str]:
 
 
 def _read(path: Path, scene: Scene, faults: list[str]) -> InputTables:
+    known = {name: port for port in scene.inputs.ports for name in elements(port, size_of(scene, port))}
     try:
-        flat = read_columns(path, "a finite number", math.isfinite)
+        flat = read_columns(path, "a finite number", math.isfinite, faults_of_names=partial(_faults_of_names, known))
     except OSError as error:
         faults.append(f"cannot be read ({error.strerror}): expected a CSV file of inputs")
         return {}
     except SceneError as error:
         faults += error.faults
         return {}
-    known = {name: port for port in scene.inputs.ports for name in elements(port, size_of(scene, port))}
-    for name in flat.keys() - {"time", *known}:
-        faults.append(f"column {as_toml(name)}: expected one of time, {', '.join(known)}")
-    ports = {known[name]: elements(known[name], size_of(scene, known[name])) for name in flat if name in known}
-    wanted = [name for names in ports.values() for name in names]
-    faults += [
-        f"column {name!r} is missing: expected all of time, {', '.join(wanted)}" for name in wanted if name not in flat
-    ]
-    if not faults and not len(flat["time"]):
+    if not len(flat["time"]):
         faults.append("no rows: expected a header, and a row of numbers a time")
-    if faults:
         return {}
+    ports = dict.fromkeys(known[name] for name in flat if name != "time")
     return {
-        port: InputTable(flat["time"], np.stack([flat[name] for name in names], axis=1))
-        for port, names in ports.items()
+        port: InputTable(flat["time"], np.stack([flat[name] for name in known if known[name] == port], axis=1))
+        for port in ports
     }
+
+
+def _faults_of_names(known: Mapping[str, str], names: Sequence[str]) -> Iterator[str]:
+    """Yield what is wrong with columns; known: the ports by the names of their columns."""
+    for name in names:
+        if name not in known and name != "time":
+            yield f"column {as_toml(name)}: expected one of time, {', '.join(known)}"
+    given = {known[name] for name in names if name in known}
+    wanted = [name for name, port in known.items() if port in given]
+    for name in wanted:
+        if name not in names:
+            yield f"column {name!r} is missing: expected all of time, {', '.join(wanted)}"
 
 
 # Their times

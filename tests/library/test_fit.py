@@ -182,6 +182,10 @@ W = "time,omega_b[1],omega_b[2],omega_b[3]\n"
         (W + "0,1,inf,3\n1,1,2,3\n", "omega_b: expected finite numbers"),
         (W + "0,,,\n1,,,\n", "expected at least one measured output"),
         ("time,omega_b[1]\n0,1\n1,1\n", r"omega_b\[2\] is missing"),
+        (
+            "time,speed,omega_b[1]\n0,x,1\n1,1,1\n",
+            r"'speed': .*\n.*omega_b\[2\] is missing.*\n.*speed = \"x\" in row 1",
+        ),
         ("time,speed\n0,1\n1,1\n", "'speed': expected outputs among position"),
         ("time,quaternion[1],quaternion[2],quaternion[3],quaternion[4]\n0,2,0,0,0\n1,1,0,0,0\n", "has length 2"),
         (W + "0,nan,2,3\nnan,1,2,3\n", "finite times"),
