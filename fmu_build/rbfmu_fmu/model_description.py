@@ -110,7 +110,7 @@ VERSIONS = {(2, False): FMI2, (3, False): FMI3, (3, True): replace(FMI3, referen
 
 def version_of(fmi: int, scalars: bool) -> FmiVersion:
     """Return a version of FMI, with arrays as variables or without. Raises ValueError where there is none."""
-    if fmi not in (2, 3):
+    if not isinstance(fmi, int) or fmi not in (2, 3):
         raise ValueError(f"fmi = {fmi!r}: expected 2 or 3")
     if (fmi, scalars) not in VERSIONS:
         raise ValueError("scalars = True: expected fmi = 3 with it, as FMI 2 has no arrays")

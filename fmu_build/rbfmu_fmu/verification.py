@@ -19,6 +19,7 @@ from rbfmu import Plan, Scene, SceneError, planning
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import initialize
 from rbfmu.runs.time_grid import time_grid
+from rbfmu.scene.section import whole
 from rbfmu.types import Array
 from rbfmu_fmu.builder import kernel_hash
 from rbfmu_fmu.description import Description, describe, input_sizes
@@ -70,7 +71,7 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     any difference is a fault of the packing (a wrong place, unit or order of calls) and not one of arithmetic. Inputs
     are random and of about 1 m/s2 and 1 rad/s2, as a port that is wired wrongly shows only where it moves the body.
     """
-    path = Path(path)
+    path, seed = Path(path), whole(0, 2**63).read(seed, "seed")
     d, problems = _inside(path)
     run = d.scene.run
     _check_runs_here(path)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
 from functools import partial, wraps
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -35,8 +36,9 @@ def set_threads(n: int) -> None:
     With more than one, calls on fewer items take some 0.3 us longer.
     """
     global _threads, _pool
-    if n < 1:
-        raise ValueError(f"set_threads: n must be at least 1, got {n}")
+    if not isinstance(n, Integral) or isinstance(n, bool) or n < 1:
+        raise ValueError(f"set_threads: n must be a whole number of at least 1, got {n!r}")
+    n = int(n)
     # The pool before is not shut down: calls that hold it end with it, and then its threads end with their pool.
     _threads, _pool = n, ThreadPoolExecutor(n - 1, "rbfmu") if n > 1 else None
 

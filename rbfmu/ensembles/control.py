@@ -46,10 +46,13 @@ class Controller:
     def __post_init__(self) -> None:
         if not callable(self.function):
             raise ValueError(f"controller = {self.function!r}: expected a function {EXPECTED}")
-        start = np.array(self.state, dtype=np.float64)
+        try:
+            start = np.array(self.state, dtype=np.float64)
+        except (TypeError, ValueError):
+            start = np.array(np.nan)
         if start.ndim != 1 or not np.isfinite(start).all():
             raise ValueError(f"controller: state = {self.state!r}: expected finite numbers in one row")
-        if not isinstance(self.noise, Integral) or self.noise < 0:
+        if not isinstance(self.noise, Integral) or isinstance(self.noise, bool) or self.noise < 0:
             raise ValueError(f"controller: noise = {self.noise!r}: expected how many numbers it takes at a time")
         if not hasattr(self.function, "py_func"):
             object.__setattr__(self, "function", njit(self.function))

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from functools import lru_cache, partial
+from numbers import Integral
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -124,8 +125,8 @@ def _run(work: Work, store: Store, executor: Any, shown: bool) -> None:
 @contextmanager
 def workers_of(executor: Any) -> Iterator[tuple[Submit, int]]:
     """Yield `submit` and the number of workers of an executor; of None or a number of threads: threads of our own."""
-    if executor is None or (isinstance(executor, int) and not isinstance(executor, bool)):
-        number = processors() if executor is None else executor
+    if executor is None or (isinstance(executor, Integral) and not isinstance(executor, bool)):
+        number = processors() if executor is None else int(executor)
         if number < 1:
             raise ValueError(f"executor = {number!r}: expected at least one thread")
         with ThreadPoolExecutor(number, "rbfmu") as pool:
@@ -167,7 +168,9 @@ def dask_client(address: str) -> Iterator[Any]:
 
 def chunks_in_order(work: Work, first: int, executor: Any) -> Iterator[Chunk]:
     """Yield the chunks from the number `first` on in their order, of which few are on their way at a time."""
-    here = executor is None or isinstance(executor, int | ThreadPoolExecutor)  # functions of any kind need no packing
+    here = executor is None or isinstance(
+        executor, Integral | ThreadPoolExecutor
+    )  # functions of any kind need no packing
     task, given = (run_chunk, work) if here else (run_packed, packed(work))
     with workers_of(executor) as (submit, workers):
         waiting: deque[Any] = deque()

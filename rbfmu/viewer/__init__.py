@@ -20,6 +20,7 @@ from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
 from rbfmu.result import FORMATS, Result
 from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, faults_of, load_scene
+from rbfmu.scene.section import whole
 from rbfmu.scene.toml_file import read_file
 from rbfmu.simulation import plan, simulate
 from rbfmu.types import Array
@@ -226,8 +227,7 @@ def motion_of_scene(
     Under inputs it is shown as its communication step lets, with ports at zero at the instants of the pictures.
     ghosts: how many members of its ensemble are shown beside it. Raises SceneError, and ValueError for too many ghosts.
     """
-    if not 0 <= ghosts <= MOST_GHOSTS:
-        raise ValueError(f"ghosts = {ghosts}: expected a number from 0 to {MOST_GHOSTS}")
+    ghosts = whole(0, MOST_GHOSTS).read(ghosts, "ghosts")
     if ghosts:
         from rbfmu.ensembles.members import ensemble_of
 

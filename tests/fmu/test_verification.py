@@ -7,6 +7,7 @@ import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -44,6 +45,12 @@ def test_an_fmu_equals_its_kernels_to_the_bit(fmu: Path) -> None:
     assert found.steps_done == found.steps_asked == 20
     assert set(found.differences.values()) == {0.0}
     assert len(found.differences) == 29
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, True, "x"])
+def test_a_seed_is_a_whole_number(seed: Any, fmu: Path) -> None:
+    with pytest.raises(ValueError, match=r"seed = .*: expected a whole number from 0 to"):
+        verify(fmu, seed=seed)
 
 
 @pytest.mark.thorough

@@ -107,6 +107,7 @@ def test_builds_are_the_same_bytes(tmp_path):
 @pytest.mark.parametrize(("options", "message"), [
     ({"fmi": 3}, r'fmi = 3: expected kind = "native" with it'),
     ({"fmi": 4, "kind": "native"}, "fmi = 4: expected 2 or 3"),
+    ({"fmi": 3.0, "kind": "native"}, "fmi = 3.0: expected 2 or 3"),
     ({"scalars": True, "kind": "native"}, "scalars = True: expected fmi = 3 with it"),
 ])  # fmt: skip
 def test_versions_that_there_are_not_are_refused(options, message, tmp_path):

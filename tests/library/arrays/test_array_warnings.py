@@ -184,6 +184,7 @@ def test_threads_obey_the_caller_s_error_state(two_threads):
         rbfmu.euler_rate_a("ZYX", np.full((100, 3), math.pi / 2), V)
 
 
-def test_there_is_at_least_one_thread():
-    with pytest.raises(ValueError, match="at least 1"):
-        rbfmu.set_threads(0)
+@pytest.mark.parametrize("wrong", [0, 1.5, 2.0, True, "2", None])
+def test_threads_are_a_whole_number_of_at_least_one(wrong):
+    with pytest.raises(ValueError, match=f"set_threads: n must be a whole number of at least 1, got {wrong!r}"):
+        rbfmu.set_threads(wrong)

@@ -335,6 +335,15 @@ def of_four(t, outputs, state, inputs, noise):
     inputs[:3] = outputs[:4]
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [{"noise": 1.5}, {"noise": True}, {"noise": -1}, {"noise": "x"}, {"state": "x"}, {"state": 3}, {"state": {}}],
+)
+def test_wrong_numbers_of_a_controller_are_named(wrong):
+    with pytest.raises(ValueError, match=r"controller: (noise|state) = .*: expected (how many|finite) numbers"):
+        Controller(damp, **wrong)
+
+
 def gives(t, outputs, state, inputs, noise):
     return -outputs[4:7]
 

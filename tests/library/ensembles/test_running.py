@@ -86,6 +86,10 @@ def test_what_is_no_executor_is_refused(scene, wrong):
         run(scene, executor=wrong)
 
 
+def test_a_number_of_threads_may_be_one_of_numpy(scene, whole):
+    assert_same(whole, run(scene, executor=np.int64(2)))
+
+
 def test_a_scene_without_ensemble_is_refused(scene):
     with pytest.raises(SceneError, match="ensemble is missing"):
         run_ensemble(scene.replace({"ensemble": None}))

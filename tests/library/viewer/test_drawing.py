@@ -1,5 +1,7 @@
 """The body that is drawn, how many pictures there are, and where things stand in them."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -140,10 +142,12 @@ def test_paths_of_ghosts_count_as_well() -> None:
 
 
 @pytest.mark.parametrize(("ghosts", "error", "said"), [
-    (60, ValueError, "ghosts = 60: expected a number from 0 to 50"), (3, rbfmu.SceneError, "ensemble is missing"),
+    (60, ValueError, "ghosts = 60: expected a whole number from 0 to 50"),
+    (1.5, ValueError, "ghosts = 1.5: expected a whole number"), (True, ValueError, "ghosts = true: expected a"),
+    (3, rbfmu.SceneError, "ensemble is missing"),
 ])  # fmt: skip
 def test_ghosts_are_refused_before_anything_is_planned(
-    monkeypatch: pytest.MonkeyPatch, ghosts: int, error: type[Exception], said: str
+    monkeypatch: pytest.MonkeyPatch, ghosts: Any, error: type[Exception], said: str
 ) -> None:
     monkeypatch.delattr("rbfmu.viewer.plan")
     with pytest.raises(error, match=said):
