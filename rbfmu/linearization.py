@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -72,9 +73,10 @@ def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Lineariz
     formula without a finite derivative.
     """
     run = scene.run
-    t = run.start if t is None else float(t)
-    if not run.start <= t <= run.stop:
+    t = run.start if t is None else t
+    if not isinstance(t, Real) or not run.start <= t <= run.stop:
         raise ValueError(f"t = {t!r}: expected a time from run.start = {run.start!r} to run.stop = {run.stop!r} (s)")
+    t = float(t)
     simulator = _simulator_at(scene, t, ports)
     z, q = simulator.buffer(), tuple(simulator.quaternion.tolist())
     known = dict(by_element({name: z[block] for name, block in simulator.plan.kernels.BLOCKS.items()})) | {"t": t}

@@ -6,6 +6,7 @@ Files are also the CSV that importers of FMUs write.
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -133,7 +134,7 @@ class Result:
         """Return the part up to this time (s), all where it is None."""
         if stop is None:
             return self
-        if not stop >= self.time[0]:
+        if not isinstance(stop, Real) or not stop >= self.time[0]:
             raise ValueError(f"stop = {stop!r}: expected a time from {float(self.time[0])!r} s on")
         n = int(np.searchsorted(self.time, stop, side="right"))
         events, touches = (
@@ -150,6 +151,11 @@ class Result:
         """
         if not (listed := list(rows)):
             raise ValueError("rows = []: expected at least one, as Simulator.values gives them")
+        for k, row in enumerate(listed):
+            if not isinstance(row, Mapping) or "time" not in row or row.keys() != listed[0].keys():
+                raise ValueError(
+                    f"rows[{k}]: expected time and the same quantities in each, as Simulator.values gives them"
+                )
         columns = {name: np.array([row[name] for row in listed]) for name in listed[0]}
         return cls(columns.pop("time"), columns)
 

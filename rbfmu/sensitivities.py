@@ -1,6 +1,6 @@
 """How a motion hangs on each number of its scene: derivatives along it, by the variational equations."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from rbfmu.models.varied import TURN, Column, VariedModel
 from rbfmu.planning import methods
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.motion import Driven
-from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan
+from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.simulation import course
 from rbfmu.types import Array
@@ -126,7 +126,7 @@ def sensitivity(
     Raises SceneError, SimulationError, ValueError for a key without a number or where a corner is grazed.
     """
     varied, tables = Varied(scene, by), {} if inputs is None else input_tables(scene, inputs, interpolate)
-    return varied.along(scene, drive_of(scene, tables, interpolate), planned, covariance)
+    return varied.along(scene, drive_of(scene, tables, interpolate), given(planned), covariance)
 
 
 class Varied:
@@ -135,12 +135,13 @@ class Varied:
     def __init__(self, scene: Scene, by: Sequence[str]) -> None:
         if scene.body is None:
             raise ValueError(f"{scene.name}: expected a scene with a body, not prescribed rates, for derivatives")
-        by = [by] if isinstance(by, str) else by
-        self.columns = [column for key in by for column in columns_of(scene, key)]
+        self.columns = [column for key in keys_of(by) for column in columns_of(scene, key)]
         if not self.columns:
             raise ValueError("by: expected at least one key")
-        self.model = VariedModel(scene, self.columns)
         self.numbers = tuple(column.name for column in self.columns)
+        if len({*self.numbers}) < len(self.numbers):
+            raise ValueError(f"by: expected each number once, not {', '.join(self.numbers)}")
+        self.model = VariedModel(scene, self.columns)
 
     def along(self, scene: Scene, drive: Drive, planned: Plan | None = None, covariance: Any = None) -> Sensitivity:
         """Return the derivatives at the communication points of a drive; scene: as the first, but for the numbers."""
@@ -157,11 +158,15 @@ class Varied:
             if not known.all():
                 where = f"{scene.name}: {name} at t = {float(run.time[int(np.argmin(known))])!r} s"
                 raise ValueError(f"{where}: expected a motion with finite derivatives, that grazes no corner")
-        spread = {} if covariance is None else self._carried(of, np.asarray(covariance, dtype=np.float64))
+        spread = {} if covariance is None else self._carried(of, covariance)
         return Sensitivity(run.time, self.numbers, run.sizes, of, run.values, spread)
 
-    def _carried(self, of: Mapping[str, Array], covariance: Array) -> dict[str, Array]:
+    def _carried(self, of: Mapping[str, Array], numbers: Any) -> dict[str, Array]:
         n = len(self.columns)
+        try:
+            covariance = np.asarray(numbers, dtype=np.float64)
+        except (TypeError, ValueError):
+            covariance = np.empty(0)
         if covariance.shape != (n, n):
             raise ValueError(f"covariance: expected a matrix {(n, n)} for {', '.join(self.numbers)}")
         round_off = 1e-9 * np.max(np.abs(covariance))
@@ -181,6 +186,11 @@ class Varied:
         return own, True
 
 
+def keys_of(keys: object) -> list[Any]:
+    """Return what may be keys as a list, of one that stands alone as well; `columns_of` says which are none."""
+    return [keys] if isinstance(keys, str) or not isinstance(keys, Iterable) else [*keys]
+
+
 def _names_of_numbers(scene: Scene) -> dict[str, tuple[str, list[str]]]:
     """Return for each key with numbers the block that has them, and their names."""
     found = {ATTITUDE: ("rotvec_b", elements(ATTITUDE, 3))}
@@ -193,7 +203,8 @@ def _names_of_numbers(scene: Scene) -> dict[str, tuple[str, list[str]]]:
 
 def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:
     """Return the numbers that a key of an argument names. Raises ValueError."""
-    whole, known = key.partition("[")[0], _names_of_numbers(scene)
+    known = _names_of_numbers(scene)
+    whole = key.partition("[")[0] if isinstance(key, str) else ""
     if whole not in known:
         raise ValueError(f"{argument} = {key!r}: expected one of {', '.join(known)}")
     block, names = known[whole]

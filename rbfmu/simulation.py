@@ -16,7 +16,7 @@ from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result
 from rbfmu.runs.inputs import HOLD, Inputs, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.motion import Driven, Events, Happened
-from rbfmu.runs.plan import Plan, start_run, with_parameters
+from rbfmu.runs.plan import Plan, given, start_run, with_parameters
 from rbfmu.runs.time_grid import last_time, steps_until
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
 from rbfmu.scene.section import as_toml, fault
@@ -75,8 +75,12 @@ def simulate(
     inputs given.
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
+    if progress is not None and not callable(progress):
+        raise TypeError(
+            fault("progress", progress, "a function that wraps step numbers, as rbfmu.progress_bar(name) is")
+        )
     tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
-    planned = (planned or _plan(scene, tables or None, interpolate)).of_scene(scene)
+    planned = (given(planned) or _plan(scene, tables or None, interpolate)).of_scene(scene)
     drive = drive_of(scene, tables, interpolate)
     run = Driven(scene, planned, drive)
     time, shown = course(scene, run, drive.time, scene.outputs.names, progress)
@@ -141,7 +145,7 @@ class Simulator:
     """
 
     def __init__(self, scene: Any, /, **parameters: Any) -> None:
-        self.scene, self.plan = _planned(scene)
+        self.scene, self.plan = of_scene_or_path(lambda one: (one, plan(one)), "Simulator")(scene)
         kernels, run = self.plan.kernels, self.scene.run
         blocks = kernels.BLOCKS
         self._z = start_run(with_parameters(self.scene, self.plan, parameters), self.plan)
@@ -308,8 +312,13 @@ class Simulator:
         return self._identity + _checksum(content) + content
 
     def restore(self, state: bytes) -> None:
-        """Go back to a saved state. Raises ValueError, with nothing changed, if it is no state of the scene."""
+        """Go back to a saved state. Raises ValueError, with nothing changed, if it is no state of the scene.
+
+        Raises TypeError for what is no bytes at all.
+        """
         told = _CLOCK.size + 16 * len(self._untold)  # where what was told of events ends
+        if not isinstance(state, bytes | bytearray | memoryview):
+            raise TypeError(fault("state", state, "the bytes that `save` returned"))
         content = state[len(state) - told - self._bytes.nbytes :]
         head = self._identity + _checksum(content)  # with damaged numbers a step could end the process
         if state[: -len(content)] != head:
@@ -352,13 +361,8 @@ def compiled_step(scene: Scene, planned: Plan | None = None) -> tuple[Callable[[
     status is 0, or 1 for a step that was refused, with nothing changed. What stands where in the buffer say the slices
     `planned.kernels.BLOCKS["torque_b"]` by name, of inputs and of quantities. Raises SceneError.
     """
-    planned = (planned or plan(scene)).of_scene(scene)
+    planned = (given(planned) or plan(scene)).of_scene(scene)
     return planned.kernels.step, start_run(scene, planned)
-
-
-@of_scene_or_path
-def _planned(scene: Scene) -> tuple[Scene, Plan]:
-    return scene, plan(scene)
 
 
 def _checksum(content: bytes) -> bytes:

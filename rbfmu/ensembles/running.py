@@ -24,7 +24,7 @@ from rbfmu.ensembles.store import Store, refuse_existing
 from rbfmu.exceptions import SimulationError, named
 from rbfmu.extras import needed
 from rbfmu.progress import bar
-from rbfmu.runs.plan import Plan
+from rbfmu.runs.plan import Plan, given
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.simulation import simulate
 
@@ -67,6 +67,7 @@ def run_ensemble(
     already or is of another ensemble, BlockingIOError where another program is writing to it.
     """
     check_store(store, resume)
+    given(planned)
     scene = with_runs(scene, runs)
     plan = (plan_ensemble(scene) if planned is None else planned).of_scene(scene)
     control = control_of(scene, plan, inputs, controller, interpolate)

@@ -37,7 +37,8 @@ class Chart:
     reach = math.inf
 
     def __init__(self, scene: Scene, key: str) -> None:
-        self.whole, self.columns = key.partition("[")[0], columns_of(scene, key, "free")
+        self.columns = columns_of(scene, key, "free")  # which refuses what is no key
+        self.whole = key.partition("[")[0]
         self.start = np.array(value_of(scene, self.whole), dtype=np.float64).ravel()
         self.size = float(np.max(np.abs(self.start), initial=0.0)) or 1.0
         self.chosen = [column.at for column in self.columns]
@@ -138,7 +139,7 @@ def chart_of(scene: Scene, key: str) -> Chart:
         return _Attitude(scene, key)
     if key == INERTIA:
         return _Inertia(scene, key)
-    if key.startswith(INERTIA):
+    if isinstance(key, str) and key.startswith(INERTIA):
         raise ValueError(f"free = {key!r}: expected {INERTIA} as a whole, so that it stays one that a body can have")
     return _Mass(scene, key) if key == MASS else Chart(scene, key)
 

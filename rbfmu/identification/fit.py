@@ -18,7 +18,7 @@ from rbfmu.identification.charts import INERTIA, OWN, Chart, by_chart, changes, 
 from rbfmu.identification.measured import QUATERNION, Data, Measured, read_measured, residuals
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables
 from rbfmu.scene.scene import SECTIONS, Scene, of_scene_or_path
-from rbfmu.sensitivities import ATTITUDE, Varied
+from rbfmu.sensitivities import ATTITUDE, Varied, keys_of
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import elements
 
@@ -197,7 +197,8 @@ def fit(
     if loss not in LOSSES:
         raise ValueError(f"loss = {loss!r}: expected one of {', '.join(LOSSES)}")
     known = read_measured(scene, data)
-    keys = [free] if isinstance(free, str) else [*dict.fromkeys(free)]
+    listed = keys_of(free)
+    keys = [key for k, key in enumerate(listed) if key not in listed[:k]]
     if not keys:
         raise ValueError("free: expected at least one key")
     return _Search(scene, known, keys, _deviations(sigma, known), loss, (inputs, interpolate)).fit()

@@ -122,6 +122,13 @@ class Plan:
                 raise _refused(name, value, "a number that is not negative")
 
 
+def given(planned: object) -> Plan | None:
+    """Return a plan that is given, or None; raise TypeError for anything else."""
+    if planned is None or isinstance(planned, Plan):
+        return planned
+    raise TypeError(fault("planned", planned, "a rbfmu.Plan, as rbfmu.plan returns it"))
+
+
 def _refused(name: str, value: object, expected: str) -> ValueError:
     return ValueError(f"Plan.{name} = {value!r}: expected {expected}")
 

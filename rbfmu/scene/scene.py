@@ -136,6 +136,8 @@ class Scene(Section):
         name follow from the new motion. A shape was turned into its inertia when the scene was made, so a new mass
         alone does not change the inertia. Raises SceneError.
         """
+        if not isinstance(changes, Mapping):
+            raise SceneError(fault("changes", changes, "a mapping from keys to their values"), self.name)
         new = self._values()
         for name, value in _merged(_merged({}, changes), tables).items():
             table = as_lists(new.get(name))
@@ -355,8 +357,13 @@ def faults_of(source: str) -> Iterator[None]:
         raise SceneError(error.faults, source) from None
 
 
-def of_scene_or_path(function: Callable[Concatenate[Scene, P], R]) -> Callable[Concatenate[Scene | str | Path, P], R]:
-    """Make a function of a scene accept the path of a scene file as well; it raises TypeError for anything else."""
+def of_scene_or_path(
+    function: Callable[Concatenate[Scene, P], R], name: str = ""
+) -> Callable[Concatenate[Scene | str | Path, P], R]:
+    """Make a function of a scene accept the path of a scene file as well; it raises TypeError for anything else.
+
+    name: in the error's message, if not the function's own.
+    """
 
     @wraps(function)
     def call(scene: Scene | str | Path, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -364,8 +371,8 @@ def of_scene_or_path(function: Callable[Concatenate[Scene, P], R]) -> Callable[C
             warn(scene, doubts_before(scene))
             return function(scene, *args, **kwargs)
         if not isinstance(scene, str | Path):
-            name = f"{function.__name__}: scene = {scene!r}"
-            raise TypeError(f"{name:.120}: expected a rbfmu.Scene or the path of a scene file")
+            said = f"{name or function.__name__}: scene = {scene!r}"
+            raise TypeError(f"{said:.120}: expected a rbfmu.Scene or the path of a scene file")
         with faults_of(str(scene)):
             loaded = load_scene(scene)
             warn(loaded, doubts_before(loaded))

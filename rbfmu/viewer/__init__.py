@@ -20,7 +20,7 @@ from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
 from rbfmu.result import FORMATS, Result
 from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, faults_of, load_scene
-from rbfmu.scene.section import whole
+from rbfmu.scene.section import fault
 from rbfmu.scene.toml_file import read_file
 from rbfmu.simulation import plan, simulate
 from rbfmu.types import Array
@@ -227,7 +227,8 @@ def motion_of_scene(
     Under inputs it is shown as its communication step lets, with ports at zero at the instants of the pictures.
     ghosts: how many members of its ensemble are shown beside it. Raises SceneError, and ValueError for too many ghosts.
     """
-    ghosts = whole(0, MOST_GHOSTS).read(ghosts, "ghosts")
+    if not isinstance(ghosts, int) or isinstance(ghosts, bool) or not 0 <= ghosts <= MOST_GHOSTS:
+        raise ValueError(fault("ghosts", ghosts, f"a whole number from 0 to {MOST_GHOSTS}"))
     if ghosts:
         from rbfmu.ensembles.members import ensemble_of
 
@@ -293,6 +294,12 @@ def view(
     needed("viser", "view")
     driven = None if inputs is None else {"inputs": inputs, "interpolate": interpolate}
     title = "motion"
+    if not isinstance(source, Scene | Result | str | Path):
+        raise TypeError(fault("source", source, "a rbfmu.Scene, a rbfmu.Result, or the path of a file of either"))
+    if not isinstance(scene, Scene | str | Path | None):
+        raise TypeError(fault("scene", scene, "a rbfmu.Scene or the path of a scene file"))
+    if not isinstance(path, str | Path | None):
+        raise TypeError(fault("path", path, "the path of a page to write, or None"))
     if isinstance(source, str | Path) and Path(source).suffix in FORMATS:
         title, source = Path(source).stem, Result.load(source)
     if ghosts and (isinstance(source, Result) or driven):
@@ -303,7 +310,8 @@ def view(
         motion = motion_of_result(source.until(stop), title, *_scene_and_shape(scene))
     else:
         loaded, shape = _scene_and_shape(source)
-        with faults_of(str(source) if stop is None else f"{source} with stop {stop!r}"):
+        name = source.name if isinstance(source, Scene) else str(source)
+        with faults_of(name if stop is None else f"{name} with stop {stop!r}"):
             shown = loaded if stop is None else loaded.replace(run={"stop": stop})
             motion = motion_of_scene(shown, shape, progress, ghosts, driven)
     if path is not None:

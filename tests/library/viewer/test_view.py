@@ -185,7 +185,8 @@ def test_ghosts_are_runs_of_the_ensemble(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("ghosts", "options", "said"), [
-    (-1, {}, "ghosts = -1: expected a number from 0 to 50"), (51, {}, "ghosts = 51: expected a number from 0 to 50"),
+    (-1, {}, "ghosts = -1: expected a whole number from 0 to 50"),
+    (51, {}, "ghosts = 51: expected a whole number from 0 to 50"),
     (2, {"inputs": {}}, "ghosts = 2: expected a scene with them, and no inputs"),
 ])  # fmt: skip
 def test_ghosts_that_cannot_be_shown_are_refused(tmp_path: Path, ghosts: int, options: dict, said: str) -> None:

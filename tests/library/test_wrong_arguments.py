@@ -1,0 +1,79 @@
+"""Wrong arguments of functions that people call: one error that names the argument, its value and what was expected."""
+
+import re
+
+import numpy as np
+import pytest
+
+import rbfmu
+
+SCENE = rbfmu.Scene(
+    body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},
+    initial={"omega_b": [0.1, 0.2, 0.3]},
+    outputs={"quantities": ["quaternion", "omega_b"]},
+    run={"stop": 1.0, "step": 0.1},
+    ensemble={"runs": 4, "vary": {"body.mass": {"normal": [1.0, 0.01]}}},
+)
+RESULT = rbfmu.simulate(SCENE)
+NO_PLAN = "planned = {}: expected a rbfmu.Plan"
+WRONG = [
+    (lambda: rbfmu.simulate(SCENE, planned="x"), TypeError, NO_PLAN.format('"x"')),
+    (lambda: rbfmu.simulate(SCENE, planned={}), TypeError, NO_PLAN.format("{}")),
+    (lambda: rbfmu.simulate(SCENE, progress=True), TypeError, "progress = true: expected a function"),
+    (lambda: rbfmu.compiled_step(SCENE, 3), TypeError, NO_PLAN.format("3")),
+    (lambda: rbfmu.run_ensemble(SCENE, planned="x"), TypeError, NO_PLAN.format('"x"')),
+    (lambda: rbfmu.sensitivity(SCENE, ["body.inertia"], planned="x"), TypeError, NO_PLAN.format('"x"')),
+    (lambda: rbfmu.sensitivity(SCENE, by=[3]), ValueError, "by = 3: expected one of initial.attitude, "),
+    (lambda: rbfmu.sensitivity(SCENE, by=3), ValueError, "by = 3: expected one of initial.attitude, "),
+    (lambda: rbfmu.sensitivity(SCENE, by=None), ValueError, "by = None: expected one of initial.attitude, "),
+    (
+        lambda: rbfmu.sensitivity(SCENE, by=["body.mass", "body.mass"]),
+        ValueError,
+        "by: expected each number once, not body.mass, body.mass",
+    ),
+    (lambda: rbfmu.sensitivity(SCENE, "body.mass", covariance="x"), ValueError, "covariance: expected a matrix (1, 1)"),
+    (lambda: rbfmu.sensitivity(SCENE, "body.mass", covariance={}), ValueError, "covariance: expected a matrix (1, 1)"),
+    (lambda: rbfmu.fit(SCENE, RESULT, free=[3]), ValueError, "free = 3: expected one of initial.attitude, "),
+    (lambda: rbfmu.fit(SCENE, RESULT, free=3), ValueError, "free = 3: expected one of initial.attitude, "),
+    (lambda: rbfmu.fit(SCENE, RESULT, free=[["x"]]), ValueError, "free = ['x']: expected one of initial.attitude, "),
+    (lambda: rbfmu.linearize(SCENE, "x"), ValueError, "t = 'x': expected a time from run.start = 0.0 to run.stop"),
+    (lambda: rbfmu.Simulator(3), TypeError, "Simulator: scene = 3: expected a rbfmu.Scene or the path of a scene file"),
+    (lambda: rbfmu.Simulator(SCENE).restore("x"), TypeError, 'state = "x": expected the bytes that `save` returned'),
+    (lambda: rbfmu.Result.of_rows([3]), ValueError, "rows[0]: expected time and the same quantities in each"),
+    (lambda: rbfmu.Result.of_rows([{}]), ValueError, "rows[0]: expected time and the same quantities in each"),
+    (lambda: rbfmu.Result.of_rows([{"time": 0.0}, {"x": 1}]), ValueError, "rows[1]: expected time and the same"),
+    (lambda: RESULT.until("x"), ValueError, "stop = 'x': expected a time from 0.0 s on"),
+    (lambda: SCENE.replace(3), rbfmu.SceneError, "scene: changes = 3: expected a mapping from keys to their values"),
+]
+
+
+@pytest.mark.parametrize(("call", "error", "said"), WRONG, ids=[str(k) for k in range(len(WRONG))])
+def test_a_wrong_argument_is_named(call, error, said):
+    with pytest.raises(error, match=re.escape(said)):
+        call()
+
+
+SEEN = [
+    (lambda: rbfmu.view(3), TypeError, "source = 3: expected a rbfmu.Scene, a rbfmu.Result, or the path"),
+    (lambda: rbfmu.view(None), TypeError, "source = None: expected a rbfmu.Scene, a rbfmu.Result, or the path"),
+    (lambda: rbfmu.view(SCENE, 3), TypeError, "path = 3: expected the path of a page to write, or None"),
+    (lambda: rbfmu.view(RESULT, scene=3), TypeError, "scene = 3: expected a rbfmu.Scene or the path of a scene file"),
+    (lambda: rbfmu.view(RESULT, stop="x"), ValueError, "stop = 'x': expected a time from 0.0 s on"),
+    (
+        lambda: rbfmu.view(SCENE, stop="x"),
+        rbfmu.SceneError,
+        "scene with stop 'x': run.stop = \"x\": expected a number (s)",
+    ),
+]
+
+
+@pytest.mark.parametrize(("call", "error", "said"), SEEN, ids=[str(k) for k in range(len(SEEN))])
+def test_a_wrong_argument_of_a_view_is_named(call, error, said):
+    pytest.importorskip("viser")
+    with pytest.raises(error, match=re.escape(said)):
+        call()
+
+
+def test_times_may_be_numbers_of_numpy():
+    assert len(RESULT.until(np.float32(0.5)).time) == len(RESULT.until(np.int64(1)).time) - 5
+    assert rbfmu.linearize(SCENE, np.float64(0.5)).time == 0.5
