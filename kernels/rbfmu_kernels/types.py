@@ -1,7 +1,7 @@
 """Core types of kernels. A kernel's annotations are its shapes; array functions are made from them."""
 
 from collections.abc import Callable
-from typing import Any, Protocol, overload
+from typing import Any, NewType, Protocol, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ Transform = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
 """Rows of a homogeneous transform, of four numbers each: they are no quaternions, but Numba sees no difference."""
 Vec6 = tuple[float, float, float, float, float, float]
 Matrix6 = tuple[Vec6, Vec6, Vec6, Vec6, Vec6, Vec6]
+FreeRotationNumbers = NewType("FreeRotationNumbers", tuple[float, ...])
+"""The constants of a free rotation, a flat tuple: one of its own, so that no other tuple of floats has their shape."""
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 

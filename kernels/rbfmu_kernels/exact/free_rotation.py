@@ -27,10 +27,10 @@ from ..numerics.elementary import power_of_two_for, sincos_half_turns
 from ..numerics.elliptic import NEAREST_KC, Place, jacobi_low_parts
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, largest_of, scale_quaternion, square_of
 from ..rotations.vec3 import scale
-from ..types import Array, Buffer, Quaternion, Vec3
+from ..types import Array, Buffer, FreeRotationNumbers, Quaternion, Vec3
 from . import free_rotation_setup as constants
 from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, jacobi_of, place_of, read_steady, turn_of
-from .free_rotation_setup import FreeRotation, FreeRotationNumbers, in_body_axes, read_free_rotation
+from .free_rotation_setup import FreeRotation, in_body_axes, read_free_rotation
 from .uniform_rotation import power_for, without_turns
 
 __all__ = ["free_rotation", "free_rotation_at", "free_rotation_setup"]

@@ -11,7 +11,7 @@ from ..numerics.double_double import ONE_OVER_PI, DoubleDouble, Vector, two_prod
 from ..numerics.elementary import power_of_two_for
 from ..numerics.elliptic import NEAREST_KC, angle_in_half_turns, climb_scale
 from ..rotations.quaternion import compose_quaternions, invert_quaternion
-from ..types import SHAPES, Quaternion, Vec3
+from ..types import SHAPES, FreeRotationNumbers, Quaternion, Vec3
 from . import free_rotation_series
 from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, Series, SteadyTurn
 from .uniform_rotation import ONE_OVER_4PI, turning_about
@@ -185,7 +185,6 @@ class FreeRotation(NamedTuple):
 
 
 FREE_ROTATION_SIZE, put_free_rotation, read_free_rotation, flatten_free_rotation = record(FreeRotation)
-FreeRotationNumbers = tuple[float, ...]  # there is no tuple of 62 floats short of writing it out
 SHAPES[FreeRotationNumbers] = (FREE_ROTATION_SIZE,)
 
 _LEAST_KC = 1e-300

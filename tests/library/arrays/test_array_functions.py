@@ -16,6 +16,7 @@ from rbfmu_kernels.compile.gufunc import Item, core_shapes, gufuncs, interpreted
 from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_setup
 from rbfmu_kernels.exact.free_rotation_setup import FREE_ROTATION_SIZE
 from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
+from rbfmu_kernels.types import SHAPES
 from tests.kernels.mechanics import test_inverse_dynamics, test_kinematics, test_spatial
 from tests.kernels.rotations import (
     test_attitude_error,
@@ -226,6 +227,12 @@ def test_constants_fit_a_flat_buffer_and_serve_in_compiled_code():
     assert buffer.shape == (FREE_ROTATION_SIZE,)
     assert buffer.dtype == np.float64
     assert last(tuple(buffer.tolist()), 11) == body_at(I_123, Q_0, OMEGA, 5.0)
+
+
+def test_constants_have_a_shape_of_their_own_and_other_tuples_of_floats_none():
+    assert core_shapes(free_rotation_at)[0] == {"setup": (FREE_ROTATION_SIZE,), "t": ()}
+    assert core_shapes(free_rotation_setup)[1] == [(FREE_ROTATION_SIZE,)]
+    assert tuple[float, ...] not in SHAPES
 
 
 def test_array_function_equals_the_kernel_over_bodies_and_times():
