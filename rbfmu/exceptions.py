@@ -12,11 +12,14 @@ NOT_THE_CALLER = ("rbfmu", "rbfmu_kernels", "rbfmu_fmu", "functools", "contextli
 
 
 class SceneError(ValueError):
-    """The error of a bad scene: `.faults` has all that is wrong with it, one line each."""
+    """The error of a bad scene: `.faults` has all that is wrong with it, one line each.
 
-    def __init__(self, faults: str | Iterable[str], source: str = "") -> None:
+    `.code`: a key of `rbfmu_kernels.buffer.FAULTS` where a model refuses the start, else 0.
+    """
+
+    def __init__(self, faults: str | Iterable[str], source: str = "", code: int = 0) -> None:
         self.faults = [faults] if isinstance(faults, str) else list(faults)
-        self.source = source
+        self.source, self.code = source, code
         super().__init__(self.faults, source)
 
     def __str__(self) -> str:

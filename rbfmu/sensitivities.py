@@ -22,7 +22,7 @@ from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.simulation import course
 from rbfmu.types import Array
-from rbfmu_kernels.buffer import FAULTS, NO_OUTPUTS
+from rbfmu_kernels.buffer import NO_OUTPUTS
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import BY_NAME, OUTPUT, elements
 
@@ -148,10 +148,10 @@ class Varied:
         try:
             run = _Run(self, scene, *self._plan(scene, planned), drive)
         except SceneError as error:
-            if FAULTS[NO_OUTPUTS][1] not in str(error):
+            if error.code != NO_OUTPUTS:
                 raise
             why = "and norms, roots and angles of what is zero at the start have no derivative"
-            raise SceneError([f"{one}, {why}" for one in error.faults], scene.name) from None
+            raise SceneError([f"{one}, {why}" for one in error.faults], scene.name, error.code) from None
         of = run.slopes()
         for name, rows in of.items():
             known = np.isfinite(rows).all(axis=(1, 2))

@@ -45,7 +45,7 @@ def refusal(scene: Scene, code: int, blocks: dict[str, slice], z: Buffer) -> Sce
         own = [name for name in scene.outputs.own if not np.isfinite(z[blocks.get(name, slice(0))]).all()]
         block = " and ".join(f"outputs.{name}" for name in own) or block
     named = f"{block} = {z[blocks[block]].tolist()}" if block in blocks else block.strip(CHANGED) or "parameters"
-    return SceneError(f"{named}: {expected}", scene.name)
+    return SceneError(f"{named}: {expected}", scene.name, code)
 
 
 def _numbers(scene: Scene) -> dict[str, Any]:

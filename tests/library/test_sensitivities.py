@@ -2,11 +2,13 @@
 
 import csv
 import math
+import pickle
 
 import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu_kernels.buffer import NO_OUTPUTS, OK
 from tests.support.quadruple import reference, slopes
 from tests.support.quadruple.scenes import random_scene
 
@@ -132,6 +134,17 @@ def test_what_cannot_vary_is_said(by, tables, said):
     one = scene(**tables) if "inputs" not in tables else rbfmu.Scene.from_dict(tables)
     with pytest.raises(ValueError, match=said):
         rbfmu.sensitivity(one, by)
+
+
+def test_a_refused_start_is_known_by_its_number():
+    """Of whatever text; other errors have none."""
+    one = scene(outputs={"quantities": ["omega_b"], "off": "1/norm(position)"})
+    with pytest.raises(rbfmu.SceneError) as caught:
+        rbfmu.simulate(one)
+    assert caught.value.code == pickle.loads(pickle.dumps(caught.value)).code == NO_OUTPUTS
+    with pytest.raises(rbfmu.SceneError) as other:
+        one.replace({"run.stop": -1.0})
+    assert other.value.code == OK
 
 
 def test_they_are_saved_and_drawn(tmp_path):

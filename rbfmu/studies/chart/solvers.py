@@ -110,7 +110,9 @@ def solver(name: str, prepare: Callable[[Case, float], Prepared], unfit: Callabl
         return Run(case.motion_of(rows), timer(repeat), evaluations)
 
     def why_not(case: Case) -> str:
-        return (unfit(case) if unfit else "") if case.states else "nothing is to be integrated"
+        if not case.states:
+            return "nothing is to be integrated"
+        return unfit(case) if unfit else ""
 
     return Method(name, "peer", "rtol = atol", _tolerances, run, why_not, takes_formulas=True)
 
