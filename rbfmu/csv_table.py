@@ -17,13 +17,14 @@ from rbfmu.types import Array
 def read_columns(
     path: Path, expected: str = "a number", holds: Callable[[float], bool] = lambda x: True,
     gaps: Collection[str] = (), needed: str = "time",
-    faults_of_names: Callable[[Sequence[str]], Iterable[str]] = lambda names: (),
+    faults_of_names: Callable[[Sequence[str]], Iterable[tuple[str, str]]] = lambda names: (),
 ) -> dict[str, Array]:  # fmt: skip
     """Return the columns (rows,) of a file by the names in its header.
 
     expected: which numbers a cell may have, in words; holds: whether it may; gaps: what stands for none, in lower case,
-    and is NaN; needed: a column that must be there, if any; faults_of_names: yields what is wrong with names. Raises
-    SceneError with that and the first fault of each column, in which rows are counted from 1, without the header.
+    and is NaN; needed: a column that must be there, if any; faults_of_names: of the names in the header, yields
+    a column and what is wrong with it. Raises SceneError with the first fault of each column, in which rows are counted
+    from 1, without the header.
     """
     source = str(path)
     try:
@@ -34,14 +35,14 @@ def read_columns(
             if needed and needed not in names:
                 said = f"column {needed!r} is missing: expected it in the header, not {', '.join(names) or 'nothing'}"
                 raise SceneError(said, source)
-            faults = [*faults_of_names(names)]
+            faults = dict(faults_of_names(names))
             table = _plain_numbers(file)
             if table is None or table.shape[1] != len(names):
                 file.seek(0)
                 rows = [*filter(None, csv.reader(file, skipinitialspace=True))][1:]
                 table = _numbers(faults, names, rows, expected, holds, gaps)
             if faults:
-                raise SceneError(faults, source)
+                raise SceneError(faults.values(), source)
     except (UnicodeDecodeError, csv.Error) as error:
         raise SceneError(f"not a CSV file: {error}", source) from None
     return dict(zip(names, table.T, strict=True))
@@ -58,21 +59,20 @@ def _plain_numbers(lines: TextIO) -> Array | None:
 
 
 def _numbers(
-    faults: list[str], names: list[str], rows: list[list[str]], expected: str, holds: Callable[[float], bool],
+    faults: dict[str, str], names: list[str], rows: list[list[str]], expected: str, holds: Callable[[float], bool],
     gaps: Collection[str],
 ) -> Array:  # fmt: skip
-    """Return the numbers of rows; add what is wrong with them to the faults."""
-    table, wrong = np.full((len(rows), len(names)), np.nan), dict[str, str]()
+    """Return the numbers of rows; add what is wrong with them to the faults by column, of which each has one."""
+    table = np.full((len(rows), len(names)), np.nan)
     for k, row in enumerate(rows):
         if len(row) != len(names):
-            wrong[""] = f"row {k + 1} has {len(row)} cells: expected {len(names)}, as many as the header"
+            faults["a row"] = f"row {k + 1} has {len(row)} cells: expected {len(names)}, as many as the header"
             break
         for i, (name, cell) in enumerate(zip(names, map(str.strip, row), strict=True)):
             if cell.lower() not in gaps:
                 table[k, i], good = _number(cell)
                 if not good or not holds(table[k, i]):
-                    wrong.setdefault(name, f"{name} = {json.dumps(cell)} in row {k + 1}: expected {expected}")
-    faults += wrong.values()
+                    faults.setdefault(name, f"{name} = {json.dumps(cell)} in row {k + 1}: expected {expected}")
     return table
 
 

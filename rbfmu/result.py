@@ -254,13 +254,13 @@ def _npz(path: Path) -> dict[str, Array]:
         raise ValueError(f"{path}: cannot be read as arrays of NumPy ({error}): expected the result of a run") from None
 
 
-def incomplete(names: Sequence[str]) -> Iterator[str]:
-    """Yield what is missing of quantities, of which some columns have the names."""
+def incomplete(names: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield what is missing of quantities, of which some columns have the names, and a line that says so."""
     for name in dict.fromkeys(name.partition("[")[0] for name in names):
         wanted = elements(name, OUTPUT[name].size) if name in OUTPUT else []
         missing = [one for one in wanted if one not in names]
         if missing:
-            yield f"{missing[0]} is missing: expected all of {', '.join(wanted)}"
+            yield missing[0], f"{missing[0]} is missing: expected all of {', '.join(wanted)}"
 
 
 def by_quantity(flat: Mapping[str, Array]) -> dict[str, Array]:

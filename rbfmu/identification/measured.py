@@ -103,11 +103,11 @@ def _unit(rows: Array) -> Array:
     return np.asarray(rows / lengths[:, None])
 
 
-def _faults_of_names(scene: Scene, names: Sequence[str]) -> Iterator[str]:
+def _faults_of_names(scene: Scene, names: Sequence[str]) -> Iterator[tuple[str, str]]:
     shown = (*OUTPUT, *scene.outputs.own)
     for name in names:
         if name != "time" and name.partition("[")[0] not in shown:
-            yield f"column {name!r}: expected outputs among {', '.join(shown)}"
+            yield name, f"column {name!r}: expected outputs among {', '.join(shown)}"
     yield from incomplete(names)
 
 
@@ -124,6 +124,8 @@ def sigma_of(text: str) -> float | dict[str, float]:
         return float(text)
     except ValueError:
         path = Path(text)
+    if not path.exists():
+        raise ValueError(f"sigma = {text!r}: expected a number, or a CSV file of these")
     columns = _columns(path, needed="")
     if any(len(rows) != 1 for rows in columns.values()):
         raise ValueError(f"{path}: expected a row of outputs' names and a row of their standard deviations")

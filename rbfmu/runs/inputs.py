@@ -147,16 +147,16 @@ def _read(path: Path, scene: Scene, faults: list[str]) -> InputTables:
     }
 
 
-def _faults_of_names(known: Mapping[str, str], names: Sequence[str]) -> Iterator[str]:
-    """Yield what is wrong with columns; known: the ports by the names of their columns."""
+def _faults_of_names(known: Mapping[str, str], names: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield each wrong column and what is wrong; known: the ports by the names of their columns."""
     for name in names:
         if name not in known and name != "time":
-            yield f"column {as_toml(name)}: expected one of time, {', '.join(known)}"
+            yield name, f"column {as_toml(name)}: expected one of time, {', '.join(known)}"
     given = {known[name] for name in names if name in known}
     wanted = [name for name, port in known.items() if port in given]
     for name in wanted:
         if name not in names:
-            yield f"column {name!r} is missing: expected all of time, {', '.join(wanted)}"
+            yield name, f"column {name!r} is missing: expected all of time, {', '.join(wanted)}"
 
 
 # Their times

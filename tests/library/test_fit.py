@@ -183,8 +183,8 @@ W = "time,omega_b[1],omega_b[2],omega_b[3]\n"
         (W + "0,,,\n1,,,\n", "expected at least one measured output"),
         ("time,omega_b[1]\n0,1\n1,1\n", r"omega_b\[2\] is missing"),
         (
-            "time,speed,omega_b[1]\n0,x,1\n1,1,1\n",
-            r"'speed': .*\n.*omega_b\[2\] is missing.*\n.*speed = \"x\" in row 1",
+            "time,speed,omega_b[1]\n0,x,y\n1,1,1\n",
+            r"'speed': .*\n.*omega_b\[2\] is missing.*\n.*omega_b\[1\] = \"y\" in row 1: [^\n]*\Z",
         ),
         ("time,speed\n0,1\n1,1\n", "'speed': expected outputs among position"),
         ("time,quaternion[1],quaternion[2],quaternion[3],quaternion[4]\n0,2,0,0,0\n1,1,0,0,0\n", "has length 2"),
@@ -229,6 +229,8 @@ def test_noise_is_a_number_or_a_file(tmp_path):
     (tmp_path / "s.csv").write_text("omega_b\n")
     with pytest.raises(ValueError, match="a row of outputs' names and a row"):
         sigma_of(str(tmp_path / "s.csv"))
+    with pytest.raises(ValueError, match="sigma = '0,01': expected a number, or a CSV file of these"):
+        sigma_of("0,01")
 
 
 def test_a_hopeless_start_comes_to_an_end():

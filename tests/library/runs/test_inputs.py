@@ -214,8 +214,8 @@ FILES = {
         r"column 'force_a\[2\]' is missing: expected all of time, force",
     ),
     "columns before cells": (
-        "time,force_a[1],force_a[2],torque_x\n0,1,x,1\n1,2\n",
-        r'column "torque_x": .*\n.*\'force_a\[3\]\' is missing: .*\n.*force_a\[2\] = "x" .*\n.*row 2 has 2 cells',
+        "time,force_a[1],force_a[2],torque_x\n0,1,x,y\n1,2\n",
+        r'column "torque_x": .*\n.*\'force_a\[3\]\' is missing: .*\n.*force_a\[2\] = "x" .*\n.*row 2 has 2 cells.*\Z',
     ),
     "no time": ("force_a[1],force_a[2],force_a[3]\n1,1,1\n", "column 'time' is missing"),
     "twice": ("time,time,force_a[1],force_a[2],force_a[3]\n0,0,1,1,1\n", "column 'time' stands twice"),
