@@ -42,8 +42,10 @@ def refusal(scene: Scene, code: int, blocks: dict[str, slice], z: Buffer) -> Sce
     """Return the error for a start that a model refuses; code: a key of `buffer.FAULTS`."""
     block, expected = FAULTS[code]
     if code == NO_OUTPUTS:
-        own = [name for name in scene.outputs.own if not np.isfinite(z[blocks.get(name, slice(0))]).all()]
-        block = " and ".join(f"outputs.{name}" for name in own) or block
+        places = {f"outputs.{name}": name for name in scene.outputs.own}
+        places |= {f"events.{name}": f"when.{name}" for name in scene.events}
+        own = [key for key, name in places.items() if not np.isfinite(z[blocks.get(name, slice(0))]).all()]
+        block = " and ".join(own) or block
     named = f"{block} = {z[blocks[block]].tolist()}" if block in blocks else block.strip(CHANGED) or "parameters"
     return SceneError(f"{named}: {expected}", scene.name, code)
 

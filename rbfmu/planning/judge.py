@@ -99,7 +99,7 @@ class Judge:
         steps = (np.repeat(self.cut_steps, parts) / parts).tolist()
         run = Steps(self.scene, tight, steps, names)
         found = record(run, names, MAX_SUBSTEPS, self._progress)
-        refuse_unfinished(self.scene, steps, found["omega_b"], substeps_counted(run.kernels, run.z))
+        refuse_unfinished(self.scene, steps, found["omega_b"], substeps_counted(run.kernels, run.z), MAX_SUBSTEPS)
         return {name: rows[::parts] for name, rows in found.items()}
 
     def follow_by(self, plan: Plan) -> None:
@@ -230,22 +230,27 @@ class Judge:
         return largest_error(self.motion_by(smaller, names), truth, names, least_sizes(self.asked, truth), absolute)
 
 
-def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, substeps: float) -> None:
-    """Raise SceneError where a motion, of whose rates there is a row before and after each step, was given up."""
+def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, substeps: float, most: float) -> None:
+    """Raise SceneError where a motion was given up, after more substeps than `most`, or as a step was refused.
+
+    rates: a row before and after each step.
+    """
     if np.isfinite(rates[-1]).all():
         return
     last = np.flatnonzero(np.isfinite(rates[:, 0]))[-1]
-    done, count = math.fsum(steps[:last]), substeps
-    said = f"{substeps:.1e} substeps take it on by {done:.3g} s"
-    if not last:
-        done, count = steps[0], MAX_SUBSTEPS
-        said = f"its first {done:.3g} s take too many substeps, or leave the range of numbers"
-    rate = math.hypot(*rates[last])
-    why = "damping is stiff, or another load too large"
-    if rate * done > TURNS * count:
+    done = math.fsum(steps[:last])
+    reached = scene.run.start + done
+    own = [*(f"outputs.{name}" for name in scene.outputs.own), *(f"events.{name}" for name in scene.events)]
+    if own and substeps <= most:  # formulas of loads are named by the reference, which has not come so far
+        why = f"{' or '.join(own)} is not finite then, or changes too fast"
+        raise SceneError(f"run.stop = {scene.run.stop!r}: expected at most {reached:.6g} s, as {why}", scene.name)
+    rate, why = math.hypot(*rates[last]), "damping is stiff, or another load too large"
+    turns_by = rate * done / substeps if substeps > most else rate * steps[last] / most
+    if turns_by > TURNS:
         why = f"it turns by {rate:.2g} rad/s"
-    if scene.outputs.own:  # formulas of loads are named by the reference, which has not come so far
-        why += f", or {' or '.join(f'outputs.{name}' for name in scene.outputs.own)} is not finite from then on"
+    said = f"the {steps[last]:.3g} s from t = {reached:.6g} s take too many substeps, or leave the range of numbers"
+    if substeps > most:
+        said = f"{substeps:.1e} substeps take it on by {done:.3g} s"
     raise too_long(scene, f"{said}: {why}")
 
 

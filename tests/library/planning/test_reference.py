@@ -169,22 +169,41 @@ def test_a_run_too_long_to_be_planned_is_refused(bound, most, words, monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("steps", "rates", "words"),
+    ("rates", "substeps", "words"),
     [
-        ([1e-4, 0.5], [0.3, 1e-6, np.nan], r"2\.0e\+06 substeps take it on by 0\.0001 s: damping is stiff, or another"),
+        ([0.3, 1e-6, np.nan], 4e6, r"4\.0e\+06 substeps take it on by 0\.0001 s: damping is stiff, or another load"),
+        ([1e9, 1e12, np.nan], 4e6, r"4\.0e\+06 substeps take it on by 0\.0001 s: it turns by 1e\+12 rad/s$"),
         (
-            [1e-4, 0.5],
             [0.3, np.nan, np.nan],
-            r"its first 0\.0001 s take too many substeps, or leave the range of numbers: dam",
+            0,
+            r"the 0\.0001 s from t = 0 s take too many substeps, or .* numbers: damping is stiff",
         ),
-        ([1e-4, 0.5], [1e9, np.nan, np.nan], r"its first 0\.0001 s take .* numbers: it turns by 1e\+09 rad/s$"),
-        ([1e-4, 0.5], [1e9, 1e8, np.nan], r"2\.0e\+06 substeps take it on by 0\.0001 s: it turns by 1e\+08 rad/s$"),
+        ([1e9, np.nan, np.nan], 0, r"the 0\.0001 s from t = 0 s take too many .* numbers: it turns by 1e\+09 rad/s$"),
+        (
+            [1e9, 2.0, np.nan],
+            50,
+            r"the 0\.5 s from t = 0\.0001 s take too many .* numbers: damping is stiff, or another",
+        ),
     ],
 )
-def test_a_motion_that_was_given_up_says_how_far_it_came_and_why(steps, rates, words):
+def test_a_motion_that_was_given_up_says_how_far_it_came_and_why(rates, substeps, words):
     rows = np.array([[rate, 0.0, 0.0] for rate in rates])
     with pytest.raises(SceneError, match=r"run\.stop = 8\.0: expected a shorter run, as " + words):
-        judge_module.refuse_unfinished(scene_of("all loads"), steps, rows, 2e6)
+        judge_module.refuse_unfinished(scene_of("all loads"), [1e-4, 0.5], rows, substeps, 3e6)
+
+
+@compiled
+@pytest.mark.parametrize(
+    ("tables", "named"),
+    [({"events": {"e": "sqrt(1 - t)"}}, "events.e"), ({"outputs": {"o": "sqrt(1 - t)"}}, "outputs.o")],
+)
+def test_what_is_not_finite_from_a_time_on_is_named(tables, named):
+    scene = scene_of("all loads").replace(tables)
+    said = rf"run\.stop = 8\.0: expected at most (1|0\.99\d*) s, as {named} is not finite then, or changes too fast"
+    with pytest.warns(PlanningWarning), pytest.raises(SceneError, match=said):
+        plan(scene)
+    with pytest.raises(SceneError, match=rf"{named}: expected finite numbers with these parameters"):
+        plan(scene.replace({named: "sqrt(t - 1)"}))
 
 
 @compiled
