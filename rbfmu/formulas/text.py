@@ -210,6 +210,16 @@ def _beside(x: Number) -> Number:
     return graph.square_root((1.0 - x) * (1.0 + x))
 
 
+def _angle(y: Number, x: Number) -> Number:
+    """Return the angle of (x, y) in (-pi, pi].
+
+    A series of an angle goes on smoothly where the angle jumps, from pi to -pi; where x is negative it is therefore
+    that of the opposite point, and half a turn to the side on which y is, at whose corner series end.
+    """
+    half_turn = graph.select(graph.side(y), math.pi, -math.pi)
+    return graph.select(graph.side(x), graph.arctangent(y, x), graph.arctangent(-y, -x) + half_turn)
+
+
 def _least(a: Number, b: Number) -> Number:
     return graph.select(graph.side(b - a), a, b)
 
@@ -237,7 +247,7 @@ FUNCTIONS: Mapping[str, Function] = {
     "tan": Function("x", "tangent of an angle in rad", _of_scalars(lambda x: graph.sine(x) / graph.cosine(x))),
     "asin": Function("x", "angle in [-pi/2, pi/2], rad", _of_scalars(lambda x: graph.arctangent(x, _beside(x)))),
     "acos": Function("x", "angle in [0, pi], rad", _of_scalars(lambda x: graph.arctangent(_beside(x), x))),
-    "atan2": Function("y, x", "angle of (x, y) in (-pi, pi], rad", _of_scalars(graph.arctangent)),
+    "atan2": Function("y, x", "angle of (x, y) in (-pi, pi], rad", _of_scalars(_angle)),
     "exp": Function("x", "exponential", _of_scalars(graph.exponential)),
     "log": Function("x", "natural logarithm", _of_scalars(graph.logarithm)),
     "sqrt": Function("x", "square root", _of_scalars(graph.square_root)),

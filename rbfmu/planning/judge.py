@@ -16,7 +16,7 @@ from rbfmu.exceptions import PlanningWarning as PlanningWarning
 from rbfmu.exceptions import warn_caller
 from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
-from rbfmu.runs.motion import Steps, largest_error, least_sizes, motion_of, record, substeps_counted
+from rbfmu.runs.motion import Steps, largest_error, largest_size, least_sizes, motion_of, record, substeps_counted
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
@@ -38,6 +38,8 @@ MAX_REFERENCE_STEPS = 100_000
 """The number of the reference's steps in double-double arithmetic, some seconds of work."""
 MAX_SUBSTEPS = 3e6
 """The number of substeps in doubles up to which a motion is followed that takes more steps of the reference."""
+ROUND_OFF = 1e-12
+"""The part of the largest that an event watches which may be round-off of what comes after it, and a little more."""
 TURNS = 1e-3
 """The turn in a substep, rad, up to which it is not for turning that substeps are short."""
 MAX_TRIED = 5e7
@@ -150,6 +152,18 @@ class Judge:
         watched = zip(self.scene.events, run.z[place].tolist(), strict=True) if place else ()
         return {**self.floors, **{f"when.{name}": size for name, size in watched}}
 
+    def _refuse_poles(self, largest: Mapping[str, float]) -> None:
+        """Raise SceneError where round-off of the largest that an event watches is much beside all at other times."""
+        for name in self.scene.events:
+            size = largest_size(
+                self.motion[f"when.{name}"]
+            )  # also between communication points, at which it may be zero
+            if ROUND_OFF * largest.get(f"when.{name}", 0.0) > size:
+                said = f"events.{name}.when comes to {largest[f'when.{name}']:.1e}, and is at most {size:.1e} elsewhere"
+                raise SceneError(
+                    f"{said}: expected a formula without poles, beside which zeros are lost", self.scene.name
+                )
+
     def try_out(self, plan: Plan, at_once: int = 1, parts: int = 1, absolute: bool = False) -> tuple[float, float]:
         """Return the plan's error over the run, and the substeps it counted.
 
@@ -183,7 +197,9 @@ class Judge:
         for names in self._asked:
             run = Steps(self.scene, plan, steps, names, parts)
             found = self._pilot(run, names)
-            errors.append(largest_error(found, truth, names, self._floors_of(run), absolute))
+            floors = self._floors_of(run)
+            self._refuse_poles(floors)
+            errors.append(largest_error(found, truth, names, floors, absolute))
             substeps.append(substeps_counted(run.kernels, run.z))
         return max(errors) + self.doubt, max(substeps)
 

@@ -36,6 +36,7 @@ KNOWN = {
     "exp(-0.1*t) - 0.5": [10.0 * math.log(2.0)],
     "abs(t - 25) - 5": [20.0, 30.0],
     "where(t < 30, -1, 1)*(t - 10)": [10.0, 30.0],
+    "atan2(sin(t), cos(t))": [k * math.pi for k in range(16)],
 }
 
 
@@ -96,6 +97,29 @@ def test_scenes_that_differ_in_a_direction_alone_have_kernels_of_their_own():
     assert 0 < len(found["rising"]) < len(found["any"])
     both = np.sort(np.concatenate([found["rising"], found["falling"]]))
     np.testing.assert_array_equal(found["any"], both)
+
+
+def test_an_angle_passes_zero_once_a_turn_and_jumps_once():
+    """A series of it went on beyond pi: a body that spins passed zero once."""
+    yaw = "atan2(R_ab[2,1], R_ab[1,1])"
+    spin = TABLES | {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 2.0]}, "initial": {"omega_b": [0.0, 0.0, 1.0]}}
+    events = {"rising": {"when": yaw, "direction": "rising"}, "any": yaw}
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(spin | {"events": events})).events
+    np.testing.assert_allclose(found["rising"], 2.0 * np.pi * np.arange(8), rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found["any"], np.pi * np.arange(16), rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("text", ["tan(t)", "tan(t) - 1", "1/(t - 1.05)", "omega_b[2]/omega_b[1]"])
+def test_what_has_poles_is_refused(text):
+    """Beyond a pole round-off of the largest was as large as the rest: zeros were missed, and others made up."""
+    said = r"events\.e\.when comes to (inf|\d\.\de\+1\d), and is at most .* elsewhere: expected a formula without poles"
+    with pytest.raises(rbfmu.SceneError, match=said):
+        rbfmu.plan(scene(stop=5.0, e=text))
+
+
+def test_what_is_zero_at_communication_points_has_no_poles():
+    found = rbfmu.simulate(scene(step=0.5, stop=4.0, e="sin(2*pi*t)")).events["e"]
+    np.testing.assert_allclose(found, 0.5 * np.arange(8), rtol=0, atol=1e-9)
 
 
 def test_an_event_ends_the_run_and_is_its_last_row():

@@ -380,3 +380,29 @@ def test_the_command_runs_a_scene_with_a_formula_and_a_port_also_by_a_kept_plan(
     assert first == second
     assert "at the end" in first
     assert "a loop closed through them" not in first
+
+
+def test_an_angle_jumps_in_a_load_where_it_should():
+    """Its series went on beyond pi: the rate was off by 0.3 rad/s a radian, with no error expected."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "loads": {"gravity_a": [0.0, 0.0, 0.0], "torque_b": "[0, 0, 0.1*atan2(sin(t), cos(t))]"},
+              "run": {"stop": 12.0, "step": 0.5, "accuracy": 1e-9}}  # fmt: skip
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+    since_jump = (found.time + math.pi) % (2.0 * math.pi) - math.pi
+    np.testing.assert_allclose(found.omega_b[:, 2], 0.05 * since_jump**2, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("text", "angle"),
+    [
+        ("atan2(0*t, -1)", math.pi), ("atan2(1, -2)", math.atan2(1.0, -2.0)), ("atan2(-1, -2)", math.atan2(-1.0, -2.0)),
+        ("atan2(-1e-30, 1)", -1e-30), ("atan2(3, 0)", 0.5 * math.pi), ("atan2(-3, 0)", -0.5 * math.pi),
+    ],
+)  # fmt: skip
+def test_an_angle_is_that_of_the_quadrant(text, angle):
+    tables = {
+        "body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]},
+        "outputs": {"quantities": ["omega_b"], "o": f"{text} + 0*t"},
+    }
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables | {"run": {"stop": 1.0, "step": 0.5}}))
+    assert found.o[0] == pytest.approx(angle, rel=1e-15)
