@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.ensembles.control import Control, driven_members, wrong_input
+from rbfmu.ensembles.control import Control, driven_members, errors_named, wrong_input
 from rbfmu.ensembles.loops import compile_lanes, run_alone, run_in_lanes, undriven
 from rbfmu.ensembles.members import Samples, draw, ensemble_of, member, refusals
 from rbfmu.ensembles.statistics import MOST_NUMBERS, MOST_SAMPLED, Summary, most_points, sample_of, summary_of
@@ -214,10 +214,12 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: A
     else:
         control, driving = undriven(steps, len(which))
     given = kernels, members, control, driving
-    if not (_has_lanes(plan) and run_in_lanes(*given, compile_now=False)):
-        run_alone(*given)
-        if compiling_pays(work, len(steps)):  # beside the members to come, of which each has the same bits either way
-            compile_lanes(kernels)
+    with errors_named(work.scene, work.control):
+        alone = not (_has_lanes(plan) and run_in_lanes(*given, compile_now=False))
+        if alone:
+            run_alone(*given)
+    if alone and compiling_pays(work, len(steps)):  # beside the members to come; each has the same bits either way
+        compile_lanes(kernels)
     bad = np.flatnonzero((ends[:, 0] != 0) | (ends[:, 1] < len(steps)))
     return noted, {int(which[k]): _message(work.scene, plan, samples, int(which[k]), ends[k]) for k in bad}
 

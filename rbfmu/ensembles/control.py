@@ -3,6 +3,7 @@
 import hashlib
 import pickle
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from numbers import Integral
 from types import CodeType, FunctionType, ModuleType
@@ -55,7 +56,7 @@ class Controller:
         if not isinstance(self.noise, Integral) or isinstance(self.noise, bool) or self.noise < 0:
             raise ValueError(f"controller: noise = {self.noise!r}: expected how many numbers it takes at a time")
         if not hasattr(self.function, "py_func"):
-            object.__setattr__(self, "function", njit(self.function))
+            object.__setattr__(self, "function", njit(boundscheck=True)(self.function))
         object.__setattr__(self, "state", tuple(start.tolist()))
 
     def noise_of(self, seed: int, number: int, steps: int) -> Array:
@@ -141,8 +142,23 @@ def _try_out(scene: Scene, plan: Plan, controller: Controller) -> None:
             raise TypeError(f"it returned {given!r}")
         controller.compiled()
     except (ArithmeticError, IndexError, NumbaError, TypeError, ValueError) as error:
-        text = f"controller: {type(error).__name__}: {str(error).strip()}: expected {EXPECTED}, of {sizes}"
-        raise SceneError(text, scene.name) from error
+        raise _failed(scene, error, f", of {sizes}") from error
+
+
+@contextmanager
+def errors_named(scene: Scene, control: Control | None) -> Iterator[None]:
+    """Name the controller in an error that it raises while members run."""
+    try:
+        yield
+    except (ArithmeticError, IndexError, ValueError) as error:
+        if control is None or control.controller is None:
+            raise
+        raise _failed(scene, error) from None
+
+
+def _failed(scene: Scene, error: Exception, sizes: str = "") -> SceneError:
+    said = f"controller: {type(error).__name__}: {str(error).strip()}: expected {EXPECTED}{sizes}"
+    return SceneError(said, scene.name)
 
 
 def _places(scene: Scene, blocks: dict[str, slice], ending: str = "") -> Indices:

@@ -344,6 +344,27 @@ def test_wrong_numbers_of_a_controller_are_named(wrong):
         Controller(damp, **wrong)
 
 
+def beyond_later(t, outputs, state, inputs, noise):
+    if t > 1.0:
+        inputs[len(inputs) + 3] = 1.0
+
+
+def divides_later(t, outputs, state, inputs, noise):
+    inputs[0] = 1.0 if t == 1.0 else 1.0 / (t - t)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [(beyond_later, "IndexError: index is out of bounds"), (divides_later, "ZeroDivisionError: division")],
+)
+def test_what_a_controller_does_wrong_later_is_told(scene, planned, wrong, said):
+    """A wrong index wrote beside the numbers, and could end the process."""
+    with pytest.raises(
+        SceneError, match=rf"driven: controller: {said}.*: expected f\(t, outputs, state, inputs, noise\)"
+    ):
+        run(scene, planned, controller=wrong)
+
+
 def gives(t, outputs, state, inputs, noise):
     return -outputs[4:7]
 
