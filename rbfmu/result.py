@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,6 +39,14 @@ def check_attitude(path: Path | None, quantities: Iterable[str]) -> None:
     """Raise ValueError where an AEM is to be written of quantities without the attitude."""
     if path is not None and path.suffix == ".aem" and "quaternion" not in quantities:
         raise ValueError(f"cannot save to {str(path)!r}: expected the quantity quaternion, which an AEM is of")
+
+
+class Row(dict[str, Any]):
+    """Time and quantities at it, as `Simulator.values` gives them; own: what is known of outputs of one's own."""
+
+    def __init__(self, values: Mapping[str, Any], own: Mapping[str, Output]) -> None:
+        super().__init__(values)
+        self.own = own
 
 
 class Result:
@@ -157,7 +165,7 @@ class Result:
                     f"rows[{k}]: expected time and the same quantities in each, as Simulator.values gives them"
                 )
         columns = {name: np.array([row[name] for row in listed]) for name in listed[0]}
-        return cls(columns.pop("time"), columns)
+        return cls(columns.pop("time"), columns, getattr(listed[0], "own", None))
 
     @classmethod
     def load(cls, path: str | Path) -> "Result":

@@ -13,7 +13,7 @@ from zlib import crc32
 import numpy as np
 
 from rbfmu.exceptions import SimulationError as SimulationError
-from rbfmu.result import Result
+from rbfmu.result import Result, Row
 from rbfmu.runs.inputs import HOLD, Inputs, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.motion import Driven, Events, Happened
 from rbfmu.runs.plan import Plan, given, start_run, with_parameters
@@ -303,7 +303,17 @@ class Simulator:
 
     def values(self) -> dict[str, Any]:
         """Return time and all quantities at this time; `Result.of_rows` makes a result of a loop's."""
-        return {"time": self.time} | {name: getattr(self, name) for name in self._quantities}
+        own = self.plan.formulas.own_rows if self.plan.formulas else {}
+        return Row({"time": self.time} | {name: getattr(self, name) for name in self._quantities}, own)
+
+    def __copy__(self) -> "Simulator":
+        """Return another one in the same state: with a memory of its own, as that of an object's is."""
+        other = Simulator(self.scene)
+        other.restore(self.save())
+        return other
+
+    def __deepcopy__(self, memo: object) -> "Simulator":
+        return self.__copy__()
 
     def save(self) -> bytes:
         """Return the whole state, for `restore` of this or another simulator of the scene."""

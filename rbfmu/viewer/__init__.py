@@ -125,7 +125,9 @@ class Motion:
             return known["quaternion"]
         if "rpy" in known:
             return np.asarray(quaternion_from_euler("xyz", known["rpy"]))
-        raise ValueError(f"quaternion or rpy: expected one of them in the result, which has {', '.join(known)}")
+        raise ValueError(
+            f"quaternion or rpy: expected one of them in the result, which has {', '.join(known) or 'none'}"
+        )
 
     @cached_property
     def position(self) -> Array:

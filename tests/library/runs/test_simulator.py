@@ -1,5 +1,6 @@
 """A scene stepped by hand: the bits of a run, states that are saved and restored, and what is refused."""
 
+import copy
 import math
 from concurrent.futures import ThreadPoolExecutor
 
@@ -255,3 +256,24 @@ def test_a_loop_becomes_a_result():
     assert looped.units == run.units
     with pytest.raises(ValueError, match=r"rows = \[\]: expected at least one"):
         rbfmu.Result.of_rows([])
+
+
+def test_a_loop_becomes_a_result_with_outputs_of_one_s_own():
+    scene = rbfmu.load_scene(SATELLITE).replace({"outputs.turning": {"value": "norm(omega_b)", "unit": "rad/s"}})
+    sim = rbfmu.Simulator(scene)
+    looped = rbfmu.Result.of_rows([sim.values()])
+    assert looped.turning.tolist() == [sim.turning]
+    assert looped.units["turning"] == "rad/s"
+
+
+def test_a_copy_goes_its_own_way():
+    """It shared the memory of the first, which went on with it but for its time."""
+    sim = rbfmu.Simulator(SATELLITE)
+    sim.step(torque_b=[0.1, 0.2, 0.3])
+    for copied in (copy.copy(sim), copy.deepcopy(sim)):
+        before, time = state_of(sim), sim.time
+        copied.step()
+        assert_same(state_of(sim), before)
+        assert (sim.time, copied.time) == (time, 2 * time)
+    sim.step()
+    assert_same(state_of(sim), state_of(copied))
