@@ -14,7 +14,7 @@ import numpy as np
 from rbfmu.formulas.graph import Symbol, cosine, sine
 from rbfmu.formulas.motion import STATE, by_element, closure, groups_of
 from rbfmu.formulas.program import with_pairs
-from rbfmu.models.formulas import FormulaModel, equations_of
+from rbfmu.models.formulas import EVENT, FormulaModel, equations_of
 from rbfmu.models.question import Question
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Indices, Motion
@@ -66,9 +66,12 @@ def reference_motion(
         )
         if taken == kernels.NOWHERE and scene.has_formulas:
             raise _leads_nowhere(scene, steps, rows, listed.keys_at_fault(work, sides))
+        starts = scene.has_formulas and np.isfinite(rows[0]).all()  # else a start in doubles says what is wrong
+        if taken >= 0 and starts and not np.isfinite(rows[chunk]).all():
+            raise _not_finite(scene, steps, rows, listed.columns)
         if taken < 0 or not np.isfinite(rows[chunk]).all():
             left = times[0, -1] - times[0, int(np.isfinite(rows).all(axis=1).sum()) - 1]
-            if scene.has_formulas and np.isfinite(rows[0]).all() and left * most > 2.0 * lately * MOST_SERIES:
+            if starts and left * most > 2.0 * lately * MOST_SERIES:
                 why = f"{most // 2} steps of order {kernels.ORDER} take it on by {lately:.2g} s"
                 raise SceneError(f"run.stop = {scene.run.stop!r}: expected a shorter run, as {why}", scene.name)
             raise ReferenceTooLongError(scene.name)
@@ -131,6 +134,13 @@ class Listed:
             rows[n] = [kernels.KINDS.index(kind), *places, *[0] * (3 - len(of)), i in changing]
         return rows
 
+    @property
+    def columns(self) -> list[str]:
+        """Return for each number of a row what it is of, as a key of the scene where it has one."""
+        own = {name: f"outputs.{name}" for name in self.formulas.own_outputs}
+        own |= {f"{EVENT}{name}": f"events.{name}" for name in self.formulas.events}
+        return [own.get(name, name) for name, value in self._shown.items() for _ in range(np.size(value))]
+
     def named(self, rows: Array) -> Motion:
         """Return the rows of each quantity."""
         ends = np.cumsum([np.size(value) for value in self._shown.values()])[:-1]
@@ -157,6 +167,13 @@ class Listed:
         """Return the numbers, and the values of parameters, states and inputs at the start."""
         rows = (self.graph.operations[i] for i in self.found)
         return [Decimal(x) if kind == "number" else values.get(str(x), Decimal(0)) for kind, _, x in rows]
+
+
+def _not_finite(scene: Scene, steps: Sequence[float], rows: Array, columns: Sequence[str]) -> SceneError:
+    """Return the error for what is not finite at a time, though the motion is; columns: what stands in rows."""
+    row, column = np.argwhere(~np.isfinite(rows))[0].tolist()
+    said = f"expected one before t = {scene.run.start + sum(steps[:row]):.6g} s, where {columns[column]} is not finite"
+    return SceneError(f"run.stop = {scene.run.stop!r}: {said}", scene.name)
 
 
 def _leads_nowhere(scene: Scene, steps: Sequence[float], rows: Array, said: str) -> SceneError:
