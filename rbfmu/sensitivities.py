@@ -1,5 +1,6 @@
 """How a motion hangs on each number of its scene: derivatives along it, by the variational equations."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -171,8 +172,9 @@ class Varied:
             raise ValueError(f"covariance: expected a matrix {(n, n)} for {', '.join(self.numbers)}")
         round_off = 1e-9 * np.max(np.abs(covariance))
         if not (np.isfinite(round_off) and np.allclose(covariance, covariance.T, atol=round_off)
-                and np.all(np.diag(covariance) >= 0.0)):  # fmt: skip
-            raise ValueError("covariance: expected finite numbers, a symmetric matrix, and variances of at least 0")
+                and _least_variance(covariance) >= -1e-9):  # fmt: skip
+            said = "finite numbers, a symmetric matrix, and variances of at least 0, also of sums"
+            raise ValueError(f"covariance: expected {said}")
         return {name: np.einsum("tkn,nm,tlm->tkl", S, covariance, S) for name, S in of.items()}
 
     def _plan(self, scene: Scene, planned: Plan | None) -> tuple[Plan, bool]:
@@ -184,6 +186,15 @@ class Varied:
         order = methods.likely_order(SHARE * tolerance)
         own = Plan(FORMULAS.key, "", states, tolerance=tolerance, order=order, span=asked.span, formulas=self.model)
         return own, True
+
+
+def _least_variance(covariance: Array) -> float:
+    """Return the least variance of a sum of numbers, each in units of its own deviation."""
+    deviations = np.sqrt(np.diag(covariance).clip(0.0))
+    if np.any(np.diag(covariance) < 0.0):
+        return -math.inf
+    units = np.where(deviations > 0.0, deviations, 1.0)
+    return float(np.linalg.eigvalsh(covariance / np.outer(units, units))[0])
 
 
 def keys_of(keys: object) -> list[Any]:

@@ -7,6 +7,7 @@ import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from rbfmu.exceptions import SceneError, SimulationError, named
 from rbfmu.extras import needed
 from rbfmu.identification.charts import INERTIA, OWN, Chart, by_chart, changes, chart_of, value_of
 from rbfmu.identification.measured import QUATERNION, Data, Measured, read_measured, residuals
-from rbfmu.runs.inputs import HOLD, drive_of, input_tables
+from rbfmu.runs.inputs import HOLD, drive_of, input_tables, with_times
 from rbfmu.scene.scene import SECTIONS, Scene, of_scene_or_path
 from rbfmu.sensitivities import ATTITUDE, Varied, keys_of
 from rbfmu.types import Array
@@ -201,7 +202,8 @@ def fit(
     keys = [key for k, key in enumerate(listed) if key not in listed[:k]]
     if not keys:
         raise ValueError("free: expected at least one key")
-    return _Search(scene, known, keys, _deviations(sigma, known), loss, (inputs, interpolate)).fit()
+    timed = with_times(scene, inputs, interpolate)  # a fit takes other steps
+    return _Search(scene, known, keys, _deviations(sigma, known), loss, (timed, interpolate)).fit()
 
 
 def _deviations(sigma: float | Mapping[str, float] | None, data: Measured) -> dict[str, float]:
@@ -211,7 +213,7 @@ def _deviations(sigma: float | Mapping[str, float] | None, data: Measured) -> di
         raise ValueError(f"sigma: {unknown[0]!r}: expected some of {', '.join(data.values)}")
     found = {name: value for name, value in given.items() if value is not None}
     for name, value in found.items():
-        if not (isinstance(value, int | float) and 0.0 < value < math.inf):
+        if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 < float(value) < math.inf:
             raise ValueError(f"sigma: {name} = {value!r}: expected a number above 0")
     return {name: float(value) for name, value in found.items()}
 

@@ -65,6 +65,12 @@ def input_tables(scene: Scene, inputs: Inputs, interpolate: str = HOLD) -> Input
     return tables
 
 
+def with_times(scene: Scene, inputs: Inputs | None, interpolate: str = HOLD) -> Inputs | None:
+    """Return inputs of which arrays with a row for each communication step of the scene have their times."""
+    rows = {port: x for port, x in inputs.items() if not isinstance(x, tuple)} if isinstance(inputs, Mapping) else {}
+    return {**inputs, **input_tables(scene, rows, interpolate)} if rows and isinstance(inputs, Mapping) else inputs
+
+
 # From Python
 
 

@@ -222,6 +222,20 @@ def test_what_cannot_be_fitted_is_refused_by_one_message(asked, said):
         rbfmu.fit(scene, **{"data": data, "free": ["initial.omega_b"], **asked})
 
 
+def test_inputs_may_be_rows_for_the_scene_s_own_steps():
+    """A fit takes one step, and told that it expected one row."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, "initial": {"omega_b": [0.1, 0.2, 0.3]},
+              "inputs": {"ports": ["torque_b"]}, "outputs": {"quantities": ["omega_b"]},
+              "run": {"stop": 2.0, "step": 0.1}}  # fmt: skip
+    scene, torque = rbfmu.Scene.from_dict(tables), np.linspace(0.0, 0.5, 60).reshape(20, 3)
+    measured = rbfmu.simulate(scene, inputs={"torque_b": torque}).until(1.5)
+    start = scene.replace({"initial.omega_b": [0.0, 0.1, 0.2]})
+    found = rbfmu.fit(start, measured, ["initial.omega_b"], np.float32(1e-3), inputs={"torque_b": torque})
+    np.testing.assert_allclose(found.values, [0.1, 0.2, 0.3], rtol=0, atol=1e-6)
+    with pytest.raises(rbfmu.SceneError, match=r"inputs 'torque_b': shape \(19, 3\): expected .* or 20 rows"):
+        rbfmu.fit(start, measured, ["initial.omega_b"], inputs={"torque_b": torque[1:]})
+
+
 def test_noise_is_a_number_or_a_file(tmp_path):
     assert sigma_of("0.01") == 0.01
     (tmp_path / "s.csv").write_text("omega_b,quaternion\n0.01,0.002\n")

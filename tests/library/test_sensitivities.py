@@ -94,6 +94,8 @@ def test_a_covariance_is_carried_along():
     found = rbfmu.sensitivity(one, ["initial.omega_b"], covariance=covariance)
     S = found.of["omega_b"][5]
     np.testing.assert_allclose(found.covariance["omega_b"][5], S @ covariance @ S.T, rtol=1e-12)
+    with pytest.raises(ValueError, match="variances of at least 0, also of sums"):
+        rbfmu.sensitivity(one, ["initial.omega_b"], covariance=covariance + 3e-4 * (1.0 - np.eye(3)))
     with pytest.raises(ValueError, match=r"covariance: expected a matrix \(3, 3\) for initial.omega_b\[1\]"):
         rbfmu.sensitivity(one, ["initial.omega_b"], covariance=[1.0])
     for wrong in (math.nan, -1.0):
