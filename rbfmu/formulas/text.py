@@ -183,6 +183,13 @@ def _condition(x: Array) -> Condition:
     return _such(x, isinstance(x, Condition), "a condition, such as x > 0")  # type: ignore[no-any-return]
 
 
+def _side_of(sign: ast.cmpop, a: Number, b: Number) -> Number:
+    """Return 1 where a comparison holds, else -1; the side of zero counts as 1, so that a < b is that not b <= a."""
+    if isinstance(sign, ast.Gt | ast.LtE):
+        a, b = b, a
+    return -graph.side(a - b) if isinstance(sign, ast.Lt | ast.Gt) else graph.side(a - b)
+
+
 def _table(table: Array, x: Array) -> Number:
     known: Table = _such(table, isinstance(table, Table), "the name of a table, then a scalar")
     return known.at(_scalar(x))
@@ -347,11 +354,7 @@ class _Reader:
 
     def _compare(self, node: ast.Compare) -> Condition:
         values = [_scalar(self.value(x)) for x in (node.left, *node.comparators)]
-        sides = [
-            graph.side(b - a if isinstance(sign, ast.Lt | ast.LtE) else a - b)
-            for sign, a, b in zip(node.ops, values, values[1:], strict=False)
-        ]
-        return _all(sides)
+        return _all([_side_of(sign, a, b) for sign, a, b in zip(node.ops, values, values[1:], strict=False)])
 
     def _boolop(self, node: ast.BoolOp) -> Condition:
         sign = 1.0 if isinstance(node.op, ast.And) else -1.0  # not all of those that do not hold

@@ -4,9 +4,12 @@ What texts mean is checked where all of them are together, see `rbfmu.formulas.c
 """
 
 import keyword
+import math
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Self, TypeVar
+
+import numpy as np
 
 from rbfmu.scene import section as rules
 from rbfmu.scene.section import Apart, SceneError, Section, fault, plain, read_each
@@ -171,6 +174,13 @@ class Table(Entry):
             yield fault(f"{self._path}.y", self.y, expected)
         elif any(b <= a for a, b in pairwise(self.x)):
             yield fault(f"{self._path}.x", self.x, "numbers that increase")
+        else:
+            from rbfmu.formulas.text import Table as Polynomials  # what has no tables starts sooner
+
+            with np.errstate(all="ignore"):
+                rows = Polynomials.through(self.x, self.y, self.method == "cubic").rows
+            if not np.isfinite(rows).all() or not math.isfinite(self.x[-1] - self.x[0]):
+                yield fault(f"{self._path}.y", self.y, "numbers of which slopes over x are finite")
 
 
 class NamedTable(rules.Rule):

@@ -244,6 +244,8 @@ def test_time_may_begin_at_any_date():
     ({"constants": {"a-b": 1.0}}, r"constants\.a-b = 1\.0: expected a name of letters, digits and _"),
     ({"states": {"h": {"start": 1.0}}}, r"states\.h\.rate is missing: expected a formula"),
     ({"states": {"h": {"start": 1.0, "rate": "u_b"}}}, r"states\.h\.rate: expected a scalar"),
+    ({"tables": {"c": {"x": [-1e308, 1e308], "y": [1, 2]}}}, r"tables\.c\.y = \[1\.0, 2\.0\]: expected .* slopes"),
+    ({"tables": {"c": {"x": [0, 1e-320], "y": [1, 2]}}}, r"tables\.c\.y = \[1\.0, 2\.0\]: expected .* slopes"),
     ({"tables": {"c": {"x": [0, 0], "y": [1, 2]}}}, r"tables\.c\.x = \[0\.0, 0\.0\]: expected numbers that increase"),
     ({"outputs.tilt": "R_ab"}, r"outputs\.tilt\.value: expected a scalar or a vector"),
     ({"outputs.plot": "n"}, r"outputs\.plot: expected another name"),
@@ -406,3 +408,14 @@ def test_an_angle_is_that_of_the_quadrant(text, angle):
     }
     found = rbfmu.simulate(rbfmu.Scene.from_dict(tables | {"run": {"stop": 1.0, "step": 0.5}}))
     assert found.o[0] == pytest.approx(angle, rel=1e-15)
+
+
+@pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
+def test_a_comparison_of_equal_numbers_is_strict_or_not(sign):
+    """At t = 1, which doubles have; both counted as holding there."""
+    body = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
+    shown = {"quantities": ["omega_b"], "o": f"where(t {sign} 1, 1, 0)", "not_o": f"where(not t {sign} 1, 1, 0)"}
+    scene = rbfmu.Scene.from_dict({"body": body, "outputs": shown, "run": {"stop": 2.0, "step": 0.5}})
+    found, holds = rbfmu.simulate(scene), {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
+    np.testing.assert_array_equal(found.o, holds[sign](found.time, 1.0))
+    np.testing.assert_array_equal(found.not_o, 1.0 - found.o)
