@@ -120,7 +120,10 @@ def _rows_of(given: ArrayLike, size: int) -> Array:
 def _numbers_of(given: ArrayLike) -> Array:
     if callable(given):
         raise TypeError("a function: expected (times, values), such as its values at the communication points")
-    return np.asarray(given, dtype=np.float64)
+    try:
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):  # whose words are NumPy's
+        raise ValueError("no array of numbers: expected (times, values), or a row of numbers for each step") from None
 
 
 def _not_finite(name: str, values: Array) -> Iterator[str]:
