@@ -242,7 +242,7 @@ class _Search:
         for part in PARTS:
             begin = self._scene.run.start
             data = self._data.until(begin + part * (self._data.time[-1] - begin))
-            if part == 1.0 or data.count >= 2 * len(p):
+            if part == 1.0 or (data.count >= 2 * len(p) and data.time[-1] > begin):
                 p = self._nearest(p, data, sigma, HELD if part < 1.0 else HELD_LAST)
         given = np.zeros_like(p)  # parts of the time may have led away from it
         if self._misfit(given, sigma) < self._misfit(p, sigma):

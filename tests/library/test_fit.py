@@ -236,6 +236,20 @@ def test_inputs_may_be_rows_for_the_scene_s_own_steps():
         rbfmu.fit(start, measured, ["initial.omega_b"], inputs={"torque_b": torque[1:]})
 
 
+def test_a_part_of_the_time_that_has_the_start_alone_is_left_out():
+    """Inputs have no value in a run without steps, which was a bare IndexError."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, "initial": {"omega_b": [0.1, 0.2, 0.3]},
+              "inputs": {"ports": ["torque_b"]}, "outputs": {"quantities": ["quaternion", "omega_b"]},
+              "constants": {"k": 0.1}, "loads": {"torque_b": "-k*omega_b"},
+              "run": {"stop": 3.0, "step": 0.1}}  # fmt: skip
+    scene = rbfmu.Scene.from_dict(tables)
+    start = scene.replace({"constants.k": 0.2})
+    inputs = {"torque_b": (np.array([0.0, 2.0]), np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]))}
+    measured = rbfmu.simulate(scene, inputs=inputs)
+    found = rbfmu.fit(start, measured, ["constants.k"], inputs=inputs)
+    assert found.values[0] == pytest.approx(0.1, abs=1e-6)
+
+
 def test_noise_is_a_number_or_a_file(tmp_path):
     assert sigma_of("0.01") == 0.01
     (tmp_path / "s.csv").write_text("omega_b,quaternion\n0.01,0.002\n")
