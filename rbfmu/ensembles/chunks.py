@@ -39,7 +39,11 @@ SET_UP, STATISTICS_OF_ONE = 1e-5, 5e-9
 LANES_FROM, FORMULAS_FROM, LANES_GAIN, WORTH_COMPILING = 300.0, 100.0, 3.0, 2.0
 """The cost of a step, ns, from which on lanes take less time for it than one member does, also where loads are
 formulas, and how many times less; and the time of all members one by one, s, from which on lanes are compiled, once,
-beside the first of them: four to ten seconds of a processor, which pay at the next call if not at this one."""
+beside the first of them: four to ten seconds of a processor, which pay at the next call if not at this one.
+
+Only a model that knows lanes is taken for so many times faster: chunks of others took up to three times the tenth of a
+second that they should. With formulas a run costs 1.1 to 2.9 times less in lanes.
+"""
 
 
 @dataclass(frozen=True)

@@ -32,9 +32,12 @@ CONSERVED = {row.name for row in OUTPUTS if row.conserved}
 DIFFERENCES = {row.name for row in OUTPUTS if row.cancels}
 """Quantities that are sums of terms that may cancel, so that round-off counts for more than in the state."""
 LITTLE = 0.1
-"""The part of the accuracy that what cancels may lose by a bound before a closed form is compared."""
+"""The part of the accuracy that what cancels may lose, by a bound that is quick to have, before it is compared."""
 DERIVED = 1e-9
-"""The accuracy below which these are compared even where the state is exact."""
+"""The accuracy below which the quantities of DIFFERENCES are compared even where the state is exact.
+
+A closed form promised what its state keeps, while a difference of two large terms had lost digits of its own.
+"""
 SHARE = 0.8
 """The part of the accuracy that the error of a model that leaves something out may be, if no closed form judges it."""
 PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for rates held over a step"
@@ -170,6 +173,7 @@ def _may_be_close(asked: Question, spec: ModelSpec, truth: Motion, names: tuple[
     change, fastest = _fastest(rates - spec.rates_from(asked, rates)), _fastest(rates)
     if "omega_b" in names and change > asked.accuracy * fastest:
         return False
+    # A hundredth of the turn that the change of rates may make: what is tried in vain costs one run, and no accuracy.
     return 0.01 * change * min(asked.span, 1.0 / fastest if fastest > 0.0 else math.inf) <= asked.accuracy
 
 
