@@ -83,7 +83,8 @@ def likely_order(accuracy: float) -> int:
     """Return the order of the series that is likely to meet an accuracy at the least cost.
 
     A substep of order p costs p^2, and reaches the further the higher p: the cost of a run is least near
-    p = 1 - ln(tolerance) / 2 (Jorba, Zou: Experimental Mathematics 14 (2005) 99-117).
+    p = 1 - ln(tolerance) / 2 (Jorba, Zou: Experimental Mathematics 14 (2005) 99-117). It is taken one higher, and even,
+    for a tolerance of a hundredth of the accuracy: orders are fitted from there up and down.
     """
     order = 2 * round(1.0 + 0.25 * math.log(100.0 / accuracy))
     return min(max(order, ORDERS_OF_SERIES[0]), ORDERS_OF_SERIES[-1])
