@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import islice
 from typing import Any
 
@@ -34,7 +34,7 @@ from rbfmu.ensembles.fitting import (
 )
 from rbfmu.ensembles.members import Samples, ensemble_of, member, refusals, samples_at
 from rbfmu.ensembles.variables import differ
-from rbfmu.exceptions import SceneWarning
+from rbfmu.exceptions import SceneWarning, warn_caller
 from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS, LOADED_TAYLOR, MODELS, PRESCRIBED_RATES
 from rbfmu.planning.closed_forms import PRESCRIBED, what_is_left_out, why_exact
@@ -142,6 +142,22 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             part *= found.tolerance / fitted.tolerance
             fitted = fit(part)
     return found is not None, found
+
+
+def plan_once(scene: Scene) -> Plan:
+    """Return the plan of an ensemble; of a scene that was planned lately the same, and say again what was said then."""
+    found, said = _planned(scene)
+    for message, category in said:
+        warn_caller(message, category)
+    return found
+
+
+@lru_cache(maxsize=8)
+def _planned(scene: Scene) -> tuple[Plan, list[tuple[str, type[Warning]]]]:
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        found = plan_ensemble(scene)
+    return found, [(str(one.message), one.category) for one in said]
 
 
 # Why

@@ -254,7 +254,7 @@ def unplanned(monkeypatch):
     def planned(*_):
         raise AssertionError
 
-    monkeypatch.setattr(running, "plan_ensemble", planned)
+    monkeypatch.setattr(running, "plan_once", planned)
 
 
 def test_what_cannot_run_is_refused_before_it_is_planned(scene, tmp_path, monkeypatch, unplanned):
