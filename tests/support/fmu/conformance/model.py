@@ -188,7 +188,8 @@ class Model:
             change[self.facts.offsets[r]] += x
         self.facts.unit.feedthrough(self.now.z, change)
         if self.now.phase == INITIALIZING:
-            exec(self.facts.changes, {"sqrt": math.sqrt, "z": self.now.z, "change": change})
+            with np.errstate(all="ignore"):  # as the FMU's code, which divides by zero and goes beyond all numbers
+                exec(self.facts.changes, {"sqrt": math.sqrt, "z": self.now.z, "change": change})
         return OK, [float(change[self.facts.offsets[r]]) for r in unknowns]
 
     def _rates(self, references, orders, among):
