@@ -18,7 +18,6 @@ from fmpy.validation import validate_fmu
 from rbfmu import Plan, Scene, SceneError, planning
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import initialize
-from rbfmu.runs.time_grid import time_grid
 from rbfmu.types import Array
 from rbfmu_fmu.builder import kernel_hash
 from rbfmu_fmu.description import Description, describe, input_sizes
@@ -75,7 +74,7 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     run = d.scene.run
     _check_runs_here(path)
     problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))] + _gaps(path, d)
-    time = time_grid(run.start, run.stop, run.step)[: MAX_STEPS + 1]
+    time = run.grid()[: MAX_STEPS + 1]
     inputs = _signal(d, len(time) - 1, np.random.default_rng(seed))
     recorded, log = _through_fmpy(path, d, time, inputs)
     expected = _through_kernels(d, time[: len(recorded)], inputs)

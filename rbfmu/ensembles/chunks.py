@@ -19,10 +19,9 @@ from rbfmu.ensembles.variables import ALL, COUNT, FINAL, FIRST, STATISTICS, Colu
 from rbfmu.exceptions import SceneError
 from rbfmu.models.model_buffer import refusal
 from rbfmu.runs.inputs import HOLD, drive_of
+from rbfmu.runs.motion import refused_step
 from rbfmu.runs.plan import Plan, filled_buffer
-from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene
-from rbfmu.simulation import refused_step
 from rbfmu.types import Array, Indices
 from rbfmu_kernels.body.members import Members
 from rbfmu_kernels.compile.code_cache import SOURCES, hash_of_sources
@@ -73,12 +72,12 @@ class Work:
     @property
     def most_points(self) -> int:
         """Return how many points stand for the members at each time; none where all members are kept."""
-        return 0 if self.keeps(ALL) else most_points((communication_steps(self.scene) + 1) * self.columns.width)
+        return 0 if self.keeps(ALL) else most_points((self.scene.run.count + 1) * self.columns.width)
 
     @property
     def share(self) -> float:
         """Return of which part of the members attitudes are kept as they are; of none where all is kept."""
-        points = communication_steps(self.scene) + 1
+        points = self.scene.run.count + 1
         return 0.0 if self.keeps(ALL) else min(MOST_SAMPLED, MOST_NUMBERS // (4 * points)) / self.runs
 
     def keeps(self, what: str) -> bool:
@@ -255,7 +254,7 @@ def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices)
         return wrong_input(own, end.tolist())
     if end[0]:
         return str(refusal(own, int(end[0]), plan.kernels.BLOCKS, filled_buffer(own, plan)))
-    return str(refused_step(own, drive_of(own, {}, HOLD).time[int(end[1])]))
+    return str(refused_step(own.name, drive_of(own, {}, HOLD).time[int(end[1])]))
 
 
 PACKAGES = ("ensembles", "runs", "scene")

@@ -43,7 +43,6 @@ from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, ever_tighter, whole_series, with_cost
 from rbfmu.planning.select import cheapest, series_serve_alone
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.ensemble import SOBOL
 from rbfmu.scene.scene import Scene, SceneError, faults_of, warn
 from rbfmu.scene.variations import SHAPE
@@ -120,7 +119,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             return False, None
         asked = judges[0].asked
         general = replace(whole_series(scene, 0, scene.run.accuracy), pinned=asked.pinned)
-        if communication_steps(scene) == 1:  # which no series has to serve beyond: members go side by side
+        if scene.run.count == 1:  # which no series has to serve beyond: members go side by side
             general = replace(general, substep=scene.run.step)
         follow_in_doubles(judges)
         fit, part = partial(fit_of_members, judges, general, highest_in_lanes(judges, general)), PART

@@ -17,7 +17,6 @@ from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import EXACT
 from rbfmu.runs.motion import largest_error, least_sizes, lost_to_cancellation, motion_of
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import interpreted
@@ -58,7 +57,7 @@ def prescribed_rates_error(scene: Scene) -> float:
     It does not matter how far the body turns between them. Rates that change within a step, which the native FMU takes,
     lose as much for each radian.
     """
-    return ROUND_OFF * (1.0 + communication_steps(scene))
+    return ROUND_OFF * (1.0 + scene.run.count)
 
 
 def prescribed_plan(asked: Question) -> Plan:
@@ -111,7 +110,7 @@ def _coarse_motion(asked: Question, found: Plan) -> Motion:
     names = tuple(dict.fromkeys((*cancelling, "omega_b"))) if found.spec.angle_round_off else cancelling
     if not names:
         return {}  # without running the model, which would be loaded or compiled
-    return motion_of(asked.scene, found, thinned_steps(asked.scene, 100), names)
+    return motion_of(asked.scene, found, asked.scene.run.thinned_steps(100), names)
 
 
 def _fastest(rates: Array) -> float:

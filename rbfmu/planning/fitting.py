@@ -20,7 +20,6 @@ from rbfmu.models.registry import FREE_BODY_FORCE, LOADED_TAYLOR, ONE_AXIS_TAYLO
 from rbfmu.planning import methods
 from rbfmu.planning.judge import Judge
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import SceneError
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
@@ -126,7 +125,7 @@ class _Search:
     def __init__(self, asked: Question, judge: Judge) -> None:
         self.asked, self.judge, self.accuracy = asked, judge, asked.accuracy
         self.bound = AIM * self.accuracy
-        self.steps = communication_steps(asked.scene)
+        self.steps = asked.scene.run.count
         self.best: Tried | None = None
         self.met: list[Tried] = []
         self.work = 0.0
@@ -347,7 +346,7 @@ def cheapest_quadrature(asked: Question, judge: Judge) -> Plan | None:
             if not ratio * panels < MAX_PANELS:
                 break
             panels = max(panels + 1, math.ceil(ratio * panels))
-            if panels * order * communication_steps(asked.scene) > MAX_POINTS:
+            if panels * order * asked.scene.run.count > MAX_POINTS:
                 break
     return best
 

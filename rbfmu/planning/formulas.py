@@ -15,7 +15,6 @@ from rbfmu.planning import fitting, methods
 from rbfmu.planning.closed_forms import exact_closed_form, exact_plan, what_is_left_out
 from rbfmu.planning.judge import Judge
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import PARAMETERS, SECTIONS, Scene, SceneError
 from rbfmu_kernels.models.formula_events import MOST_LISTED
 
@@ -125,7 +124,7 @@ def _tried(asked: Question, judge: Judge, plan: Plan) -> Plan:
     n, slots, states = plan.order, 4 * len(formulas.program.groups), len(formulas.rates)
     of_an_order = len(formulas.program.varying) * NS_AN_OPERATION + states * NS_A_STATE
     series = 0.5 * n * n * slots * NS_A_TERM + n * of_an_order
-    cost = series * substeps / communication_steps(asked.scene) + states * NS_SHOWN
+    cost = series * substeps / asked.scene.run.count + states * NS_SHOWN
     return replace(plan, error=error, cost=cost)
 
 

@@ -18,7 +18,6 @@ from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
 from rbfmu.runs.motion import Steps, largest_error, least_sizes, motion_of, record, substeps_counted
 from rbfmu.runs.plan import Plan, start_run
-from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import evaluated
@@ -63,7 +62,7 @@ class Judge:
         self.asked, self.scene, self.names = asked, asked.scene, asked.judged
         own = tuple(name for name in fewer.judged if name in self.names) if fewer else self.names
         self._asked = tuple(dict.fromkeys((self.names, own or self.names)))
-        self.steps = thinned_steps(asked.scene, MAX_STEPS)
+        self.steps = asked.scene.run.thinned_steps(MAX_STEPS)
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off
         self.left = MAX_TRIED  # substeps of pilot runs to come
@@ -164,7 +163,7 @@ class Judge:
 
         Of very long runs the first steps are taken, and their round-off is counted for all.
         """
-        total, taken = communication_steps(self.scene), len(self.steps)
+        total, taken = self.scene.run.count, len(self.steps)
         parts = round(total / taken)
         if parts <= 1:
             return plan.error

@@ -17,7 +17,6 @@ from rbfmu.planning.closed_forms import SHARE
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
-from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError
 from rbfmu_kernels.body.memory import INPUTS, OUTPUTS
@@ -112,7 +111,7 @@ def driven(scene, planned, full=True, perturbation=0.0, size=1.0):
     z[unit.BLOCKS["omega_b_0"]] += perturbation
     initialize(scene, unit, z)
     rows = []
-    for h in np.diff(time_grid(scene.run.start, scene.run.stop, scene.run.step)):
+    for h in np.diff(scene.run.grid()):
         for port in scene.inputs.ports:
             z[unit.BLOCKS[port]] = size * (size == STRONG or random.integers(2)) * random.normal(size=3)
         fine = unit.step(z, float(h)) == OK
