@@ -17,12 +17,9 @@ from rbfmu.runs.inputs import size_of
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.simulation import Simulator
 from rbfmu.types import Array
+from rbfmu_kernels import ZYX, Quaternion, cross, euler_from_quaternion, euler_rate_b, quaternion_rate_b, rotate
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.quantities import TRANSLATION, elements, needing
-from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
-from rbfmu_kernels.rotations.quaternion import quaternion_rate_b, rotate
-from rbfmu_kernels.rotations.vec3 import cross
-from rbfmu_kernels.types import Quaternion
 
 TURN = elements("rotvec_b", 3)
 

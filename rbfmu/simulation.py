@@ -48,7 +48,7 @@ def _plan(
     scene: Scene, tables: InputTables | None, interpolate: str, full: bool = False,
     progress: Callable[[float], object] | None = None,
 ) -> Plan:  # fmt: skip
-    from rbfmu.planning import plan as planned  # a run whose plan is known does without
+    from rbfmu.planning.select import plan as planned  # a run whose plan is known does without
 
     driven = None if tables is None else partial(drive_of, scene, tables, interpolate)
     return planned(scene, full, progress, driven=driven)

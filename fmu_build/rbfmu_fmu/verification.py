@@ -15,7 +15,8 @@ import numpy as np
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
-from rbfmu import Plan, Scene, SceneError, planning
+from rbfmu import Plan, Scene, SceneError
+from rbfmu.planning.select import plan
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import initialize
 from rbfmu.types import Array
@@ -253,7 +254,7 @@ def _distance_to_full(d: Description, time: Array, inputs: Array, planned: Array
     """Return the distance between the planned and the full model under the same inputs."""
     scene, accuracy = d.scene, max(d.scene.run.accuracy / 10.0, 1e-12)
     try:
-        full = planning.plan(scene.replace(run={"stop": float(time[-1]), "accuracy": accuracy}), full=True)
+        full = plan(scene.replace(run={"stop": float(time[-1]), "accuracy": accuracy}), full=True)
     except SceneError:
         return math.nan
     rows = _through_kernels(describe(scene, full), time, inputs)

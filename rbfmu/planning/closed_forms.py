@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 
 from rbfmu.models import registry
-from rbfmu.models.disturbances import GROWTH, growth_rate
 from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import ModelSpec
 from rbfmu.planning.judge import Judge
@@ -37,6 +36,8 @@ DERIVED = 1e-9
 
 A closed form promised what its state keeps, while a difference of two large terms had lost digits of its own.
 """
+GROWTH = 0.1
+"""The exponent of a disturbance's growth over the run from which on a spin counts as unstable."""
 SHARE = 0.8
 """The part of the accuracy that the error of a model that leaves something out may be, if no closed form judges it."""
 PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for rates held over a step"
@@ -181,6 +182,37 @@ def _stays(asked: Question, truth: Motion, names: tuple[str, ...]) -> bool:
     names = tuple(n for n in names if n not in (*TRANSLATION, "kinetic_energy"))
     still = {n: truth[n][:1] + 0.0 * truth[n] for n in names}
     return largest_error(still, truth, names, least_sizes(asked, truth)) <= asked.accuracy
+
+
+# How fast a disturbance grows
+
+
+def growth_rate(asked: Question) -> float:
+    """Return how fast a disturbance of the motion at the start grows, 1/s; 0 where it is stable.
+
+    It is omega sqrt((I_k - I_i) (I_j - I_k) / (I_i I_j)) for a free spin about the middle axis, and
+    sqrt(4 I_t m g l - (I_s omega_s)^2) / (2 I_t) for a body spinning at omega_s with its centre of mass above a pivot.
+    """
+    moments, R = asked.start.principal_axes
+    arm, rates = R.T @ np.array(asked.body.r_oc_b), R.T @ np.array(asked.scene.initial.omega_b)
+    if asked.body.pivot and any(asked.scene.loads.gravity_a) and any(asked.body.r_oc_b):
+        return _growth_above_pivot(asked, moments, int(np.argmax(np.abs(arm))), rates)
+    if int(np.argmax(np.abs(rates))) != 1 or moments[0] == 0.0:
+        return 0.0
+    low, middle, high = moments
+    return float(abs(rates[1]) * math.sqrt((middle - low) * (high - middle) / (low * high)))
+
+
+def _growth_above_pivot(asked: Question, moments: Array, own: int, rates: Array) -> float:
+    """Return the same above a pivot; own: the principal axis that the centre of mass is nearest to."""
+    body, up = asked.body, -np.array(asked.scene.loads.gravity_a)
+    if float(np.dot(interpreted(rotate)(asked.scene.initial.quaternion, body.r_oc_b), up)) <= 0.0:
+        return 0.0
+    least = float(np.min(np.delete(moments, own)))
+    spin = float(moments[own] * rates[own])
+    weight = body.mass * float(np.linalg.norm(up)) * float(np.linalg.norm(np.array(body.r_oc_b)))
+    square = 4.0 * least * weight - spin * spin
+    return math.sqrt(square) / (2.0 * least) if square > 0.0 else 0.0
 
 
 # What is not modelled

@@ -12,8 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from rbfmu.exceptions import PlanningWarning as PlanningWarning
-from rbfmu.exceptions import warn_caller
+from rbfmu.exceptions import PlanningWarning, warn_caller
 from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
 from rbfmu.runs.motion import Steps, largest_error, least_sizes, motion_of, record, substeps_counted

@@ -14,8 +14,8 @@ from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.variables import Columns
 from rbfmu.exceptions import SceneError, SceneWarning
-from rbfmu.planning import plan
 from rbfmu.planning.methods import TIGHTEST
+from rbfmu.planning.select import plan
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import start_run
 from rbfmu.scene.scene import Scene

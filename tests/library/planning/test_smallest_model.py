@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from numba import config
 
 import rbfmu
-from rbfmu.models.disturbances import GROWTH, growth_rate
 from rbfmu.models.question import Question
 from rbfmu.models.registry import CLOSED_FORMS, smaller_closed_forms
-from rbfmu.planning.closed_forms import SHARE
+from rbfmu.planning.closed_forms import GROWTH, SHARE, growth_rate
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
