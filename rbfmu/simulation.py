@@ -5,7 +5,6 @@ import json
 import math
 import struct
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from numbers import Real
 from typing import Any
 from zlib import crc32
@@ -50,7 +49,7 @@ def _plan(
 ) -> Plan:  # fmt: skip
     from rbfmu.planning.select import plan as planned  # a run whose plan is known does without
 
-    driven = None if tables is None else partial(drive_of, scene, tables, interpolate)
+    driven = None if tables is None else lambda parts: drive_of(scene, tables, interpolate, parts)
     return planned(scene, full, progress, driven=driven)
 
 

@@ -1,10 +1,9 @@
 """All models, by the name that plans and FMUs have for them, from the smallest to the largest, and what each is."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import takewhile
 
 import numpy as np
 
@@ -348,8 +347,3 @@ INTEGRATED = (ONE_AXIS_TAYLOR, PRESCRIBED_RATES, FREE_BODY_FORCE, LOADED_SPLITTI
 
 
 MODELS: dict[str, ModelSpec] = {spec.key: spec for spec in (*CLOSED_FORMS, *INTEGRATED)}
-
-
-def smaller_closed_forms(key: str) -> Iterator[ModelSpec]:
-    """Return the models with a closed form that stand before the one named, all of them where it is none."""
-    return takewhile(lambda spec: spec.key != key, CLOSED_FORMS)

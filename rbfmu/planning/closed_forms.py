@@ -6,6 +6,7 @@ it, or by the motion in double-double arithmetic.
 
 import math
 from dataclasses import replace
+from itertools import takewhile
 
 import numpy as np
 
@@ -128,7 +129,7 @@ def plan_within_accuracy(asked: Question, judge: Judge, exact: Plan | None) -> P
     by the motion in double-double arithmetic.
     """
     names = asked.judged
-    smaller = [*registry.smaller_closed_forms(exact.model if exact else "")]
+    smaller = [*takewhile(lambda spec: exact is None or spec.key != exact.model, registry.CLOSED_FORMS)]
     if not smaller or not asked.rotation or not _may_be_compared(asked):
         return None
     if "force_b" in asked.varying and "acceleration" in names and "quaternion" not in names:

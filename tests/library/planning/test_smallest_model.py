@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from itertools import takewhile
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from numba import config
 
 import rbfmu
 from rbfmu.models.question import Question
-from rbfmu.models.registry import CLOSED_FORMS, smaller_closed_forms
+from rbfmu.models.registry import CLOSED_FORMS
 from rbfmu.planning.closed_forms import GROWTH, SHARE, growth_rate
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import largest_error
@@ -77,7 +78,7 @@ def smaller_models(scene, found):
     """None is any better by rule beside an unstable motion."""
     if growth_rate(Question(scene)) * scene.run.stop > GROWTH:
         return []
-    return [spec.key for spec in smaller_closed_forms(found.model)]
+    return [*takewhile(lambda key: key != found.model, (spec.key for spec in CLOSED_FORMS))]
 
 
 def with_ports(scene, ports, quantities):
