@@ -90,8 +90,8 @@ def _simulator_at(scene: Scene, t: float, ports: Mapping[str, Any]) -> Simulator
     """Return the scene at time t, with all that an error may change: a formula may read any state."""
     state = ["quaternion"] if scene.body is None else ["position", "velocity", "quaternion", "omega_b"]
     shown = with_all_outputs(scene) if scene.has_formulas else scene.replace({"outputs.quantities": state})
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SceneWarning)  # of quantities that nobody asked for; the scene's own are told
+    # of quantities that nobody asked for; the scene's own are told
+    with warnings.catch_warnings(action="ignore", category=SceneWarning):
         simulator = Simulator(shown)
     if t > scene.run.start:
         simulator.step(t - scene.run.start, **ports)

@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike
 
 from rbfmu import arrays
 from rbfmu.csv_table import read_columns
-from rbfmu.exceptions import SceneError
 from rbfmu.result import Result, by_quantity
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import OUTPUT
 

@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from rbfmu.models.question import GROWING, Question
-from rbfmu.models.registry import FREE_BODY_FORCE, LOADED_TAYLOR, ONE_AXIS_TAYLOR, moments_of
+from rbfmu.models.registry import FREE_BODY_FORCE, FREE_TRIAXIAL, LOADED_TAYLOR, ONE_AXIS_TAYLOR
 from rbfmu.planning import methods
 from rbfmu.planning.judge import Judge
 from rbfmu.runs.plan import Plan
@@ -334,13 +334,13 @@ def cheapest_quadrature(asked: Question, judge: Judge) -> Plan | None:
             if best and cost >= best.cost:
                 break
             rule = f"Gauss's rule of {order} point{'s' if order > 1 else ''}"
-            trial = Plan(FREE_BODY_FORCE.key, f"elliptic functions, {rule}", 0, substep=run.step / panels, order=order)
-            error, _ = judge.try_out(replace(trial, pinned=asked.pinned), absolute=grows)
+            method, length = f"elliptic functions, {rule}", run.step / panels
+            trial = Plan(FREE_BODY_FORCE.key, method, 0, substep=length, order=order, pinned=asked.pinned)
+            error, _ = judge.try_out(trial, absolute=grows)
             if error <= bound:
-                rotation = f"rotation: no torque, moments {moments_of(asked)} kg m2: elliptic functions"
-                path = f"path: {rule} in panels of {trial.substep:.3g} s: error {error + kept:.1e}"
-                reasons = (rotation, f"{path}, {asked.accuracy:g} asked")
-                best = replace(trial, pinned=asked.pinned, error=error + kept, cost=cost, reasons=reasons)
+                path = f"path: {rule} in panels of {length:.3g} s: error {error + kept:.1e}"
+                reasons = (FREE_TRIAXIAL.reason(asked), f"{path}, {asked.accuracy:g} asked")
+                best = replace(trial, error=error + kept, cost=cost, reasons=reasons)
                 break
             ratio = (error / bound) ** (0.5 / order) if bound > 0.0 else math.inf
             if not ratio * panels < MAX_PANELS:

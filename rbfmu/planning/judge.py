@@ -60,6 +60,7 @@ class Judge:
     ) -> None:
         self.asked, self.scene, self.names = asked, asked.scene, asked.judged
         own = tuple(name for name in fewer.judged if name in self.names) if fewer else self.names
+        self._followed = tuple(dict.fromkeys((*self.names, "omega_b")))
         self._asked = tuple(dict.fromkeys((self.names, own or self.names)))
         self.steps = asked.scene.run.thinned_steps(MAX_STEPS)
         self._progress = progress
@@ -90,18 +91,16 @@ class Judge:
     def _tight_motion(self, order: int) -> Motion:
         """Return the motion in doubles, in small steps, for where double-double arithmetic takes too long."""
         tight = series_of_all(self.asked, order, 1e-18)
-        names = tuple(dict.fromkeys((*self.names, "omega_b")))
         parts = max(2, MOMENTS // len(self.cut_steps))
         steps = (np.repeat(self.cut_steps, parts) / parts).tolist()
-        run = Steps(self.scene, tight, steps, names)
-        found = record(run, names, MAX_SUBSTEPS, self._progress)
+        run = Steps(self.scene, tight, steps, self._followed)
+        found = record(run, self._followed, MAX_SUBSTEPS, self._progress)
         refuse_unfinished(self.scene, steps, found["omega_b"], substeps_counted(run.kernels, run.z))
         return {name: rows[::parts] for name, rows in found.items()}
 
     def follow_by(self, plan: Plan) -> None:
         """Take the motion that a plan makes for the truth, where it is known how exact that is of motions alike."""
-        names = tuple(dict.fromkeys((*self.names, "omega_b")))
-        self.__dict__["motion"] = self.motion_by(plan, names)
+        self.__dict__["motion"] = self.motion_by(plan, self._followed)
 
     def forget(self) -> None:
         """Leave the truth to be found anew."""

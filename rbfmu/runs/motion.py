@@ -17,13 +17,12 @@ from rbfmu.models.question import Question
 from rbfmu.runs.inputs import Drive
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene
-from rbfmu.scene.section import flattened
 from rbfmu.types import Array, Buffer, Motion
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
-from rbfmu_kernels.quantities import ANGLE, DISSIPATIVE, FORCES, LOADS, OUTPUT, OUTPUTS, TORQUES
+from rbfmu_kernels.quantities import ANGLE, DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
 from rbfmu_kernels.rotations.quaternion import angle_between
 
 FEW = 20_000
@@ -288,8 +287,7 @@ def _parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
 
 def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     """Return the size of each quantity that the scene's loads and rates make where they are not in balance."""
-    body, loads = asked.body, asked.scene.loads
-    size = {row.name: math.hypot(*flattened(getattr(loads, row.name))) for row in LOADS}
+    body, size = asked.body, asked.scene.loads.sizes
     force = body.mass * size["gravity_a"] if body.pivot else sum(size[name] for name in sorted(FORCES))
     arm, (low, middle, high) = math.hypot(*body.r_oc_b), asked.start.principal_axes[0].tolist()
     least = low if low > INERTIA_TOLERANCE * high else middle

@@ -10,10 +10,10 @@ import rbfmu_kernels as kernels
 from rbfmu.scene import own as named
 from rbfmu.scene import section as rules
 from rbfmu.scene.body import ZERO
-from rbfmu.scene.section import Apart, Section, as_lists, checked, fault
+from rbfmu.scene.section import Apart, Section, as_lists, checked, fault, flattened
 from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import evaluated
-from rbfmu_kernels.quantities import IN_BUFFER_ORDER, OUTPUT, PORTS
+from rbfmu_kernels.quantities import IN_BUFFER_ORDER, LOADS, OUTPUT, PORTS
 from rbfmu_kernels.rotations import euler_angles
 from rbfmu_kernels.types import Matrix, Quaternion, Vec3
 
@@ -167,6 +167,11 @@ class Loads(Section, path="loads"):
     torque_b: Annotated[Vec3, rules.numbers("torque_b")] = ZERO
     damping_b: Annotated[Vec3, rules.numbers("damping_b")] = ZERO
     formulas: Annotated[Mapping[str, str], named.LOAD_FORMULAS] = named.NOTHING
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """Return how large each load is, by its name and in its unit."""
+        return {row.name: math.hypot(*flattened(getattr(self, row.name))) for row in LOADS}
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         texts = {name: value for name, value in data.items() if named.is_formula(name, value)}
