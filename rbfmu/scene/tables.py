@@ -7,8 +7,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 import rbfmu_kernels as kernels
-from rbfmu.scene import own as named
-from rbfmu.scene import section as rules
+from rbfmu.scene import own as named, section as rules
 from rbfmu.scene.body import ZERO
 from rbfmu.scene.section import Apart, Section, as_lists, checked, fault, flattened
 from rbfmu.types import Array

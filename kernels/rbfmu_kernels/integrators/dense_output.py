@@ -19,8 +19,7 @@ from ..numerics import double_double as dd
 from ..rotations.quaternion import largest_of, scale_quaternion, square_of
 from ..rotations.vec3 import add, add_scaled, largest_component, norm, scale, subtract
 from ..types import Buffer, Quaternion, Vec3
-from . import substeps
-from . import taylor_coefficients as series
+from . import substeps, taylor_coefficients as series
 from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE_RATE, PER, RATE, ROW, ROWS, TURN, WORK, term
 

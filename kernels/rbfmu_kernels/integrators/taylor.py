@@ -24,8 +24,7 @@ from ..mechanics.inertia import trace
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import add, add_scaled, dot, largest_component, scale
 from ..types import Buffer, Quaternion, Vec3
-from . import substeps
-from . import taylor_coefficients as series
+from . import substeps, taylor_coefficients as series
 from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE, PER, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 

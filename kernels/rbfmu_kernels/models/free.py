@@ -17,11 +17,9 @@ from ..body.shell import make_model
 from ..buffer import OK, STEP_REJECTED, TORQUE_ACTS, UNSTEADY, UNSYMMETRIC, places, with_work_space
 from ..buffer_access import matrix_at, put_matrix_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
-from ..exact import free_rotation as exact
-from ..exact import uniform_rotation as uniform
+from ..exact import free_rotation as exact, uniform_rotation as uniform
 from ..exact.free_rotation_setup import FREE_ROTATION_SIZE, FreeRotation, put_free_rotation, read_free_rotation
-from ..integrators import dense_output as dense
-from ..integrators import taylor_coefficients as series
+from ..integrators import dense_output as dense, taylor_coefficients as series
 from ..integrators.splitting import is_symmetric_top
 from ..integrators.substeps import LONGEST_STEP, Method, substeps_in
 from ..mechanics.equations_of_motion import ROTATION, Body, steady_acceleration, turning_acceleration

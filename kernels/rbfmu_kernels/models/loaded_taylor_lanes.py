@@ -17,8 +17,7 @@ from ..buffer_access import matrix_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
-from ..integrators import taylor
-from ..integrators import taylor_coefficients as series
+from ..integrators import taylor, taylor_coefficients as series
 from ..integrators.dense_output import COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
 from ..integrators.substeps import Method, nearer_size, parts_in
 from ..integrators.taylor_coefficients import FORCE, RATE, TORQUE, WORK, SpaceFixedLoads, Torques

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble
-from rbfmu.ensembles import running
-from rbfmu.ensembles import store as stores
+from rbfmu.ensembles import running, store as stores
 from rbfmu.ensembles.chunks import origin, run_chunk
 from rbfmu.ensembles.lock import store_lock
 from rbfmu.ensembles.zarr_store import ZarrStore

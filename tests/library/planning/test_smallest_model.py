@@ -6,8 +6,7 @@ from itertools import takewhile
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, assume, given, settings, strategies as st
 from numba import config
 
 import rbfmu

@@ -15,8 +15,7 @@ from pathlib import Path
 from rbfmu_fmu.builder import c_sources
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.model_description import FMI2, FMI3
-from rbfmu_fmu.native import headers as native_headers
-from rbfmu_fmu.native import platforms
+from rbfmu_fmu.native import headers as native_headers, platforms
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import this_platform
 from tests.support.fmu.fmus import planned, scene

@@ -14,10 +14,8 @@ import numpy as np
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.native.headers import slopes_header
 from rbfmu_fmu.python.call_rules import CALLS, INITIALIZING, INSTANTIATED, SETTABLE, STEPPING, TERMINATED
-from rbfmu_kernels.buffer import OK as STEP_OK
-from rbfmu_kernels.buffer import PAST_STOP, STEP_REJECTED
-from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, LAST_SUCCESSFUL_TIME, OK
-from tests.support.fmu.fmu_importer import TERMINATED as IS_TERMINATED
+from rbfmu_kernels.buffer import OK as STEP_OK, PAST_STOP, STEP_REJECTED
+from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, LAST_SUCCESSFUL_TIME, OK, TERMINATED as IS_TERMINATED
 
 REFUSED = {"python": FATAL, "native": ERROR, "fmi3_scalars": ERROR}
 
