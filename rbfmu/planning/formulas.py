@@ -40,7 +40,6 @@ def _general(asked: Question) -> Plan:
 
 def formula_plan(asked: Question, judge: Judge) -> Plan:
     """Return the cheapest plan whose error is within the accuracy. Raises SceneError where none is."""
-    asked.start.check()
     if asked.varying:
         return _plan_of_varying(asked, judge)
     tried = list[Plan]()
