@@ -34,7 +34,11 @@ Such a plan is taken with a reason that says so: an exact equilibrium was refuse
 SMALLEST = 1e-14
 """The accuracy that any motion is promised at best: outputs have round-off of their own."""
 AIM, REACHED = 1.0 / 3.0, 0.8
-"""Parts of the accuracy: to which settings are fitted, and up to which an error is accepted where none is smaller."""
+"""Parts of the accuracy: to which settings are fitted, and up to which an error is accepted where none is smaller.
+
+Errors go in jumps, as a communication step has whole substeps: four in place of five make an error of order 8 six times
+larger. The rest is left to what pilot runs do not see: other communication steps, and the errors of the truth itself.
+"""
 MAX_WORK = 1e7
 """Substeps of all pilot runs (some five seconds), after which nothing cheaper is looked for."""
 HIGHER = 2
@@ -42,7 +46,8 @@ HIGHER = 2
 LEAST_ORDER_OF_INPUTS = 8
 """The least order of series with inputs: pilot runs do not see what ports supply, or what parameters are set to."""
 UNCUT = 20.0
-"""The number of substeps in a communication step from which on longer steps change little."""
+"""The number of substeps in a communication step from which on other steps change little: the last one is cut at the
+step's end, which shortens all of them by a twentieth at most."""
 LONGER, SHORTER = (2, 4, 10, 25, 50, 100), (2, 3, 4, 6, 10)
 """Numbers of communication steps that an importer may take as one, besides the whole run, and of parts of one."""
 POINT_COST = 86.0

@@ -20,7 +20,8 @@ from rbfmu_kernels.models.formula_events import MOST_LISTED
 
 ORDERS = range(8, 25, 2)
 TRIES = 5
-"""Tolerances that are tried of an order."""
+"""Tolerances that are tried of an order. Each aims three times lower than the last one's error says, as errors of
+formulas follow the tolerance only roughly, and one that is a little tighter costs less than one that misses."""
 NS_A_TERM, NS_AN_OPERATION, NS_A_STATE, NS_SHOWN = 0.085, 0.1, 4.2, 7.0
 """What a product of two coefficients, and of each order an operation and a state, cost a series; and what a state costs
 a communication step: least squares of measured times of four scenes at five orders, to 15 %, on an AMD EPYC where
