@@ -18,7 +18,6 @@ from rbfmu.ensembles.statistics import MOST_NUMBERS, MOST_SAMPLED, Summary, most
 from rbfmu.ensembles.variables import ALL, COUNT, FINAL, FIRST, STATISTICS, Columns, columns_of, flat, varied_rows
 from rbfmu.exceptions import SceneError
 from rbfmu.models.model_buffer import refusal
-from rbfmu.runs.inputs import HOLD, drive_of
 from rbfmu.runs.motion import refused_step
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
@@ -110,7 +109,7 @@ def members_of_a_chunk(scene: Scene, plan: Plan, control: Control | None = None)
 
     Sums are merged chunk by chunk: with other chunks their bits would be others. A store can so be extended by runs.
     """
-    steps = len(drive_of(scene, {}, HOLD).lengths)
+    steps = scene.run.count
     keep = ensemble_of(scene).keep
     numbers = columns_of(scene).width * (steps + 1 if set(keep) - {FINAL} else 1)
     numbers += steps * (control.numbers(scene) if control else 0)
@@ -174,7 +173,7 @@ def run_samples(
 
     Of members that failed rows are NaN, and nothing happened. Of events the first time is NaN where there is none.
     """
-    steps, count = drive_of(work.scene, {}, HOLD).lengths, len(samples)
+    steps, count = np.diff(work.scene.run.grid()), len(samples)
     points = 1 if ends_alone else len(steps) + 1
     failed = refusals(work.scene, samples)
     which = _all_but(failed, count)
@@ -254,7 +253,7 @@ def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices)
         return wrong_input(own, end.tolist())
     if end[0]:
         return str(refusal(own, int(end[0]), plan.kernels.BLOCKS, filled_buffer(own, plan)))
-    return str(refused_step(own.name, drive_of(own, {}, HOLD).time[int(end[1])]))
+    return str(refused_step(own.name, own.run.grid()[int(end[1])]))
 
 
 PACKAGES = ("ensembles", "runs", "scene")
