@@ -59,7 +59,8 @@ def accuracy_and_cost() -> str:
     ]
     titles = ["motion", "outputs", *(f"error {short(float(accuracy))}" for accuracy in accuracies)]
     measured = (
-        f"The other is heyoka.py, or by name a solver of numbalsoda. Bold is less by a factor of more than {SURE:g}."
+        "An unnamed program is heyoka.py; LSODA and DOP853 are numbalsoda's. "
+        f"Bold is less by a factor of more than {SURE:g}."
     )
     return f"{markdown(titles, table)}\n{measured} {machine(head)}\n"
 

@@ -13,24 +13,21 @@ if TYPE_CHECKING:
     from rbfmu.ensembles.control import Controller as Controller
     from rbfmu.ensembles.result import EnsembleResult as EnsembleResult
     from rbfmu.ensembles.running import run_ensemble as run_ensemble
-    from rbfmu.exceptions import SceneWarning as SceneWarning
-    from rbfmu.exceptions import SimulationError as SimulationError
-    from rbfmu.identification.fit import Fit as Fit
-    from rbfmu.identification.fit import fit as fit
-    from rbfmu.linearization import Linearization as Linearization
-    from rbfmu.linearization import linearize as linearize
+    from rbfmu.exceptions import SceneWarning as SceneWarning, SimulationError as SimulationError
+    from rbfmu.identification.fit import Fit as Fit, fit as fit
+    from rbfmu.linearization import Linearization as Linearization, linearize as linearize
     from rbfmu.progress import progress_bar as progress_bar
     from rbfmu.result import Result as Result
     from rbfmu.runs.plan import Plan as Plan
     from rbfmu.scene import *  # noqa: F403
-    from rbfmu.sensitivities import Sensitivity as Sensitivity
-    from rbfmu.sensitivities import sensitivity as sensitivity
-    from rbfmu.simulation import Simulator as Simulator
-    from rbfmu.simulation import compiled_step as compiled_step
-    from rbfmu.simulation import plan as plan
-    from rbfmu.simulation import simulate as simulate
-    from rbfmu.studies.chart import Chart as Chart
-    from rbfmu.studies.chart import chart as chart
+    from rbfmu.sensitivities import Sensitivity as Sensitivity, sensitivity as sensitivity
+    from rbfmu.simulation import (
+        Simulator as Simulator,
+        compiled_step as compiled_step,
+        plan as plan,
+        simulate as simulate,
+    )
+    from rbfmu.studies.chart import Chart as Chart, chart as chart
     from rbfmu.viewer import view as view
 
 __version__ = "0.2.0"

@@ -12,6 +12,7 @@ import click
 
 import rbfmu
 import rbfmu.cli_output as common
+import rbfmu_fmu
 from rbfmu.exceptions import SceneWarning, named, warn_caller
 from rbfmu.extras import needed
 from rbfmu.on_disk import kept_plan
@@ -33,11 +34,11 @@ def demo(folder: Path) -> None:
     """Simulate NASA's tumbling brick in three ways, compare them with each other and with NASA, draw it."""
     from rich.console import Console
 
-    import rbfmu_fmu.demo
+    from rbfmu_fmu.demo import run_demo
 
     common.say_where_nothing_is_kept()
     with common.usage_errors(rbfmu_fmu.VerificationError), named(folder):
-        passed = rbfmu_fmu.demo.run_demo(folder, Console(highlight=False))
+        passed = run_demo(folder, Console(highlight=False))
     click.get_current_context().exit(0 if passed else 1)
 
 
@@ -278,7 +279,6 @@ def build(
     asked: common.Asked, output: Path | None, native: bool, platform: str, fmi: str, scalars: bool, terminals: bool
 ) -> None:
     """Build a scene's FMU for co-simulation (FMI 2.0, pythonfmu or native; FMI 3.0, native)."""
-    import rbfmu_fmu
     from rbfmu_fmu.description import file_name
     from rbfmu_fmu.native.platforms import platforms_named, takes_minutes
 
@@ -303,8 +303,6 @@ def build(
 @click.option("--seed", default=1, show_default=True, help="Of the signal that drives the inputs.")
 def verify(fmu: Path, seed: int) -> None:
     """Compare an FMU with direct calls of its kernels, bit by bit, and validate it."""
-    import rbfmu_fmu
-
     common.say_where_nothing_is_kept()
     with common.usage_errors(rbfmu_fmu.VerificationError):
         found = rbfmu_fmu.verify(fmu, seed)

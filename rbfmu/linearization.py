@@ -18,12 +18,9 @@ from rbfmu.runs.inputs import size_of
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.simulation import Simulator
 from rbfmu.types import Array
+from rbfmu_kernels import ZYX, Quaternion, cross, euler_from_quaternion, euler_rate_b, quaternion_rate_b, rotate
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.quantities import TRANSLATION, elements, needing
-from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
-from rbfmu_kernels.rotations.quaternion import quaternion_rate_b, rotate
-from rbfmu_kernels.rotations.vec3 import cross
-from rbfmu_kernels.types import Quaternion
 
 TURN = elements("rotvec_b", 3)
 
@@ -95,8 +92,8 @@ def _simulator_at(scene: Scene, t: float, ports: Mapping[str, Any]) -> Simulator
     """Return the scene at time t, with all that an error may change: a formula may read any state."""
     state = ["quaternion"] if scene.body is None else ["position", "velocity", "quaternion", "omega_b"]
     shown = with_all_outputs(scene) if scene.has_formulas else scene.replace({"outputs.quantities": state})
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SceneWarning)  # of quantities that nobody asked for; the scene's own are told
+    # of quantities that nobody asked for; the scene's own are told
+    with warnings.catch_warnings(action="ignore", category=SceneWarning):
         simulator = Simulator(shown)
     if t > scene.run.start:
         simulator.step(t - scene.run.start, **ports)

@@ -21,7 +21,6 @@ from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.motion import Driven
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
 from rbfmu.scene.scene import Scene, of_scene_or_path
-from rbfmu.simulation import course
 from rbfmu.types import Array
 from rbfmu_kernels.buffer import NO_OUTPUTS
 from rbfmu_kernels.compile.tiered import tiered
@@ -252,7 +251,7 @@ class _Run:
         tiered(plan.kernels.outputs)(z)
         numbers = (column.element for column in varied.columns)
         self.sizes = np.array([0.0 if name in TURN else abs(z[self._model.place(name)]) for name in numbers])
-        self.time, self.values = course(scene, run, drive.time, (*self._model.shown, "errors", "slopes"))
+        self.time, self.values = run.course((*self._model.shown, "errors", "slopes"))
         self._event = run.events.taken[-1].name if run.events and run.ended is not None else ""
         self._slopes = self.values.pop("slopes")
         self._errors = self.values.pop("errors").reshape(len(self.time), -1, self._model.columns)

@@ -4,8 +4,7 @@ import hashlib
 import json
 import math
 import struct
-from collections.abc import Callable, Collection, Iterable, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Sequence
 from numbers import Real
 from typing import Any
 from zlib import crc32
@@ -17,7 +16,6 @@ from rbfmu.result import Result, Row
 from rbfmu.runs.inputs import HOLD, Inputs, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.motion import Driven, Events, Happened
 from rbfmu.runs.plan import Plan, given, start_run, with_parameters
-from rbfmu.runs.time_grid import last_time, steps_until
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
 from rbfmu.scene.section import as_toml, fault
 from rbfmu.types import Array
@@ -49,9 +47,9 @@ def _plan(
     scene: Scene, tables: InputTables | None, interpolate: str, full: bool = False,
     progress: Callable[[float], object] | None = None,
 ) -> Plan:  # fmt: skip
-    from rbfmu.planning import plan as planned  # a run whose plan is known does without
+    from rbfmu.planning.select import plan as planned  # a run whose plan is known does without
 
-    driven = None if tables is None else partial(drive_of, scene, tables, interpolate)
+    driven = None if tables is None else lambda parts: drive_of(scene, tables, interpolate, parts)
     return planned(scene, full, progress, driven=driven)
 
 
@@ -83,44 +81,12 @@ def simulate(
     planned = (given(planned) or _plan(scene, tables or None, interpolate)).of_scene(scene)
     drive = drive_of(scene, tables, interpolate)
     run = Driven(scene, planned, drive)
-    time, shown = course(scene, run, drive.time, scene.outputs.names, progress)
+    time, shown = run.course(scene.outputs.names, progress)
     quantities = {name: (rows[:, 0] if rows.shape[1] == 1 else rows).copy() for name, rows in shown.items()}
     happened = [run.events.times(run.events.taken, touched) for touched in (False, True)] if run.events else ()
     result = Result(time, quantities, planned.formulas.own_rows if planned.formulas else {}, *happened)
     warn(scene, doubts_after(scene, result.quantities))
     return result
-
-
-def course(
-    scene: Scene,
-    run: Driven,
-    time: Array,
-    names: Collection[str],
-    progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
-) -> tuple[Array, dict[str, Array]]:
-    """Return the times (n,) of a run, up to the event that ends it, and the rows of blocks at these by name, (n, k).
-
-    Raises SimulationError where a step is refused.
-    """
-    places = [np.r_[run.kernels.BLOCKS[name]] for name in names]
-    at, numbers = np.concatenate(places), range(1, len(time))
-    rows = np.empty((len(time), len(at)))
-    rows[0] = run.z[at]
-    for k in numbers if progress is None else progress(numbers):
-        if not run.advance(k):
-            raise refused_step(scene, time[k - 1])
-        rows[k] = run.z[at]
-        if run.ended is not None:
-            before = run.ended <= time[k - 1]  # the event may be at the communication point before
-            time = time[:k] if before else np.append(time[:k], run.ended)
-            break
-    ends = np.cumsum([len(place) for place in places])[:-1]
-    return time, dict(zip(names, np.split(rows[: len(time)], ends, axis=1), strict=True))
-
-
-def refused_step(scene: Scene, begin: float) -> SimulationError:
-    """Return the error for a step of a run that was refused; begin: s."""
-    return SimulationError(f"{scene.name}: the step from t = {float(begin)!r} s was refused: not finite")
 
 
 _CLOCK = struct.Struct("dq")
@@ -154,7 +120,7 @@ class Simulator:
         self._scalars = {name for name, port in self.scene.inputs.own.items() if port.size == 1}
         self._quantities = {name: self._z[blocks[name]] for name in self.scene.outputs.names}
         self._identity = _identity(self.scene, self.plan)
-        self._start, self._h, self._last_time = run.start, run.step, last_time(run.stop, run.step)
+        self._start, self._h, self._last_time = run.start, run.step, run.last_time
         self.time, self._count = run.start, 0
         self._events = Events(self.scene, self.plan, self._z) if self.scene.events else None
         self._untold = (math.nan,) * len(self.scene.events)
@@ -226,7 +192,7 @@ class Simulator:
         nothing has changed, and no input either.
         """
         if h is None:
-            count = 1 + (self._count if self._count >= 0 else steps_until(self._start, self._h, self.time))
+            count = 1 + (self._count if self._count >= 0 else self.scene.run.steps_until(self.time))
             end = self._start + count * self._h
             length = end - self.time
         else:

@@ -17,7 +17,6 @@ from rbfmu import Plan, Scene
 from rbfmu.models.question import Question
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.plan import filled_buffer
-from rbfmu.runs.time_grid import last_time
 from rbfmu.types import Buffer
 from rbfmu_kernels import quantities
 from rbfmu_kernels.body.shell import Model
@@ -95,7 +94,7 @@ class Description:
     @property
     def last_time(self) -> float:
         """Return the time from which on `status` is 2."""
-        return last_time(self.scene.run.stop, self.scene.run.step)
+        return self.scene.run.last_time
 
     @property
     def inputs(self) -> tuple[Variable, ...]:

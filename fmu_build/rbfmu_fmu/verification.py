@@ -15,10 +15,10 @@ import numpy as np
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
-from rbfmu import Plan, Scene, SceneError, planning
+from rbfmu import Plan, Scene, SceneError
+from rbfmu.planning.select import plan
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import initialize
-from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.section import whole
 from rbfmu.types import Array
 from rbfmu_fmu.builder import kernel_hash
@@ -76,7 +76,7 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     run = d.scene.run
     _check_runs_here(path)
     problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))] + _gaps(path, d)
-    time = time_grid(run.start, run.stop, run.step)[: MAX_STEPS + 1]
+    time = run.grid()[: MAX_STEPS + 1]
     inputs = _signal(d, len(time) - 1, np.random.default_rng(seed))
     recorded, log = _through_fmpy(path, d, time, inputs)
     expected = _through_kernels(d, time[: len(recorded)], inputs)
@@ -255,7 +255,7 @@ def _distance_to_full(d: Description, time: Array, inputs: Array, planned: Array
     """Return the distance between the planned and the full model under the same inputs."""
     scene, accuracy = d.scene, max(d.scene.run.accuracy / 10.0, 1e-12)
     try:
-        full = planning.plan(scene.replace(run={"stop": float(time[-1]), "accuracy": accuracy}), full=True)
+        full = plan(scene.replace(run={"stop": float(time[-1]), "accuracy": accuracy}), full=True)
     except SceneError:
         return math.nan
     rows = _through_kernels(describe(scene, full), time, inputs)

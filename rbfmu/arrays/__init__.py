@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 import rbfmu_kernels as _kernels
 from rbfmu.arrays.from_kernel import array_function, checked_function, sequence_function, set_threads
 from rbfmu_kernels.mechanics import inertia as _inertia
-from rbfmu_kernels.rotations import euler_angles as _euler
-from rbfmu_kernels.rotations import matrix as _rotation
-from rbfmu_kernels.rotations import rotation_vector as _rotvec
+from rbfmu_kernels.rotations import euler_angles as _euler, matrix as _rotation, rotation_vector as _rotvec
 
 if TYPE_CHECKING:
-    from rbfmu.arrays.bodies import check_inertia as check_inertia
-    from rbfmu.arrays.bodies import free_rotation as free_rotation
-    from rbfmu.arrays.bodies import inertia_of_points as inertia_of_points
+    from rbfmu.arrays.bodies import (
+        check_inertia as check_inertia,
+        free_rotation as free_rotation,
+        inertia_of_points as inertia_of_points,
+    )
 
 REFLECTION = "some of these matrices are no rotations (det <= 0, as of a reflection), which gives NaN"
 NO_DIRECTION = "some of these axes have no direction (zero, or beyond 1e150), which gives NaN"

@@ -15,7 +15,6 @@ from rbfmu.arrays.from_kernel import array_function, as_floats, clear_error, doc
 from rbfmu.types import Array
 from rbfmu_kernels.exact import free_rotation as _free
 from rbfmu_kernels.mechanics import inertia as _inertia
-from rbfmu_kernels.types import Shape
 
 _reasons = array_function(_inertia.check_inertia)
 _principal_axes = array_function(_inertia.principal_axes)
@@ -122,7 +121,7 @@ def _in_lanes(*args: ArrayLike) -> tuple[Array, Array] | None:
     return q.reshape(*shape, 4), omega.reshape(*shape, 3)
 
 
-def _flat(a: Array, shape: Shape, width: int) -> Array:
+def _flat(a: Array, shape: tuple[int, ...], width: int) -> Array:
     """Return an array broadcast to a shape as rows of `width` numbers."""
     rows = np.broadcast_to(a, shape).reshape(-1, width)
     return np.require(rows, float, ("C", "W"))

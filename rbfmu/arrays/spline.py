@@ -1,7 +1,5 @@
 """Attitude and rates from measured quaternions, by a smooth spline through them."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -82,7 +80,7 @@ def attitude_spline(times: ArrayLike, q_ab: ArrayLike) -> AttitudeSpline:
     return AttitudeSpline(t, q * np.cumprod([1.0, *turned])[:, np.newaxis])
 
 
-def _numbers(argument: str, value: Any) -> Array:
+def _numbers(argument: str, value: ArrayLike) -> Array:
     array = as_floats("attitude_spline", argument, value)
     if not np.all(np.isfinite(array)):
         raise ValueError(f"attitude_spline: {argument} must be finite numbers")

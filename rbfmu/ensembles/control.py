@@ -198,7 +198,7 @@ def _rows(scene: Scene, drive: Drive, part: str) -> Array:
 def wrong_input(scene: Scene, end: Sequence[int]) -> str:
     """Return what is said of a member whose controller gave a number that is not finite; end: see `body.members`."""
     names = [name for port in scene.inputs.ports for name in elements(port, size_of(scene, port))]
-    time = drive_of(scene, {}, HOLD).time[end[1]]
+    time = scene.run.grid()[end[1]]
     return f"{scene.name}: the controller gave {names[-1 - end[0]]} at t = {float(time)!r} s: expected a finite number"
 
 

@@ -21,7 +21,6 @@ from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, likely_order, ratio_to, series_cost, series_of_all, series_plan
 from rbfmu.runs.motion import FLOORS
 from rbfmu.runs.plan import Plan, start_run
-from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import interpreted
@@ -68,7 +67,7 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, highest: int, part: f
     None where no tolerance is tight enough.
     """
     asked = judges[0].asked
-    looser, steps = replace(general, tolerance=LOOSER * asked.accuracy), communication_steps(asked.scene)
+    looser, steps = replace(general, tolerance=LOOSER * asked.accuracy), asked.scene.run.count
 
     def worst(plan: Plan, of: Sequence[Judge]) -> tuple[float, float]:
         found = [judge.try_out(plan) for judge in of]
@@ -161,7 +160,7 @@ class Scouts:
     def __init__(self, scene: Scene, plan: Plan, names: tuple[str, ...], seconds: float = SECONDS) -> None:
         self.scene, self.seconds = scene.replace({"outputs.quantities": names}), seconds
         self.columns = Columns(tuple(OUTPUT[n] for n in names))
-        steps = communication_steps(scene)
+        steps = scene.run.count
         most = min(int(MOST_BYTES / (8.0 * self.columns.width * (steps + 1))), int(1e9 * seconds / (plan.cost * steps)))
         cube = draws.at_random(ensemble_of(scene), 0, max(min(most, SCOUTS), FEWEST), APART)
         self.samples = samples_at(self.scene, cube)
@@ -213,7 +212,7 @@ def for_the_worst(scouts: Scouts, fitted: Plan) -> Plan | None:
 def dearest(judges: Sequence[Judge], found: Plan) -> Plan:
     """Return series with the cost that they have of the pilot which takes most substeps."""
     asked = judges[0].asked
-    substeps = max(judge.try_out(found)[1] for judge in judges) / communication_steps(asked.scene)
+    substeps = max(judge.try_out(found)[1] for judge in judges) / asked.scene.run.count
     return replace(found, cost=series_cost(found.order, asked.load_shares) * substeps)
 
 

@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import islice
 from typing import Any
 
@@ -34,7 +34,7 @@ from rbfmu.ensembles.fitting import (
 )
 from rbfmu.ensembles.members import Samples, ensemble_of, member, refusals, samples_at
 from rbfmu.ensembles.variables import differ
-from rbfmu.exceptions import SceneWarning
+from rbfmu.exceptions import SceneWarning, warn_caller
 from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS, LOADED_TAYLOR, MODELS, PRESCRIBED_RATES
 from rbfmu.planning.closed_forms import PRESCRIBED, what_is_left_out, why_exact
@@ -43,7 +43,6 @@ from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, ever_tighter, whole_series, with_cost
 from rbfmu.planning.select import cheapest, series_serve_alone
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.ensemble import SOBOL
 from rbfmu.scene.scene import Scene, SceneError, faults_of, warn
 from rbfmu.scene.variations import SHAPE
@@ -67,9 +66,13 @@ about 1/sqrt(2) whatever n: 3 more is beyond four standard deviations, which one
 PARTS = np.outer(0.7 ** np.arange(8), (1.0, -1.0)).ravel()
 """Parts of the distance at which a far pilot is tried, to both sides, until it is a scene."""
 MARGIN = 0.3
-"""The part of the pilots' least tolerance that is taken: errors of members scatter about those of eight pilots."""
+"""The part of the pilots' least tolerance that is taken: errors of members scatter about those of eight pilots.
+
+Series of a body under loads have a fit of their own instead (`fitting`): with this margin upon those of each pilot's
+own plan they came to errors of a thousandth of the accuracy.
+"""
 ENOUGH = 0.1
-"""The part of the accuracy up to which a pilot's error is left as it is."""
+"""The part of the accuracy up to which a pilot's error under the common plan is left as it is: others may have more."""
 
 
 def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) -> Plan:
@@ -116,7 +119,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             return False, None
         asked = judges[0].asked
         general = replace(whole_series(scene, 0, scene.run.accuracy), pinned=asked.pinned)
-        if communication_steps(scene) == 1:  # which no series has to serve beyond: members go side by side
+        if scene.run.count == 1:  # which no series has to serve beyond: members go side by side
             general = replace(general, substep=scene.run.step)
         follow_in_doubles(judges)
         fit, part = partial(fit_of_members, judges, general, highest_in_lanes(judges, general)), PART
@@ -138,6 +141,22 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             part *= found.tolerance / fitted.tolerance
             fitted = fit(part)
     return found is not None, found
+
+
+def plan_once(scene: Scene) -> Plan:
+    """Return the plan of an ensemble; of a scene that was planned lately the same, and say again what was said then."""
+    found, said = _planned(scene)
+    for message, category in said:
+        warn_caller(message, category)
+    return found
+
+
+@lru_cache(maxsize=8)
+def _planned(scene: Scene) -> tuple[Plan, list[tuple[str, type[Warning]]]]:
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        found = plan_ensemble(scene)
+    return found, [(str(one.message), one.category) for one in said]
 
 
 # Why

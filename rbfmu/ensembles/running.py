@@ -18,7 +18,7 @@ from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk, origin, run_
 from rbfmu.ensembles.control import control_of
 from rbfmu.ensembles.lock import store_lock
 from rbfmu.ensembles.members import with_runs
-from rbfmu.ensembles.planning import plan_ensemble
+from rbfmu.ensembles.planning import plan_once
 from rbfmu.ensembles.result import EnsembleResult
 from rbfmu.ensembles.store import Store, refuse_existing
 from rbfmu.exceptions import SimulationError, named
@@ -60,16 +60,17 @@ def run_ensemble(
     store: a file .npz or a folder .zarr to keep it in, from which `resume` goes on after a stop of any kind; by default
     memory. executor: a number of threads (by default one for each processor), an executor of concurrent.futures, or a
     client of Dask. runs: in place of the scene's. progress: whether to show a bar on a terminal or in a notebook.
-    planned: a plan, used as it is. inputs: what drives the ports: for all members as in `simulate`, or a function of a
-    member's number that returns that; interpolate: "hold", or "linear" between their times. controller: a
-    `Controller`, or its function alone, which is called at each communication point, after the inputs. Raises
-    SceneError, SimulationError where the executor fails, FileExistsError and ValueError where the store is there
-    already or is of another ensemble, BlockingIOError where another program is writing to it.
+    planned: a plan, used as it is; without one a scene that was run lately keeps its plan. inputs: what drives the
+    ports: for all members as in `simulate`, or a function of a member's number that returns that; interpolate: "hold",
+    or "linear" between their times. controller: a `Controller`, or its function alone, which is called at each
+    communication point, after the inputs. Raises SceneError, SimulationError where the executor fails, FileExistsError
+    and ValueError where the store is there already or is of another ensemble, BlockingIOError where another program is
+    writing to it.
     """
     check_store(store, resume)
     given(planned)
     scene = with_runs(scene, runs)
-    plan = (plan_ensemble(scene) if planned is None else planned).of_scene(scene)
+    plan = (plan_once(scene) if planned is None else planned).of_scene(scene)
     control = control_of(scene, plan, inputs, controller, interpolate)
     work = Work(scene, plan, members_of_a_chunk(scene, plan, control), control)
     place = _store(work, store)

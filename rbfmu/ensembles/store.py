@@ -22,7 +22,6 @@ from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, around, moments_of
 from rbfmu.ensembles.chunks import Chunk, Work, origin
 from rbfmu.ensembles.statistics import Statistics, exact_quantiles
 from rbfmu.runs.motion import attitude_error
-from rbfmu.runs.time_grid import communication_steps, time_grid
 from rbfmu.types import Array
 
 EXTENDABLE = ("random", "sobol")
@@ -54,7 +53,7 @@ class Progress:
         """Return the progress at the start."""
         if not work.keeps(names.STATISTICS):
             return cls(0, None)
-        points = communication_steps(work.scene) + 1
+        points = work.scene.run.count + 1
         return cls(0, Statistics.none(points, work.columns, work.most_points))
 
     def add(self, chunk: Chunk, work: Work) -> None:
@@ -279,7 +278,7 @@ def chunk_arrays(work: Work, chunk: Chunk) -> dict[str, Any]:
 def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any]) -> dict[str, Array]:
     """Return the variables without a row a run: times, and statistics over time. rows: those with one."""
     run, probabilities = work.scene.run, np.array(names.PROBABILITIES)
-    found = {names.TIMES: time_grid(run.start, run.stop, run.step), names.PROBABILITY: probabilities}
+    found = {names.TIMES: run.grid(), names.PROBABILITY: probabilities}
     if statistics is None:
         return found
     columns, matrices = work.columns, work.columns.matrices(statistics.products)

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 
 from rbfmu import arrays
 from rbfmu.csv_table import read_columns
-from rbfmu.exceptions import SceneError
 from rbfmu.result import Result, by_quantity, incomplete
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import OUTPUT
 

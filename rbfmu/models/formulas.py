@@ -24,8 +24,7 @@ from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels import buffer
 from rbfmu_kernels.body import driven, memory
 from rbfmu_kernels.body.shell import Lanes, Model
-from rbfmu_kernels.models import formula_events, model_named
-from rbfmu_kernels.models import formulas as templates
+from rbfmu_kernels.models import formula_events, formulas as templates, model_named
 from rbfmu_kernels.models.formula_models import make_lanes
 from rbfmu_kernels.quantities import OUTPUT, Output, active_flags, elements, own_output
 

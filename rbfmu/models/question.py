@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 from rbfmu.models.model_buffer import BodyAtStart
 from rbfmu.scene.body import Body
 from rbfmu.scene.scene import PARAMETERS, Scene
-from rbfmu.scene.section import flattened
 from rbfmu_kernels.compile.tiered import interpreted
-from rbfmu_kernels.quantities import FIXED_IN_SPACE, FORCES, IN_BUFFER_ORDER, LOADS, OUTPUT, TORQUES, WEIGHTS
+from rbfmu_kernels.quantities import FIXED_IN_SPACE, FORCES, IN_BUFFER_ORDER, OUTPUT, TORQUES, WEIGHTS
 from rbfmu_kernels.rotations.vec3 import cross
 
 if TYPE_CHECKING:
@@ -117,8 +116,7 @@ class Question:
     @cached_property
     def acting(self) -> frozenset[str]:
         """Return the names of the known loads that are not zero."""
-        loads = self.scene.loads
-        return frozenset(row.name for row in LOADS if any(flattened(getattr(loads, row.name))))
+        return frozenset(name for name, size in self.scene.loads.sizes.items() if size > 0.0)
 
     @cached_property
     def turning(self) -> set[str]:

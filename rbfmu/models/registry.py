@@ -1,24 +1,30 @@
 """All models, by the name that plans and FMUs have for them, from the smallest to the largest, and what each is."""
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import takewhile
 
 import numpy as np
 
-from rbfmu.models.disturbances import lost_by_symmetry, lost_near_separatrix
 from rbfmu.models.model_buffer import BodyAtStart
 from rbfmu.models.question import Question
 from rbfmu.types import Array
 from rbfmu_kernels import quantities
+from rbfmu_kernels.body.principal import exact_frame, rates_along
 from rbfmu_kernels.body.shell import Model
+from rbfmu_kernels.compile.tiered import interpreted
+from rbfmu_kernels.exact.free_rotation_setup import polhode_axes
 from rbfmu_kernels.models import model_named
+from rbfmu_kernels.numerics.double_double import DoubleDouble, Vector
+from rbfmu_kernels.types import Vec3
 
 Names = set[str] | frozenset[str]
 OF_RATES, OF_ATTITUDE, OF_LOADS = map(quantities.needing, (quantities.RATE, quantities.ATTITUDE, quantities.LOADS_NOW))
 OF_INERTIA = {row.name for row in quantities.OUTPUTS if "inertia" in row.initially} - OF_LOADS
 """Quantities that depend on moments of inertia at the start, whatever the loads."""
+TWICE = 2.0**-100
+"""The relative error that double-double leaves, with room for what a flip makes of it."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +125,68 @@ class ModelSpec:
         if any(body.r_oc_b) and (swung or "r_oc_b" in turning or (body.pivot and "inertia" in names)):
             names |= {"r_oc_b"}
         return names
+
+
+# What exact motions lose by the round-off of the moments
+
+
+def lost_near_separatrix(asked: Question) -> float:
+    """Return the error, rad, that double-double makes by the distance from the separatrix, added over all flips.
+
+    It is 0 for a diagonal matrix.
+    """
+    if not _is_full(asked):
+        return 0.0
+    from rbfmu_kernels.exact.free_rotation import free_rotation_of  # large, and few scenes need it
+
+    moments, axes = interpreted(exact_frame)(asked.start.z)
+    rates = interpreted(rates_along)(axes, asked.scene.initial.omega_b)
+    motion = interpreted(free_rotation_of)(moments, (1.0, 0.0, 0.0, 0.0), rates)
+    half_turns = 2.0 * float(abs(motion.unit * motion.phase_rate[0])) * asked.span
+    return half_turns * _lost_distance(moments, rates, asked.scene.initial.omega_b)
+
+
+def lost_by_symmetry(asked: Question) -> float:
+    """Return the error, rad, of taking a body as symmetric whose two moments differ; 0 for a diagonal matrix.
+
+    It is that difference over the least moment, times the angle, times 1 plus the angle before the rate across the axis
+    has turned within the body: until then that rate turns the body about its axis, the faster the thinner it is.
+    """
+    M, omega, span = asked.body.M, asked.scene.initial.omega_b, asked.span
+    if not _is_full(asked) and len({M[0][0], M[1][1], M[2][2]}) < 3:
+        return 0.0
+    moments, axes = interpreted(exact_frame)(asked.start.z)
+    low, middle, high = sorted(range(3), key=lambda k: moments[k])
+    below, above = _difference(moments[middle], moments[low]), _difference(moments[high], moments[middle])
+    gap, s = (below, high) if below <= above else (above, low)
+    if gap == 0.0 or moments[low][0] <= 0.0:
+        return gap * math.inf if gap else 0.0
+    rate = interpreted(rates_along)(axes, omega)[s][0]
+    own = abs(rate * _difference(moments[s], moments[middle])) / moments[middle][0]
+    speed = _speed(omega)
+    return gap / moments[low][0] * speed * span * (1.0 + speed * min(span, 1.0 / own if own else math.inf))
+
+
+def _speed(omega: Vec3) -> float:
+    return math.sqrt(sum(w * w for w in omega))
+
+
+def _lost_distance(moments: Vector, rates: Vector, omega: Vec3) -> float:
+    """Return the relative error of L^2 - 2 T I_r, I_r the middle moment, which is 0 on the separatrix."""
+    *axes, distance, unit = interpreted(polhode_axes)(moments, rates)
+    p, r, s = map(int, axes)
+    levers = sum(abs(rates[k][0]) * moments[k][0] * abs(_difference(moments[k], moments[r])) for k in (p, s))
+    exact = float(distance[0] * unit * unit)
+    return TWICE * _speed(omega) * levers / exact if exact > 0.0 else 0.0
+
+
+def _difference(a: DoubleDouble, b: DoubleDouble) -> float:
+    return (a[0] - b[0]) + (a[1] - b[1])
+
+
+def _is_full(asked: Question) -> bool:
+    M = asked.body.M
+    return asked.body.pivot or any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
 
 
 # Each of them
@@ -279,8 +347,3 @@ INTEGRATED = (ONE_AXIS_TAYLOR, PRESCRIBED_RATES, FREE_BODY_FORCE, LOADED_SPLITTI
 
 
 MODELS: dict[str, ModelSpec] = {spec.key: spec for spec in (*CLOSED_FORMS, *INTEGRATED)}
-
-
-def smaller_closed_forms(key: str) -> Iterator[ModelSpec]:
-    """Return the models with a closed form that stand before the one named, all of them where it is none."""
-    return takewhile(lambda spec: spec.key != key, CLOSED_FORMS)

@@ -6,18 +6,17 @@ it, or by the motion in double-double arithmetic.
 
 import math
 from dataclasses import replace
+from itertools import takewhile
 
 import numpy as np
 
 from rbfmu.models import registry
-from rbfmu.models.disturbances import GROWTH, growth_rate
 from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import ModelSpec
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import EXACT
 from rbfmu.runs.motion import largest_error, least_sizes, lost_to_cancellation, motion_of
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import interpreted
@@ -32,9 +31,14 @@ CONSERVED = {row.name for row in OUTPUTS if row.conserved}
 DIFFERENCES = {row.name for row in OUTPUTS if row.cancels}
 """Quantities that are sums of terms that may cancel, so that round-off counts for more than in the state."""
 LITTLE = 0.1
-"""The part of the accuracy that what cancels may lose by a bound before a closed form is compared."""
+"""The part of the accuracy that what cancels may lose, by a bound that is quick to have, before it is compared."""
 DERIVED = 1e-9
-"""The accuracy below which these are compared even where the state is exact."""
+"""The accuracy below which the quantities of DIFFERENCES are compared even where the state is exact.
+
+A closed form promised what its state keeps, while a difference of two large terms had lost digits of its own.
+"""
+GROWTH = 0.1
+"""The exponent of a disturbance's growth over the run from which on a spin counts as unstable."""
 SHARE = 0.8
 """The part of the accuracy that the error of a model that leaves something out may be, if no closed form judges it."""
 PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for rates held over a step"
@@ -58,7 +62,7 @@ def prescribed_rates_error(scene: Scene) -> float:
     It does not matter how far the body turns between them. Rates that change within a step, which the native FMU takes,
     lose as much for each radian.
     """
-    return ROUND_OFF * (1.0 + communication_steps(scene))
+    return ROUND_OFF * (1.0 + scene.run.count)
 
 
 def prescribed_plan(asked: Question) -> Plan:
@@ -111,7 +115,7 @@ def _coarse_motion(asked: Question, found: Plan) -> Motion:
     names = tuple(dict.fromkeys((*cancelling, "omega_b"))) if found.spec.angle_round_off else cancelling
     if not names:
         return {}  # without running the model, which would be loaded or compiled
-    return motion_of(asked.scene, found, thinned_steps(asked.scene, 100), names)
+    return motion_of(asked.scene, found, asked.scene.run.thinned_steps(100), names)
 
 
 def _fastest(rates: Array) -> float:
@@ -129,7 +133,7 @@ def plan_within_accuracy(asked: Question, judge: Judge, exact: Plan | None) -> P
     by the motion in double-double arithmetic.
     """
     names = asked.judged
-    smaller = [*registry.smaller_closed_forms(exact.model if exact else "")]
+    smaller = [*takewhile(lambda spec: exact is None or spec.key != exact.model, registry.CLOSED_FORMS)]
     if not smaller or not asked.rotation or not _may_be_compared(asked):
         return None
     if "force_b" in asked.varying and "acceleration" in names and "quaternion" not in names:
@@ -174,6 +178,7 @@ def _may_be_close(asked: Question, spec: ModelSpec, truth: Motion, names: tuple[
     change, fastest = _fastest(rates - spec.rates_from(asked, rates)), _fastest(rates)
     if "omega_b" in names and change > asked.accuracy * fastest:
         return False
+    # A hundredth of the turn that the change of rates may make: what is tried in vain costs one run, and no accuracy.
     return 0.01 * change * min(asked.span, 1.0 / fastest if fastest > 0.0 else math.inf) <= asked.accuracy
 
 
@@ -182,6 +187,37 @@ def _stays(asked: Question, truth: Motion, names: tuple[str, ...]) -> bool:
     names = tuple(n for n in names if n not in (*TRANSLATION, "kinetic_energy"))
     still = {n: truth[n][:1] + 0.0 * truth[n] for n in names}
     return largest_error(still, truth, names, least_sizes(asked, truth)) <= asked.accuracy
+
+
+# How fast a disturbance grows
+
+
+def growth_rate(asked: Question) -> float:
+    """Return how fast a disturbance of the motion at the start grows, 1/s; 0 where it is stable.
+
+    It is omega sqrt((I_k - I_i) (I_j - I_k) / (I_i I_j)) for a free spin about the middle axis, and
+    sqrt(4 I_t m g l - (I_s omega_s)^2) / (2 I_t) for a body spinning at omega_s with its centre of mass above a pivot.
+    """
+    moments, R = asked.start.principal_axes
+    arm, rates = R.T @ np.array(asked.body.r_oc_b), R.T @ np.array(asked.scene.initial.omega_b)
+    if asked.body.pivot and any(asked.scene.loads.gravity_a) and any(asked.body.r_oc_b):
+        return _growth_above_pivot(asked, moments, int(np.argmax(np.abs(arm))), rates)
+    if int(np.argmax(np.abs(rates))) != 1 or moments[0] == 0.0:
+        return 0.0
+    low, middle, high = moments
+    return float(abs(rates[1]) * math.sqrt((middle - low) * (high - middle) / (low * high)))
+
+
+def _growth_above_pivot(asked: Question, moments: Array, own: int, rates: Array) -> float:
+    """Return the same above a pivot; own: the principal axis that the centre of mass is nearest to."""
+    body, up = asked.body, -np.array(asked.scene.loads.gravity_a)
+    if float(np.dot(interpreted(rotate)(asked.scene.initial.quaternion, body.r_oc_b), up)) <= 0.0:
+        return 0.0
+    least = float(np.min(np.delete(moments, own)))
+    spin = float(moments[own] * rates[own])
+    weight = body.mass * float(np.linalg.norm(up)) * float(np.linalg.norm(np.array(body.r_oc_b)))
+    square = 4.0 * least * weight - spin * spin
+    return math.sqrt(square) / (2.0 * least) if square > 0.0 else 0.0
 
 
 # What is not modelled

@@ -12,13 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from rbfmu.exceptions import PlanningWarning as PlanningWarning
-from rbfmu.exceptions import warn_caller
+from rbfmu.exceptions import PlanningWarning, warn_caller
 from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
 from rbfmu.runs.motion import Steps, largest_error, largest_size, least_sizes, motion_of, record, substeps_counted
 from rbfmu.runs.plan import Plan, start_run
-from rbfmu.runs.time_grid import communication_steps, thinned_steps
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import evaluated
@@ -66,8 +64,9 @@ class Judge:
     ) -> None:
         self.asked, self.scene, self.names = asked, asked.scene, asked.judged
         own = tuple(name for name in fewer.judged if name in self.names) if fewer else self.names
+        self._followed = tuple(dict.fromkeys((*self.names, "omega_b")))
         self._asked = tuple(dict.fromkeys((self.names, own or self.names)))
-        self.steps = thinned_steps(asked.scene, MAX_STEPS)
+        self.steps = asked.scene.run.thinned_steps(MAX_STEPS)
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off
         self.left = MAX_TRIED  # substeps of pilot runs to come
@@ -96,18 +95,16 @@ class Judge:
     def _tight_motion(self, order: int) -> Motion:
         """Return the motion in doubles, in small steps, for where double-double arithmetic takes too long."""
         tight = series_of_all(self.asked, order, 1e-18)
-        names = tuple(dict.fromkeys((*self.names, "omega_b")))
         parts = max(2, MOMENTS // len(self.cut_steps))
         steps = (np.repeat(self.cut_steps, parts) / parts).tolist()
-        run = Steps(self.scene, tight, steps, names)
-        found = record(run, names, MAX_SUBSTEPS, self._progress)
+        run = Steps(self.scene, tight, steps, self._followed)
+        found = record(run, self._followed, MAX_SUBSTEPS, self._progress)
         refuse_unfinished(self.scene, steps, found["omega_b"], substeps_counted(run.kernels, run.z), MAX_SUBSTEPS)
         return {name: rows[::parts] for name, rows in found.items()}
 
     def follow_by(self, plan: Plan) -> None:
         """Take the motion that a plan makes for the truth, where it is known how exact that is of motions alike."""
-        names = tuple(dict.fromkeys((*self.names, "omega_b")))
-        self.__dict__["motion"] = self.motion_by(plan, names)
+        self.__dict__["motion"] = self.motion_by(plan, self._followed)
 
     def forget(self) -> None:
         """Leave the truth to be found anew."""
@@ -180,7 +177,7 @@ class Judge:
 
         Of very long runs the first steps are taken, and their round-off is counted for all.
         """
-        total, taken = communication_steps(self.scene), len(self.steps)
+        total, taken = self.scene.run.count, len(self.steps)
         parts = round(total / taken)
         if parts <= 1:
             return plan.error

@@ -16,7 +16,7 @@ from rbfmu.formulas.motion import STATE, by_element, closure, groups_of
 from rbfmu.formulas.program import with_pairs
 from rbfmu.models.formulas import EVENT, FormulaModel, equations_of
 from rbfmu.models.question import Question
-from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.scene.scene import Body, Scene, SceneError
 from rbfmu.types import Array, Indices, Motion
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.integrators import formula_reference as kernels
@@ -189,7 +189,7 @@ def _exact_values(formulas: FormulaModel, scene: Scene) -> dict[str, Decimal]:
     """Return the values of places and, at the start, of states, by their elements' names."""
     body, initial = scene.body, scene.initial
     assert body is not None
-    q, omega, r_oc, M = *map(decimals_of, (initial.quaternion, initial.omega_b, body.r_oc_b)), _inertia(scene)
+    q, omega, r_oc, M = *map(decimals_of, (initial.quaternion, initial.omega_b, body.r_oc_b)), _inertia(body)
     position, velocity = decimals_of(initial.position), 0 * ONE[0]  # of the centre of mass; with a pivot of o
     if not body.pivot:
         R = _matrix(q)
@@ -218,10 +218,8 @@ def decimals_of(values: Any) -> Decimals:
     return np.vectorize(Decimal, otypes=[object])(values)
 
 
-def _inertia(scene: Scene) -> Decimals:
+def _inertia(body: Body) -> Decimals:
     """Return M about the centre of mass, or about o with a pivot."""
-    body = scene.body
-    assert body is not None
     M, r = decimals_of(body.inertia), decimals_of(body.r_oc_b)
     if body.pivot:
         M = M + Decimal(body.mass) * (r @ r * ONE - np.outer(r, r))

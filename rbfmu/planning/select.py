@@ -30,7 +30,10 @@ from rbfmu_kernels.quantities import FORCES, TORQUES
 MOST_UNDER_INPUTS = 1e7
 """The number of substeps of a trial under known inputs."""
 ORDERS = (MAX_ORDER - 4, MAX_ORDER)
-"""The orders of two series, in half pieces and at the least tolerance, that judge plans for known inputs."""
+"""The orders of two series, in half pieces and at the least tolerance, that judge plans for known inputs.
+
+They are two, as series of one order may take the same steps, and then have their round-off in common.
+"""
 
 
 def plan(

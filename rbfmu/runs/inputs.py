@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rbfmu.csv_table import read_columns
-from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError, as_toml, fault
 from rbfmu.types import Array
@@ -102,7 +101,7 @@ def _timed(given: tuple[ArrayLike, ArrayLike], size: int) -> InputTable:
 
 
 def _row_a_step(scene: Scene, given: ArrayLike, interpolate: str, size: int) -> InputTable:
-    values, grid = _rows_of(given, size), time_grid(scene.run.start, scene.run.stop, scene.run.step)
+    values, grid = _rows_of(given, size), scene.run.grid()
     points, steps = len(grid), len(grid) - 1
     allowed = {points} if interpolate == LINEAR else {steps, points}
     if values.ndim != 2 or values.shape[1] != size or len(values) not in allowed:
@@ -221,7 +220,7 @@ class Drive(NamedTuple):
 
 def drive_of(scene: Scene, tables: InputTables, interpolate: str, parts: int = 1, time: Array | None = None) -> Drive:
     """Return the pieces of a scene's run under its inputs, each cut into equal parts; time: in place of its grid."""
-    time = time_grid(scene.run.start, scene.run.stop, scene.run.step) if time is None else time
+    time = scene.run.grid() if time is None else time
     near = NEAR * scene.run.step
     points = _points(time, [table.times for table in tables.values()], near)
     if parts > 1:

@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu import arrays
+from rbfmu.exceptions import SimulationError
 from rbfmu.models.question import Question
 from rbfmu.runs.inputs import Drive
-from rbfmu.runs.plan import Plan, filled_buffer, initialize, start_run
+from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene
-from rbfmu.scene.section import flattened
 from rbfmu.types import Array, Buffer, Motion
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
-from rbfmu_kernels.quantities import ANGLE, DISSIPATIVE, FORCES, LOADS, OUTPUT, OUTPUTS, TORQUES
+from rbfmu_kernels.quantities import ANGLE, DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
 from rbfmu_kernels.rotations.quaternion import angle_between
 
 FEW = 20_000
@@ -55,10 +55,11 @@ class Driven:
     """
 
     def __init__(self, scene: Scene, plan: Plan, drive: Drive, names: Collection[str] | None = None) -> None:
-        kernels, self.kernels = plan.kernels, plan.kernels
-        self.z, self.count = filled_buffer(scene, plan, names), len(drive.time) - 1
-        z, self._step, self._outputs = self.z, tiered(kernels.step, len(drive.lengths)), tiered(kernels.outputs)
-        self._lengths, self._counts = drive.lengths, drive.counts
+        kernels = self.kernels = plan.kernels
+        first = {port: pieces.values[0] for port, pieces in drive.ports.items()}
+        z = self.z = start_run(scene, plan, names, first)
+        self.count, self._lengths, self._counts = len(drive.time) - 1, drive.lengths, drive.counts
+        self._step, self._outputs = tiered(kernels.step, len(drive.lengths)), tiered(kernels.outputs)
         takes_slopes = all(f"{port}_rate" in kernels.BLOCKS for port in drive.ports)
         follows = not drive.is_steady and not takes_slopes
         half = 0.5 * drive.lengths[:, None] if follows else 0.0
@@ -67,12 +68,32 @@ class Driven:
         slopes = {f"{port}_rate": pieces.slopes for port, pieces in drive.ports.items() if takes_slopes}
         self._values, self._last = _Pieces(kernels, z, values), _Pieces(kernels, z, last)
         self._slopes = _Pieces(kernels, z, {} if drive.is_steady else slopes)
-        for port, pieces in drive.ports.items():
-            z[kernels.BLOCKS[port]] = pieces.values[0]
-        initialize(scene, kernels, z)
         self.events = Events(scene, plan, z) if scene.events else None
         self.ended: float | None = None
         """The time of the event that ended the run, s."""
+        self._name, self._time = scene.name, drive.time
+
+    def course(
+        self, names: Collection[str], progress: Callable[[Sequence[int]], Iterable[int]] | None = None
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return the times (n,) up to the event that ends the run, and the rows of blocks at these by name, (n, k).
+
+        Raises SimulationError where a step is refused.
+        """
+        places, time = [np.r_[self.kernels.BLOCKS[name]] for name in names], self._time
+        at, numbers = np.concatenate(places), range(1, len(time))
+        rows = np.empty((len(time), len(at)))
+        rows[0] = self.z[at]
+        for k in numbers if progress is None else progress(numbers):
+            if not self.advance(k):
+                raise refused_step(self._name, time[k - 1])
+            rows[k] = self.z[at]
+            if self.ended is not None:
+                before = self.ended <= time[k - 1]  # the event may be at the communication point before
+                time = time[:k] if before else np.append(time[:k], self.ended)
+                break
+        ends = np.cumsum([len(place) for place in places])[:-1]
+        return time, dict(zip(names, np.split(rows[: len(time)], ends, axis=1), strict=True))
 
     def advance(self, k: int) -> bool:
         """Take the pieces from communication point k - 1 to k; return whether none was refused."""
@@ -96,6 +117,11 @@ class Driven:
         since, rest = before[self.kernels.BLOCKS["series.time"]]
         length = (end - since) - rest
         return length <= 0.0 or bool(self._step(self.z, length) == OK)
+
+
+def refused_step(name: str, begin: float) -> SimulationError:
+    """Return the error for a step of a scene's run that was refused; begin: s."""
+    return SimulationError(f"{name}: the step from t = {float(begin)!r} s was refused: not finite")
 
 
 class _Pieces:
@@ -261,8 +287,7 @@ def _parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
 
 def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     """Return the size of each quantity that the scene's loads and rates make where they are not in balance."""
-    body, loads = asked.body, asked.scene.loads
-    size = {row.name: math.hypot(*flattened(getattr(loads, row.name))) for row in LOADS}
+    body, size = asked.body, asked.scene.loads.sizes
     force = body.mass * size["gravity_a"] if body.pivot else sum(size[name] for name in sorted(FORCES))
     arm, (low, middle, high) = math.hypot(*body.r_oc_b), asked.start.principal_axes[0].tolist()
     least = low if low > INERTIA_TOLERANCE * high else middle

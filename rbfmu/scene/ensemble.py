@@ -6,8 +6,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from rbfmu.scene import section as rules
-from rbfmu.scene import variations
+from rbfmu.scene import section as rules, variations
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
 from rbfmu.scene.own import PARAMETER_END, is_own, parameter_of
 from rbfmu.scene.section import Section, as_toml, fault, joined, plain

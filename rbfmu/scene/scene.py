@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Concatenate, ParamSpec, Self, TypeVar
 
 import numpy as np
@@ -128,7 +127,7 @@ class Scene(Section):
     def _repr_html_(self) -> str:
         return table(self.name, ("key", "value", "unit", "meaning"), self.rows())
 
-    def replace(self, changes: Mapping[str, Any] = MappingProxyType({}), /, **tables: Any) -> Self:
+    def replace(self, changes: Mapping[str, Any] = {}, /, **tables: Any) -> Self:
         """Return a checked scene with other values: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.
 
         The other keys of a table stay; a section (`Run(...)`) or None replaces the whole table. A new key removes the

@@ -13,8 +13,7 @@ from numbers import Real
 from typing import Any, ClassVar, Self, TypeVar, dataclass_transform, get_args
 
 from rbfmu.exceptions import SceneError as SceneError
-from rbfmu_kernels.quantities import BY_NAME
-from rbfmu_kernels.quantities import NOT_NEGATIVE as NO_LESS_THAN_ZERO
+from rbfmu_kernels.quantities import BY_NAME, NOT_NEGATIVE as NO_LESS_THAN_ZERO
 
 T = TypeVar("T")
 LONGEST = 72

@@ -7,12 +7,12 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 import rbfmu_kernels as kernels
-from rbfmu.scene import own as named
-from rbfmu.scene import section as rules
+from rbfmu.scene import own as named, section as rules
 from rbfmu.scene.body import ZERO
-from rbfmu.scene.section import Apart, Section, as_lists, checked, fault
+from rbfmu.scene.section import Apart, Section, as_lists, checked, fault, flattened
+from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import evaluated
-from rbfmu_kernels.quantities import IN_BUFFER_ORDER, OUTPUT, PORTS
+from rbfmu_kernels.quantities import IN_BUFFER_ORDER, LOADS, OUTPUT, PORTS
 from rbfmu_kernels.rotations import euler_angles
 from rbfmu_kernels.types import Matrix, Quaternion, Vec3
 
@@ -174,6 +174,11 @@ class Loads(Section, path="loads"):
     damping_b: Annotated[Vec3, rules.numbers("damping_b")] = ZERO
     formulas: Annotated[Mapping[str, str], named.LOAD_FORMULAS] = named.NOTHING
 
+    @property
+    def sizes(self) -> dict[str, float]:
+        """Return how large each load is, by its name and in its unit."""
+        return {row.name: math.hypot(*flattened(getattr(self, row.name))) for row in LOADS}
+
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         texts = {name: value for name, value in data.items() if named.is_formula(name, value)}
         return {name: value for name, value in data.items() if name not in texts}, {"formulas": texts} if texts else {}
@@ -261,6 +266,45 @@ class Run(Section, path="run"):
             yield fault("run.step", self.step, f"at least {span / MAX_STEPS:.2g}: a run has at most 1e8 steps")
         elif self.step < resolution:
             yield fault("run.step", self.step, f"at least {resolution:.2g}, what the clock resolves there (s)")
+
+    # The points in time at which a scene communicates
+
+    @property
+    def count(self) -> int:
+        """Return the number of communication steps."""
+        return max(math.ceil((self.stop - self.start - self._round_off(self.stop)) / self.step), 1)
+
+    def grid(self) -> Array:
+        """Return start, start + step, ... stop, which the last point may miss by round-off.
+
+        These are to the bit the points that FMPy visits, except at times as large as a Unix clock's, where FMPy ends a
+        run within 1e-9 of the time itself.
+        """
+        points: Array = self.start + np.arange(self.count + 1, dtype=np.float64) * self.step
+        if not abs(points[-1] - self.stop) <= self._round_off(self.stop):
+            points[-1] = self.stop
+        return points
+
+    def thinned_steps(self, most: int) -> list[float]:
+        """Return the lengths of the steps, s, or of several together where there are more than `most`."""
+        grid = self.grid()
+        stride = math.ceil(self.count / most)
+        steps: list[float] = np.diff(grid if stride == 1 else np.append(grid[:-1:stride], grid[-1])).tolist()
+        return steps
+
+    @property
+    def last_time(self) -> float:
+        """Return stop and an importer's round-off, a tenth of a step at most: what is later is past the stop."""
+        return self.stop + min(1e-9 * max(self.step, abs(self.stop)), 0.1 * self.step)
+
+    def steps_until(self, time: float) -> int:
+        """Return how many steps end by a time, which may be short of an end by an importer's round-off."""
+        slack = min(self._round_off(time), 0.1 * self.step)
+        return math.floor(min((time - self.start + slack) / self.step, 2.0**62))
+
+    def _round_off(self, time: float) -> float:
+        """Return the round-off of a sum of steps up to a time, and of times as large as these, s."""
+        return 1e-9 * (time - self.start) + math.ulp(self.start) + math.ulp(time)
 
 
 class About(Section, path="about"):

@@ -5,7 +5,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -313,7 +312,7 @@ def _shape(value: object, path: str) -> Found:
         return tuple(Marginal(n, FIXED, (x,)) for n, x in zip(component_names(name, rule.shape), row, strict=True))
 
     found = read_each({key: value[key] for key in keys}, path, size)
-    return tuple(chain(*found.values())), kind
+    return tuple(marginal for marginals in found.values() for marginal in marginals), kind
 
 
 _READERS: Mapping[str, Callable[[object, str], Found]] = {INERTIA: _inertia, ATTITUDE: _attitude, SHAPE: _shape}

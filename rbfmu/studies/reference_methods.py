@@ -18,8 +18,7 @@ from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.integrators.splitting import rkn4_steps, rkn6_steps, strang_steps
 from rbfmu_kernels.mechanics import equations_of_motion as motion
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, Rates, State, state_rates
-from rbfmu_kernels.rotations import euler_angles as euler
-from rbfmu_kernels.rotations import matrix as matrices
+from rbfmu_kernels.rotations import euler_angles as euler, matrix as matrices
 from rbfmu_kernels.rotations.quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b
 from rbfmu_kernels.rotations.vec3 import add, add_scaled, cross, dot, scale, subtract
 

@@ -241,8 +241,7 @@ def motion_of_scene(
     if driven:
         return motion_of_result(simulate(wanted, **driven), scene.name, scene, written)
     span = scene.run.stop - scene.run.start
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SceneWarning)  # of steps that are not those of the pictures
+    with warnings.catch_warnings(action="ignore", category=SceneWarning):  # of steps that are not the pictures'
         chosen = plan(wanted, progress=progress)
         result = simulate(wanted.replace({"run.step": span / (pictures(span, 0.0).number - 1)}), planned=chosen)
     coarse = _motion(scene.name, result, scene, written)

@@ -132,7 +132,7 @@ SPOILT_3 = {
     "a step's answers": ("m->returned_early = h < whole;", "m->returned_early = 0;"),
     "heap-buffer-overflow": ('return n_values == expected || !refuse(m, call, "%zu values: expected %zu", n_values, '
                              'expected);', "return 1;"),
-    "out of bounds": ("if (v[i] >= REFERENCES || v[i] == TIME_REFERENCE", "if (v[i] == TIME_REFERENCE"),
+    "out of bounds": ("int is_real = v[i] < REFERENCES && v[i] != TIME", "int is_real = v[i] != TIME"),
 }  # fmt: skip
 """The same of that of FMI 3.0."""
 
@@ -161,6 +161,12 @@ def test_sanitizers_are_silent(name, fmi, compiler, folder):
     assert 0.2 < refused / calls < 0.8
     accepted = {f: int(n) - int(r) for f, n, r in re.findall(r"  (\w+): (\d+), (\d+) refused", done.stdout)}
     assert min(accepted[f"{fmi}{function}"] for function in USUAL[fmi]) > 300
+
+
+def test_what_is_spoilt_stands_in_the_c_layer():
+    for fmi, ways in (("fmi2", SPOILT), ("fmi3", SPOILT_3)):
+        for spoilt in ways.values():
+            assert fuzzing.c_layer(fmi, spoilt) != fuzzing.c_layer(fmi), spoilt
 
 
 @pytest.mark.slow

@@ -10,8 +10,7 @@ from xml.etree import ElementTree
 import fmpy
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.description import describe, identifier

@@ -10,8 +10,7 @@ from functools import cache
 import fmpy
 import pytest
 
-from examples.interop import elsewhere, importers, omsimulator, pyfmi_master
-from examples.interop import run as interop
+from examples.interop import elsewhere, importers, omsimulator, pyfmi_master, run as interop
 from tests.support.fmu.fmus import workshop
 from tests.support.paths import ROOT
 

@@ -40,6 +40,7 @@ def test_numbers_are_found_within_their_errors(case, found):
     assert rbfmu.simulate(found.scene).omega_b[-1] == pytest.approx(rbfmu.simulate(scene).omega_b[-1], abs=0.02)
 
 
+@pytest.mark.thorough
 def test_outliers_are_left_aside_by_a_robust_loss():
     rng = np.random.default_rng(RNG_SEED + 1)
     scene = fits.truth(rng)

@@ -10,8 +10,7 @@ from scipy.special import ellipk
 
 import rbfmu
 from examples.benchmarks import gallery as bench
-from examples.gallery import page as gallery
-from examples.gallery import surroundings as around
+from examples.gallery import page as gallery, surroundings as around
 from rbfmu.studies.stability.motion_laws import time_between_flips
 from tests.support.covering import some_of
 from tests.support.paths import ROOT

@@ -107,6 +107,21 @@ def test_the_output_rpy_is_of_that_order():
     np.testing.assert_allclose(rbfmu.matrix_from_euler("xyz", result.rpy), R, atol=8 * EPS)
 
 
+def test_roll_of_the_output_rpy_is_0_at_a_pole_and_yaw_of_the_extrinsic_angles():
+    scene = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},
+        initial={"attitude": {"euler": "ZYX", "angles_deg": [30.0, 90.0, 10.0]}},
+        loads={"gravity_a": [0.0, 0.0, 0.0]},
+        outputs={"quantities": ["quaternion", "rpy"]},
+        run={"stop": 1.0, "step": 0.5},
+    )
+    result = rbfmu.simulate(scene)
+    np.testing.assert_allclose(np.degrees(result.rpy[0]), [0.0, 90.0, 20.0], atol=1e-12)
+    with pytest.warns(RuntimeWarning, match="third angle"):
+        extrinsic = rbfmu.euler_from_quaternion("xyz", result.quaternion[0])
+    np.testing.assert_allclose(np.degrees(extrinsic), [-20.0, 90.0, 0.0], atol=1e-12)
+
+
 # What help says of array functions
 
 

@@ -127,7 +127,7 @@ def test_the_recipe_has_as_many_files_as_it_says_and_they_apply(name, carried_ou
         compile((folder / file).read_text(), file, "exec")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_an_output_is_shown_by_a_run_and_an_fmu_with_its_time_derivative(carried_out):
     folder = carried_out("output")
     (folder / "loaded.toml").write_text(LOADED.replace("QUANTITIES", '["angular_momentum_b"]'))
@@ -149,7 +149,7 @@ def test_an_output_is_shown_by_a_run_and_an_fmu_with_its_time_derivative(carried
     instance.free()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_load_acts_in_runs_and_in_an_fmu_whose_parameter_it_is(carried_out):
     folder, drag = carried_out("load"), np.array([0.3, 0.2, 0.5])
     text = LOADED.replace("QUANTITIES", '["position", "omega_b"]').replace("1e-10", "1e-9")
@@ -170,7 +170,7 @@ def test_a_load_acts_in_runs_and_in_an_fmu_whose_parameter_it_is(carried_out):
     instance.free()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_an_integrator_runs_by_a_plan_that_names_it_with_its_order(carried_out):
     folder = carried_out("integrator")
     (folder / "loaded.toml").write_text(LOADED.replace("QUANTITIES", '["position", "omega_b"]'))
@@ -195,7 +195,7 @@ for build in (build_native_fmu, build_python_fmu):
         run(folder, "verify", f"build_{kind}_fmu.fmu")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_model_is_chosen_by_planning_where_it_serves_and_refused_elsewhere(carried_out):
     folder = carried_out("model")
     (folder / "ball.toml").write_text(SPHERE)

@@ -19,10 +19,12 @@ SEED = 1
 DEAR, MOST = (
     *(f"tests/kernels/{part}/" for part in ("exact", "integrators", "models")),
     *(f"tests/library/{part}/" for part in ("ensembles", "models", "planning", "studies")),
+    *(f"tests/library/formulas/test_{part}" for part in (
+        "gallery_scenes", "random_scenes", "scenes.py::test_a_load_of_the_scene", "scenes.py::test_scenes_meet")),
     "tests/fmu/", "tests/kernels/compile/test_tiered", "tests/project/test_gallery",
     "tests/kernels/rotations/test_euler_angles.py::test_error",
     "tests/project/test_figures.py::test_the_gallery_s_plans",
-), 2  # fmt: skip
+), 1  # fmt: skip
 """Tests that build, simulate or plan, and how many cases of one that has a single axis are taken."""
 
 

@@ -42,8 +42,7 @@ def _plain_code_for_callers(function: Function, signature: Signature) -> object:
 if numba_private.MISSING:
     _compile, code_for_callers = _plain_kernel, _plain_code_for_callers
 else:
-    from .compiler import code_for_callers as code_for_callers
-    from .compiler import reduced_kernel as _compile
+    from .compiler import code_for_callers as code_for_callers, reduced_kernel as _compile
     from .said import Announcer
 
     numba_private.register("numba:compile", Announcer())

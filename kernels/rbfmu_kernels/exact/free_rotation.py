@@ -186,6 +186,7 @@ _MARGIN = 1e-3
 _LEAST_KC_SQUARED = 1e-6
 """So near to the separatrix plain doubles have too few digits of kc^2 to tell one kind from the other."""
 _LEAST, _LARGEST = 1e-60, 1e60
+"""Sizes of moments and rates between which products of five, as the screen has them, stay within 1e-300 and 1e300."""
 
 
 class Bodies(NamedTuple):

@@ -18,8 +18,7 @@ from typing import NamedTuple
 from ..buffer_access import record
 from ..compile.decorator import kernel
 from ..compile.wide import alike, any_of, choose
-from ..numerics import double_double as dd
-from ..numerics import elliptic
+from ..numerics import double_double as dd, elliptic
 from ..numerics.elementary import sincos_half_turns
 from ..types import Quaternion, Vec3
 

@@ -115,7 +115,8 @@ def polhode_axes(moments: Vector, omega: Vector) -> tuple[float, float, float, D
     d = dd.subtract(upper, lower)
     rest = abs(w_hi[1]) + abs(w_lo[1]) + abs(a[1]) + abs(b[1]) + abs(c[1])
     too_few = (abs(d[0]) < 1e-8 * upper[0]) & (rest == 0.0)
-    if any_of(too_few):  # digits would be left, and floats have more
+    # Eight or more of 32 digits cancel, and too few are left; of plain floats the terms can be added exactly.
+    if any_of(too_few):
         zero = alike(d[0], 0.0)
         sums = _add_exactly((zero, zero, zero, zero), w_hi[0], i_hi[0], above)
         sums = _add_exactly(sums, w_lo[0], -i_lo[0], below)

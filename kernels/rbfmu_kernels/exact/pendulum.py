@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 from ..buffer_access import record
 from ..compile.decorator import kernel
-from ..numerics import double_double as dd
-from ..numerics import elliptic
+from ..numerics import double_double as dd, elliptic
 from ..numerics.double_double import ONE_OVER_PI, DoubleDouble
 from ..numerics.elementary import power_of_two_for, sincos_half_turns
 from .uniform_rotation import without_turns

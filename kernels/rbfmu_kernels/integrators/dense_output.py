@@ -19,8 +19,7 @@ from ..numerics import double_double as dd
 from ..rotations.quaternion import largest_of, scale_quaternion, square_of
 from ..rotations.vec3 import add, add_scaled, largest_component, norm, scale, subtract
 from ..types import Buffer, Quaternion, Vec3
-from . import substeps
-from . import taylor_coefficients as series
+from . import substeps, taylor_coefficients as series
 from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE_RATE, PER, RATE, ROW, ROWS, TURN, WORK, term
 
@@ -174,7 +173,8 @@ _SMALL_TURNS = 8.0
 """Turns below the inverse of it, rad, of which an attitude keeps relative accuracy where loads turn in b.
 
 Their torque, which may cancel at rest, turns errors of the attitude into errors of the rate: near an equilibrium these
-count relative to a motion as small. Larger turns keep absolute accuracy, as attitudes are asked for.
+count relative to a motion as small. Larger turns keep absolute accuracy, as attitudes are asked for. Without this a
+pendulum at 1e-4 rad/s, at a tolerance of 1e-12, was off by 252 times that.
 """
 _TRIES = 256
 """From the longest step down to any."""

@@ -17,9 +17,13 @@ from ..types import Array, Indices
 from . import polynomials
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
+"""The order of series, and the error of a step, relative to sizes: far below what doubles have. The order of least work
+there is 1 - ln(1e-22) / 2 (Jorba & Zou 2005, 3.2). How far beyond a touch a series ends, and how far it goes from where
+the number under a root begins at zero: parts of its reach."""
 LENGTH = ORDER + 1
 ENOUGH, STEADY = 0.15, 2.1
-"""What a fifth of the steps must do of the times, and how much more than a tenth of them where they grow longer."""
+"""In a hurry a motion is given up after a fifth of the steps where these have done less than this part of the run, and
+have not grown longer: they have done less than so many times what the first half of them did."""
 SHORTER, MOST_SHORTENED = 2.0**-40, 10
 """By how much, and how often, the unit of time is made shorter where coefficients leave the range of doubles."""
 CORNER_KNOWN = 1e-17

@@ -24,8 +24,7 @@ from ..mechanics.inertia import trace
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import add, add_scaled, dot, largest_component, scale
 from ..types import Buffer, Quaternion, Vec3
-from . import substeps
-from . import taylor_coefficients as series
+from . import substeps, taylor_coefficients as series
 from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE, PER, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 
@@ -182,6 +181,7 @@ def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, 
 
     An infinite tolerance leaves the steps as they are kept.
 
+    A next step aims at the allowed error over 1.4, after a refusal at half of it, so that few are refused.
     Equal parts reach h: each step is the rest divided by the number of steps that the kept size would need, so that
     the last is not a small remainder, from which the next communication step would have to grow.
     STEP_REJECTED where the motion is not finite or needs too many steps; the caller then restores state and size.

@@ -1,10 +1,10 @@
 """Models of a body on which no torque acts: its rotation is exact at any time, its position in closed form.
 
-`constant_rate`: a sphere, or a spin about a principal axis. `free_symmetric`: two equal moments make two steady turns,
-of elementary functions only. `free_triaxial`: any body; while steps are short, a series about an exact state serves
+`CONSTANT_RATE`: a sphere, or a spin about a principal axis. `FREE_SYMMETRIC`: two equal moments make two steady turns,
+of elementary functions only. `FREE_TRIAXIAL`: any body; while steps are short, a series about an exact state serves
 many of them: no error adds up, and it reaches as far as its terms are below round-off.
 
-`free_body_force`: a force fixed in b moves the body along a path that is a quadrature of it. A step is cut into equal
+`FREE_BODY_FORCE`: a force fixed in b moves the body along a path that is a quadrature of it. A step is cut into equal
 panels of at most `substep`, each with `order` points of Gauss's rule. What a panel of length s leaves out shrinks as
 (omega s)^(2 order), and nothing else is left out; steps add up in twice the digits.
 Source: Abramowitz and Stegun, 25.4.30.
@@ -17,11 +17,9 @@ from ..body.shell import make_model
 from ..buffer import OK, STEP_REJECTED, TORQUE_ACTS, UNSTEADY, UNSYMMETRIC, places, with_work_space
 from ..buffer_access import matrix_at, put_matrix_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
-from ..exact import free_rotation as exact
-from ..exact import uniform_rotation as uniform
+from ..exact import free_rotation as exact, uniform_rotation as uniform
 from ..exact.free_rotation_setup import FREE_ROTATION_SIZE, FreeRotation, put_free_rotation, read_free_rotation
-from ..integrators import dense_output as dense
-from ..integrators import taylor_coefficients as series
+from ..integrators import dense_output as dense, taylor_coefficients as series
 from ..integrators.splitting import is_symmetric_top
 from ..integrators.substeps import LONGEST_STEP, Method, substeps_in
 from ..mechanics.equations_of_motion import ROTATION, Body, steady_acceleration, turning_acceleration

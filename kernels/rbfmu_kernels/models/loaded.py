@@ -1,11 +1,11 @@
 """Models of a body under any of the scene's loads, and of one with two equal moments under those without damping.
 
-`loaded_taylor`: by Taylor series inside a communication step. `tolerance` is the largest estimated error of a substep,
+`LOADED_TAYLOR`: by Taylor series inside a communication step. `tolerance` is the largest estimated error of a substep,
 `order` is that of the series, and `substep`, where it is not 0, the one that is tried first; they come from the plan.
 Inputs may change within a step: see `body.driven`. While they hold, and steps are short, a series serves many of them:
 see `integrators.dense_output`.
 
-`loaded_splitting`: two equal moments under loads that depend on the attitude alone, such as those of heavy tops, by
+`LOADED_SPLITTING`: two equal moments under loads that depend on the attitude alone, such as those of heavy tops, by
 splitting: the loads' impulses between exact flows of the free body.
 """
 

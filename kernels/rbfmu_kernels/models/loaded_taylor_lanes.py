@@ -1,4 +1,4 @@
-"""Communication steps of `loaded_taylor` for many bodies at once, in the lanes of a vector: the bits are the same.
+"""Communication steps of `LOADED_TAYLOR` for many bodies at once, in the lanes of a vector: the bits are the same.
 
 A lane takes one body after another, each with its own substeps. What a lane's body has is in columns, see `COLUMNS`,
 and its series are in a work space of `WORK` wide numbers. Loads hold, and no force turns with the body. Bodies that
@@ -17,8 +17,7 @@ from ..buffer_access import matrix_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
-from ..integrators import taylor
-from ..integrators import taylor_coefficients as series
+from ..integrators import taylor, taylor_coefficients as series
 from ..integrators.dense_output import COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
 from ..integrators.substeps import Method, nearer_size, parts_in
 from ..integrators.taylor_coefficients import FORCE, RATE, TORQUE, WORK, SpaceFixedLoads, Torques

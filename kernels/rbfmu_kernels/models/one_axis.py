@@ -1,7 +1,7 @@
 """Models of a body that turns about one principal axis, fixed in space.
 
-`one_axis`: under constant torque and damping, in closed form. `pendulum`: under forces fixed in space alone, exactly.
-`one_axis_taylor`: under such forces, torque and damping, by Taylor series.
+`ONE_AXIS`: under constant torque and damping, in closed form. `PENDULUM`: under forces fixed in space alone, exactly.
+`ONE_AXIS_TAYLOR`: under such forces, torque and damping, by Taylor series.
 """
 
 import math

@@ -1,8 +1,8 @@
 """Models whose attitude stays or is left out: a body that does not turn, an angular momentum, rates that spin up.
 
-`no_rotation` has the position of a body that does not turn, or whose rotation no output needs. `angular_momentum` has
+`NO_ROTATION` has the position of a body that does not turn, or whose rotation no output needs. `ANGULAR_MOMENTUM` has
 that of a body that only a torque fixed in space changes, h = h_0 + T t; a sphere's rates in a follow from it, its
-attitude stays the first one, and its omega_ab_b is that of h in it. `spin_up` has the rates of a body with two equal
+attitude stays the first one, and its omega_ab_b is that of h in it. `SPIN_UP` has the rates of a body with two equal
 moments under a steady torque about the third axis, and damping: about its axis the body speeds up or relaxes; the rate
 across turns in the body by (I_s - I_t) / I_t times that angle, and fades. The attitude has no such form.
 Source: Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).

@@ -24,7 +24,6 @@ from rbfmu.planning.methods import ORDERS_OF_SERIES, whole_series
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan, start_run
-from rbfmu.runs.time_grid import communication_steps
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
@@ -300,7 +299,7 @@ def case_of(scene: Scene) -> Case:
     """Return the case of a scene, of whose run so much is charted as the reference follows in some seconds."""
     if scene.body is not None:
         Question(scene).start.check()
-    steps = communication_steps(scene)
+    steps = scene.run.count
     whole = steps * scene.run.step <= (scene.run.stop - scene.run.start) * (1.0 + 1e-9)
     outputs = min(max(steps if whole else steps - 1, 1), MAX_OUTPUTS)
     while True:

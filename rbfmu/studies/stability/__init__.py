@@ -182,8 +182,7 @@ def _number(x: float) -> str:
 
 def all_studies() -> tuple[Callable[[bool], Study], ...]:
     """Return what measures one or more laws each; the argument asks for a quick, coarse run."""
-    from rbfmu.studies.stability import method_laws as laws
-    from rbfmu.studies.stability import motion_laws
+    from rbfmu.studies.stability import method_laws as laws, motion_laws
 
     return (
         laws.growth_factors, laws.drift, laws.gimbal_passage, laws.gyroscopic_blow_up, laws.damping_limits,

@@ -11,8 +11,7 @@ import pytest
 from numba import config, njit
 
 from rbfmu.arrays.bodies import free_rotation as free_rotation_array
-from rbfmu_kernels import compose_quaternions
-from rbfmu_kernels import free_rotation as body_at
+from rbfmu_kernels import compose_quaternions, free_rotation as body_at
 from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_is_singular, free_rotation_setup
 from tests.support.covering import some_of
 from tests.support.paths import ROOT

@@ -114,7 +114,7 @@ def test_errors_are_at_most_4_eps():
     moments = np.array([1.0, 2.0, 2.9]) * (1.0 + 0.01 * numbers.normal(size=(12, 3)))
     omega, t = numbers.normal(size=(12, 3)), numbers.uniform(0.0, 100.0, size=(12, 2))
     q_0 = np.tile([0.5, 0.5, 0.5, 0.5], (12, 1))
-    _, q, rates = in_lanes(8, moments, q_0, omega, t)
+    _, q, rates = in_lanes(4, moments, q_0, omega, t)
     for i in range(12):
         for k in range(2):
             q_true, omega_true = closed_form(tuple(moments[i]), tuple(q_0[i]), tuple(omega[i]), t[i, k])

@@ -15,8 +15,7 @@ from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
 from rbfmu_kernels.mechanics.newton_euler import kinetic_energy
 from tests.support.paths import SCENES
-from tests.support.references import free_rotation_mp
-from tests.support.references import reference_mp as reference
+from tests.support.references import free_rotation_mp, reference_mp as reference
 
 EPS = 2.0**-52
 ZERO = (0.0, 0.0, 0.0)

@@ -8,8 +8,7 @@ import pytest
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
-from rbfmu.studies.chart.cases import CASES
-from rbfmu.studies.chart.cases import reference as motion_of_case
+from rbfmu.studies.chart.cases import CASES, reference as motion_of_case
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.integrators.substeps import Method, Room
 from rbfmu_kernels.integrators.taylor import derivatives_of_attitude, taylor_advance

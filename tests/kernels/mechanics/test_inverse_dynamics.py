@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import rbfmu
 from rbfmu_kernels.mechanics import inertia, kinematics, newton_euler

@@ -5,8 +5,7 @@ from itertools import product as pairs
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import rbfmu
 from rbfmu_kernels.mechanics import inertia, newton_euler

@@ -6,14 +6,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
 import rbfmu_kernels
-from rbfmu_kernels.rotations import euler_angles as euler
-from rbfmu_kernels.rotations import matrix as rotation
-from rbfmu_kernels.rotations import vec3
+from rbfmu_kernels.rotations import euler_angles as euler, matrix as rotation, vec3
 from tests.support.references import exact
 from tests.support.references.exact import EPS, mp
 from tests.support.references.hard_cases import (

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
 from rbfmu_kernels.rotations import matrix, quaternion, rotation_vector, vec3
@@ -20,8 +19,8 @@ from tests.support.references.hard_cases import (
     random_quaternions,
     random_vectors,
     rng,
+    rotation_vectors as hard_rotation_vectors,
 )
-from tests.support.references.hard_cases import rotation_vectors as hard_rotation_vectors
 from tests.support.references.laws import Law, up_to_sign
 
 

@@ -406,6 +406,7 @@ def test_wrong_tables_are_said_before_anything_runs_or_with_the_number_of_their_
             run(scene.replace({"inputs.ports": []}), planned, **given)
 
 
+@pytest.mark.thorough
 def test_a_plan_holds_whatever_the_ports_supply_and_what_acts_through_them_alone_may_vary(recwarn):
     """Without inputs this body rests, and no tolerance matters nor any inertia."""
     tables = {**TABLES, "initial": {}, "outputs": {"quantities": ["quaternion"]}}

@@ -76,7 +76,8 @@ def scene_of(tables, **ensemble):
     return rbfmu.Scene.from_dict({"run": RUN} | tables | {"ensemble": own}, "in lanes")
 
 
-@pytest.mark.parametrize("name", ["states", *(pytest.param(n, marks=pytest.mark.thorough) for n in [*FORMULAS][1:])])
+@pytest.mark.thorough  # each compiles lanes of its own
+@pytest.mark.parametrize("name", FORMULAS)
 def test_formulas(monkeypatch, name):
     scene, planned = scene_of(FORMULAS[name]), None
     if name == "refused":  # members that no pilot was like

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.ensembles import fitting
+from rbfmu.ensembles import fitting, planning
 from rbfmu.ensembles.fitting import _errors, likely_worst
 from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.variables import Columns
 from rbfmu.exceptions import SceneError, SceneWarning
-from rbfmu.planning import plan
 from rbfmu.planning.methods import TIGHTEST
+from rbfmu.planning.select import plan
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import start_run
 from rbfmu.scene.scene import Scene
@@ -200,6 +200,19 @@ def test_a_key_without_effect_is_said(recwarn):
     plan_ensemble(Scene.from_dict(FREE | {"name": "it", "ensemble": {"vary": vary}}))
     (said,) = [(str(w.message), w.filename) for w in recwarn if issubclass(w.category, rbfmu.SceneWarning)]
     assert said == ("it: ensemble.vary: body.mass varies without effect on any output", __file__)
+
+
+def test_a_scene_that_was_run_is_planned_once_and_its_warnings_are_said_each_time(recwarn, monkeypatch):
+    warnings.simplefilter("always")
+    planned, as_it_is = [], planning.plan_ensemble
+    monkeypatch.setattr(planning, "plan_ensemble", lambda scene: planned.append(scene) or as_it_is(scene))
+    vary = {"body.mass": {"uniform": [40.0, 60.0]}, "initial.omega_b": {"relative": 0.1}}
+    scene = Scene.from_dict(FREE | {"name": "again", "ensemble": {"runs": 4, "vary": vary}})
+    first, again = (rbfmu.run_ensemble(scene, executor=1, progress=False) for _ in range(2))
+    rbfmu.run_ensemble(scene.replace({"run.accuracy": 1e-9}), executor=1, progress=False)
+    assert len(planned) == 2
+    assert [w.filename for w in recwarn if "without effect" in str(w.message)] == [__file__] * 3
+    np.testing.assert_array_equal(first.final["omega_b"], again.final["omega_b"])
 
 
 def test_a_mass_that_makes_the_inertia_of_a_shape_has_an_effect(recwarn):

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rbfmu.runs.time_grid import time_grid
+from rbfmu.scene.tables import Run
 from rbfmu_kernels.integrators.splitting import is_symmetric_top
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
 from tests.support.covering import some_of
@@ -31,7 +31,7 @@ def test_what_was_wrong(case):
 @pytest.mark.parametrize("start", [0.0, 1e3, 1e9, 1.7e9])
 @pytest.mark.parametrize("step", [0.3, 0.25, 1.0])
 def test_a_run_ends_at_its_stop(start, step):
-    grid = time_grid(start, start + 1.0, step)
+    grid = Run(start=start, stop=start + 1.0, step=step).grid()
     assert grid[-1] == start + 1.0
     assert len(grid) == math.ceil(1.0 / step) + 1
     assert max(grid[1:] - grid[:-1]) <= step + 2.0 * math.ulp(start)

@@ -9,9 +9,10 @@ import pytest
 from numba import config
 
 import rbfmu
+from rbfmu.exceptions import PlanningWarning
 from rbfmu.models import question
 from rbfmu.models.question import Question
-from rbfmu.planning.judge import Judge, PlanningWarning
+from rbfmu.planning.judge import Judge
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import attitude_error, largest_error, relative_error
 from rbfmu.runs.plan import Plan, filled_buffer, initialize

@@ -12,11 +12,10 @@ from numba import config
 import rbfmu
 import rbfmu_fmu
 from rbfmu import Scene, SceneError, on_disk
+from rbfmu.exceptions import PlanningWarning
 from rbfmu.models.question import Question
-from rbfmu.planning import fitting, select
-from rbfmu.planning import judge as judge_module
-from rbfmu.planning import reference as reference_module
-from rbfmu.planning.judge import Judge, PlanningWarning
+from rbfmu.planning import fitting, judge as judge_module, reference as reference_module, select
+from rbfmu.planning.judge import Judge
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.planning.select import plan
 from rbfmu.runs.inputs import drive_of, input_tables

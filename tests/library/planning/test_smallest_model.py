@@ -2,22 +2,20 @@
 
 import math
 from collections import Counter
+from itertools import takewhile
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, assume, given, settings, strategies as st
 from numba import config
 
 import rbfmu
-from rbfmu.models.disturbances import GROWTH, growth_rate
 from rbfmu.models.question import Question
-from rbfmu.models.registry import CLOSED_FORMS, smaller_closed_forms
-from rbfmu.planning.closed_forms import SHARE
+from rbfmu.models.registry import CLOSED_FORMS
+from rbfmu.planning.closed_forms import GROWTH, SHARE, growth_rate
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
-from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError
 from rbfmu_kernels.body.memory import INPUTS, OUTPUTS
@@ -79,7 +77,7 @@ def smaller_models(scene, found):
     """None is any better by rule beside an unstable motion."""
     if growth_rate(Question(scene)) * scene.run.stop > GROWTH:
         return []
-    return [spec.key for spec in smaller_closed_forms(found.model)]
+    return [*takewhile(lambda key: key != found.model, (spec.key for spec in CLOSED_FORMS))]
 
 
 def with_ports(scene, ports, quantities):
@@ -112,7 +110,7 @@ def driven(scene, planned, full=True, perturbation=0.0, size=1.0):
     z[unit.BLOCKS["omega_b_0"]] += perturbation
     initialize(scene, unit, z)
     rows = []
-    for h in np.diff(time_grid(scene.run.start, scene.run.stop, scene.run.step)):
+    for h in np.diff(scene.run.grid()):
         for port in scene.inputs.ports:
             z[unit.BLOCKS[port]] = size * (size == STRONG or random.integers(2)) * random.normal(size=3)
         fine = unit.step(z, float(h)) == OK

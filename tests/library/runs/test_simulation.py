@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 import rbfmu
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
+from rbfmu.scene.tables import Run
 from rbfmu.simulation import SimulationError
 from tests.support.paths import SCENES, SHARED
 
@@ -62,7 +62,7 @@ def test_the_grid_goes_from_start_to_stop(start, stop, step, points):
 @pytest.mark.parametrize("steps", [1, 3, 3.25, 1000])
 def test_the_grid_ends_at_its_stop_at_times_of_any_clock(start, step, steps):
     stop = start + steps * step
-    grid = time_grid(start, stop, step)
+    grid = Run()._with(start=start, stop=stop, step=step).grid()
     assert abs(grid[-1] - stop) <= 2 * math.ulp(stop)
     assert len(grid) == math.ceil(steps) + 1
     assert np.all(np.diff(grid[:-1]) > 0.9 * step)
@@ -70,8 +70,8 @@ def test_the_grid_ends_at_its_stop_at_times_of_any_clock(start, step, steps):
 
 
 def test_round_off_in_the_stop_makes_no_step_of_its_own():
-    assert len(time_grid(0.0, 0.1 * 3, 0.1)) == 4  # 0.1 * 3 > 0.3
-    assert len(time_grid(0.0, 1.0 - EPS, 0.1)) == 11
+    assert Run(stop=0.1 * 3, step=0.1).count == 3  # 0.1 * 3 > 0.3
+    assert Run(stop=1.0 - EPS, step=0.1).count == 10
 
 
 # The result

@@ -34,6 +34,7 @@ def test_heuns_method_has_its_order_and_its_limits(heun):
     assert method_laws.growth(heun, x) == pytest.approx(abs(1 + 0.5j * x - x**2 / 8), rel=1e-15)
 
 
+@pytest.mark.thorough
 def test_code_that_numba_does_not_compile_gives_the_same_and_says_so(heun, tmp_path):
     path = tmp_path / "slow.py"
     lists = "def step(q, w, h, b, f): return [{*()} or list(part) for part in fast(q, w, h, b, f)]"

@@ -7,8 +7,7 @@ import tomllib
 import pytest
 
 from examples.benchmarks.support import array_tasks
-from examples.interop import importers
-from examples.interop import run as interop
+from examples.interop import importers, run as interop
 from rbfmu.extras import remedy
 from tests.support.ensembles.satellite import FILE as ENSEMBLE
 from tests.support.paths import ROOT, SCENES

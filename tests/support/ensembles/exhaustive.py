@@ -23,7 +23,6 @@ from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import series_cost, whole_series, with_cost
 from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import start_run
-from rbfmu.runs.time_grid import communication_steps
 from tests.support.ensembles.accuracy import drawn, errors_beside, tight
 
 QUARTERS = range(-20, 9)
@@ -65,7 +64,7 @@ class Searched:
 
     def cost(self, plan):
         """Of a step of a member, ns, as plans count it."""
-        asked, steps, total = Question(self.members[0]), communication_steps(self.scene), 0.0
+        asked, steps, total = Question(self.members[0]), self.scene.run.count, 0.0
         for one in self.members:
             z = start_run(one, plan)
             for _ in range(steps):

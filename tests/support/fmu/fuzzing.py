@@ -15,8 +15,7 @@ from pathlib import Path
 from rbfmu_fmu.builder import c_sources
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.model_description import FMI2, FMI3
-from rbfmu_fmu.native import headers as native_headers
-from rbfmu_fmu.native import platforms
+from rbfmu_fmu.native import headers as native_headers, platforms
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import this_platform
 from tests.support.fmu.fmus import planned, scene
@@ -46,16 +45,23 @@ def sanitizing_compiler():
     return None
 
 
+def c_layer(fmi, spoilt=None):
+    """The files of the C layer of a version of FMI by name; spoilt: see `compiled`."""
+    files = (*c_sources(FUZZERS[fmi][0]), *platforms.HEADERS)
+    sources = {file: platforms.source(file).decode() for file in files}
+    if spoilt:
+        (file,) = (file for file, text in sources.items() if spoilt[0] in text)
+        sources[file] = sources[file].replace(*spoilt)
+    return sources
+
+
 def compiled(name, folder, compiler, flags=(), spoilt=None, fmi="fmi2"):
     """The fuzzer of a scene's C layer; spoilt: what to replace in it, (right, wrong), each to be found once."""
     version, fuzzer = FUZZERS[fmi]
     description = describe(scene(name), planned(name))
     headers = native_headers.headers(description, version, "{00000000-0000-0000-0000-000000000000}")
     objects = object_files(planned(name).kernels, this_platform())
-    sources = {file: platforms.source(file).decode() for file in (*c_sources(version), *platforms.HEADERS)}
-    if spoilt:
-        (file,) = (file for file, text in sources.items() if spoilt[0] in text)
-        sources[file] = sources[file].replace(*spoilt)
+    sources = c_layer(fmi, spoilt)
     for file, content in {**sources, **headers}.items():
         (folder / file).write_text(content)
     for file, content in objects.items():

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.python.slave_access import HELD
@@ -82,7 +81,7 @@ def first_of(description, block):
 def course(scene: Scene, setting: Setting):
     """Lengths of the communication steps, inputs of each step by port, and of how many steps one is looked at."""
     run = scene.run
-    lengths = np.diff(time_grid(run.start, run.stop, setting.step or run.step))
+    lengths = np.diff(run._with(step=setting.step or run.step).grid())
     n = len(lengths)
     rows = {p: np.asarray(v, dtype=float)[np.arange(n) * len(v) // n] for p, v in setting.inputs.items()}
     return lengths, rows, max(1, -(-n // MAX_POINTS))
@@ -106,7 +105,7 @@ def true_motion(scene: Scene, setting: Setting, kind="quadruple", most=reference
         )
     if scene.body is None:
         return reference.prescribed_motion(parameters["quaternion_0"], lengths[:1], np.zeros((1, 3)), kind)
-    grid = time_grid(scene.run.start, scene.run.stop, setting.step or scene.run.step)
+    grid = scene.run._with(step=setting.step or scene.run.step).grid()
     return reference.motion(parameters, np.diff(grid[at]), kind=kind, most=most)
 
 

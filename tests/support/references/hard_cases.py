@@ -5,8 +5,7 @@ from functools import cache
 from itertools import product
 
 import numpy as np
-from hypothesis import settings
-from hypothesis import strategies as st
+from hypothesis import settings, strategies as st
 
 from tests.support.references import exact
 from tests.support.references.exact import mp

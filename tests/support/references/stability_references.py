@@ -6,7 +6,6 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 
-from rbfmu.runs.time_grid import time_grid
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.stability.motions import CHECK_TIMES, MOTIONS, PRESCRIBED, REFERENCES, map_scene, ratios_of_moments
 from tests.support.references import reference_mp
@@ -58,7 +57,7 @@ def _matrix(q: list[float]) -> Any:
 
 
 def communication_points(scene: Scene) -> list[float]:
-    return [float(t) for t in time_grid(scene.run.start, scene.run.stop, scene.run.step)[1:]]
+    return [float(t) for t in scene.run.grid()[1:]]
 
 
 def prescribed_attitudes() -> list[list[float]]:
