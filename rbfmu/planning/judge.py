@@ -152,14 +152,12 @@ class Judge:
     def _refuse_poles(self, largest: Mapping[str, float]) -> None:
         """Raise SceneError where round-off of the largest that an event watches is much beside all at other times."""
         for name in self.scene.events:
-            size = largest_size(
-                self.motion[f"when.{name}"]
-            )  # also between communication points, at which it may be zero
-            if ROUND_OFF * largest.get(f"when.{name}", 0.0) > size:
-                said = f"events.{name}.when comes to {largest[f'when.{name}']:.1e}, and is at most {size:.1e} elsewhere"
-                raise SceneError(
-                    f"{said}: expected a formula without poles, beside which zeros are lost", self.scene.name
-                )
+            when = f"when.{name}"
+            size = largest_size(self.motion[when])  # also between communication points, at which it may be zero
+            if ROUND_OFF * largest.get(when, 0.0) > size:
+                said = f"events.{name}.when comes to {largest[when]:.1e}, and is at most {size:.1e} elsewhere"
+                expected = "expected a formula without poles, beside which zeros are lost"
+                raise SceneError(f"{said}: {expected}", self.scene.name)
 
     def try_out(self, plan: Plan, at_once: int = 1, parts: int = 1, absolute: bool = False) -> tuple[float, float]:
         """Return the plan's error over the run, and the substeps it counted.

@@ -120,6 +120,7 @@ def test_it_verifies_with_random_inputs(fmus: dict[str, Path], kind: str) -> Non
     assert found.units["pull"] == "N m"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_own_outputs_over_a_closed_form_have_the_bits_of_simulate(kind: str, tmp_path: Path) -> None:
     tables = {

@@ -206,6 +206,7 @@ def test_free_rotation_is_measured():
     assert all(ratio > 0.0 for ratios in figures.values() for ratio in ratios.values())
 
 
+@pytest.mark.thorough
 def test_steps_of_a_simulator_are_measured(capsys):
     figures = bench("stepping").main(rounds=1, steps=100)
     assert min(figures["bare"], figures["stepped"]) > 0.0

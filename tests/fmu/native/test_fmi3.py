@@ -29,7 +29,7 @@ KINDS = ["fmi3", "fmi3_scalars"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize("name", some_of(OWN, 2))
 def test_fmu_is_the_kernels_and_that_of_fmi_2_before_and_after_a_restore(name, kind):
     inputs, size = signal(name, 2000), scene(name).run.step
     instance, kernels, older = opened(name, kind).started(), Kernels(name), native(name).started()

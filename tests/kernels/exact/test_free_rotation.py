@@ -196,6 +196,7 @@ def test_1e5_steps_keep_energy_and_angular_momentum(moments, omega, h):
     assert steps(moments, Q, omega, h, 100_000)[2] <= 1e-13
 
 
+@pytest.mark.thorough
 @compiled_only
 def test_1e9_s_in_one_step_equal_1e6_steps_of_1e3_s():
     """Each step rounds omega by up to eps / 2; the phase sums that walk: eps / 4 |omega| h n^(3/2) = 6e-5 rad."""

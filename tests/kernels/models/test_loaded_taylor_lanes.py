@@ -115,6 +115,7 @@ def test_bodies_of_all_kinds_may_come_together(way):
     assert_same(way, buffers_of([*KINDS], 23), [3.0, 5.0])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("stale", [1e3, np.nan])
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_a_work_space_holds_from_before_changes_no_bit(kind, stale):

@@ -86,6 +86,7 @@ def test_wrong_keys_of_ones_own_are_refused(vary, said):
         rbfmu.Scene.from_dict({**TABLES, "ensemble": {"runs": 3, "vary": vary}})
 
 
+@pytest.mark.thorough
 def test_the_command_prints_own_outputs(tmp_path):
     text = (
         "[body]\nmass = 1.0\ninertia = [1.0, 2.0, 3.0]\n[constants]\nd = 0.1\n[loads]\ntorque_b = '-d*omega_b'\n"

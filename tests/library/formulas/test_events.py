@@ -61,7 +61,8 @@ def test_a_root_at_each_of_a_thousand_communication_points_counts_once(step):
     np.testing.assert_allclose(found, 0.05 * np.arange(1000), rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("step", [pytest.param(0.5, marks=pytest.mark.thorough), 50.0])
+@pytest.mark.thorough
+@pytest.mark.parametrize("step", [0.5, 50.0])
 def test_what_touches_zero_is_said_to_touch_it(step):
     """Also where another event's root is at the same time, where round-off decides on which side it is."""
     found = rbfmu.simulate(

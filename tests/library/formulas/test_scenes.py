@@ -150,6 +150,7 @@ def test_bits_do_not_hang_on_compilation():
         np.testing.assert_array_equal(z, other)
 
 
+@pytest.mark.thorough
 def test_a_simulator_shows_saves_and_restores():
     one = rbfmu.Scene.from_dict(CASES["spring, thrust and a lag"][0])
     simulator = rbfmu.Simulator(one)

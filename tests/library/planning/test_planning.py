@@ -156,6 +156,7 @@ def test_rates_whose_squares_leave_the_range_of_numbers_are_refused():
         plan(scene)
 
 
+@pytest.mark.thorough
 def test_what_a_scene_reaches_is_an_accuracy_it_can_meet():
     def scene(accuracy):
         return made(OFFSET | {"pivot": True}, {"omega_b": [1.0, 2.0, -1.0]}, GRAVITY, stop=30.0, accuracy=accuracy)

@@ -96,6 +96,7 @@ def test_the_judge_sees_an_error_in_every_quantity_and_none_in_a_tight_plan():
         assert judge.try_out(loose, at_once=16)[0] >= 1e-10, quantity
 
 
+@pytest.mark.thorough
 @compiled
 def test_round_off_of_all_steps_is_counted_where_pilot_runs_take_several_at_once():
     body, start = {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, {"omega_b": [3.0, 5.0, -4.0]}

@@ -53,6 +53,7 @@ def test_exact_motion_is_exact(key: str) -> None:
     assert CASES[key].error(OWN["torque-free body"].run(CASES[key], 5).found) < 1e-15
 
 
+@pytest.mark.thorough
 def test_many_outputs_are_of_the_same_motion() -> None:
     for case in few_and_many():
         assert case.interval * case.outputs == pytest.approx(case.span)
@@ -92,6 +93,7 @@ def _solvers() -> list[methods.Method]:
     return [*solvers.SCIPY, *solvers.NUMBALSODA, solvers.HEYOKA]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", _solvers(), ids=lambda method: method.name)
 def test_solvers_have_the_same_equations_at_few_and_at_many_outputs(method: methods.Method) -> None:
     for name in ("numbalsoda", "heyoka"):

@@ -229,6 +229,7 @@ def test_a_chart_has_its_plan_and_its_methods(small_chart: Chart) -> None:
     assert small_chart._repr_html_().startswith('<img src="data:image/png;base64,')
 
 
+@pytest.mark.thorough
 def test_all_points_are_in_the_file_with_the_machine(small_chart: Chart, tmp_path: Path) -> None:
     paths = small_chart.save(tmp_path / "charts")
     assert [path.name for path in paths] == ["top_falling.csv", "top_falling.txt", "top_falling.png"]

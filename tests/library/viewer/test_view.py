@@ -130,6 +130,7 @@ def test_inputs_drive_what_is_shown(tmp_path: Path) -> None:
         rbfmu.view(tmp_path / "it.npz", tmp_path / "it.html", inputs=table)
 
 
+@pytest.mark.thorough
 def test_outputs_of_ones_own_are_in_the_panel(tmp_path: Path) -> None:
     scene = rbfmu.Scene.from_dict(THROWN | {"outputs": {"spin": {"value": "norm(omega_b)", "unit": "rad/s"}}})
     shown = rbfmu.view(scene, tmp_path / "it.html").page
