@@ -54,7 +54,7 @@ class Finder:
             exec("strike()", {"strike": strike})
 sys.meta_path.insert(0, Finder)
 """,
-    "planning": "import rbfmu.planning; rbfmu.planning.plan = strike",
+    "planning": "import rbfmu.planning.select; rbfmu.planning.select.plan = strike",
     "compiling": "import numba.core.typeinfer as t; t.TypeInferer.propagate = strike",
     "running": "import rbfmu.simulation; rbfmu.simulation.drive_of = strike",
     "drawing": "import rbfmu.plot; rbfmu.plot.plot_result = strike",
