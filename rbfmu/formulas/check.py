@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from rbfmu.formulas.functions import CONSTANTS, FUNCTIONS, Array, Table, shape_of
 from rbfmu.formulas.graph import Symbol
 from rbfmu.formulas.motion import CONSTANT, LOADS, STATE, Given, Motion, by_element
-from rbfmu.formulas.text import CONSTANTS, FUNCTIONS, Array, FormulaError, Table, names_in, shape_of
+from rbfmu.formulas.text import FormulaError, names_in
 from rbfmu_kernels.body.driven import DRIVEN
 from rbfmu_kernels.body.memory import BLOCKS
 from rbfmu_kernels.quantities import OUTPUT

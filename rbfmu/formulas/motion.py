@@ -15,8 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import rbfmu_kernels as kernels
+from rbfmu.formulas.functions import FUNCTIONS, Array, Function
 from rbfmu.formulas.graph import Graph, Number, Symbol, changes_of, gradient, square_root
-from rbfmu.formulas.text import FUNCTIONS, Array, Function, value_of
+from rbfmu.formulas.text import value_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, angular_acceleration, steady_acceleration
 from rbfmu_kernels.quantities import elements

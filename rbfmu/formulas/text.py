@@ -6,13 +6,26 @@ It is parsed, never run: its numbers are those of a graph, in scalars, vectors a
 import ast
 import math
 import operator
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from rbfmu.formulas import graph
+from rbfmu.formulas.functions import (
+    CONSTANTS,
+    FUNCTIONS,
+    NO_NUMBER,
+    Array,
+    Condition,
+    Function,
+    MismatchError,
+    as_condition,
+    as_number,
+    as_scalar,
+    shape_of,
+)
 from rbfmu.formulas.graph import Number, TooLargeError
 
 LONGEST, DEEPEST = 2000, 40
@@ -95,182 +108,7 @@ def names_in(text: str) -> set[str]:
 
 # What it means
 
-Array = Any
-"""A scalar (a float or a graph's Symbol), or a NumPy array of such, of one axis or two."""
-CONSTANTS = {"pi": math.pi, "deg": math.pi / 180.0, "rpm": math.pi / 30.0}
-"""Numbers that every formula knows."""
-
-
-class Condition(NamedTuple):
-    """What is true or false: 1 or -1."""
-
-    side: Number
-
-
-class Function(NamedTuple):
-    """A function of formulas: what it takes and means, and how its result is made."""
-
-    takes: str
-    meaning: str
-    make: Callable[..., Array]
-
-
-class Table(NamedTuple):
-    """A function of one number: coefficients (rows, 4) of powers of what x is beyond each knot, constant outside."""
-
-    knots: tuple[float, ...]
-    rows: tuple[tuple[float, float, float, float], ...]
-
-    @classmethod
-    def through(cls, x: Sequence[float], y: Sequence[float], cubic: bool) -> "Table":
-        """Return the table through points, with straight lines or as the natural cubic spline."""
-        step = np.diff(x)
-        slope, bend = np.diff(y) / step, np.zeros(len(x))
-        if cubic and len(x) > 2:  # second derivatives, zero at the ends (de Boor, A Practical Guide to Splines, IV)
-            n = len(x) - 2
-            matrix = np.diag(2.0 * (step[:-1] + step[1:])) + np.diag(step[1:-1], 1) + np.diag(step[1:-1], -1)
-            bend[1 : n + 1] = np.linalg.solve(matrix, 6.0 * np.diff(slope))
-        first = slope - step * (2.0 * bend[:-1] + bend[1:]) / 6.0
-        rows = np.stack([y[:-1], first, 0.5 * bend[:-1], np.diff(bend) / (6.0 * step)], axis=1).tolist()
-        flat = [(float(y[0]), 0.0, 0.0, 0.0), *map(tuple, rows), (float(y[-1]), 0.0, 0.0, 0.0)]
-        return cls(tuple(map(float, x)), tuple(flat))
-
-    def at(self, x: Number) -> Number:
-        """Return the value at a number; the row is chosen by on which side of each knot it is."""
-        total: Number = 0.0
-        sides = [graph.side(x - knot) for knot in self.knots]
-        starts = (self.knots[0], *self.knots)
-        beyond = x - self._chosen(sides, starts)
-        for power in (3, 2, 1, 0):
-            total = total * beyond + self._chosen(sides, [row[power] for row in self.rows])
-        return total
-
-    @staticmethod
-    def _chosen(sides: Sequence[Number], values: Sequence[float]) -> Number:
-        found: Number = values[0]
-        for side, value in zip(sides, values[1:], strict=True):
-            found = graph.select(side, value, found)
-        return found
-
-
-NO_NUMBER = (Condition, Table)
-"""What formulas may name or say that is no scalar, vector or matrix."""
-
-
-class MismatchError(ValueError):
-    """What was expected instead of the arguments."""
-
-
-def _such(x: Array, fits: bool, expected: str) -> Any:
-    if not fits:
-        raise MismatchError(expected)
-    return x
-
-
-def _scalar(x: Array) -> Number:
-    return _such(x, not isinstance(x, np.ndarray | Condition | Table), "a scalar")  # type: ignore[no-any-return]
-
-
-def _number(x: Array) -> Array:
-    return _such(x, not isinstance(x, NO_NUMBER), "a number")
-
-
-def _vector(x: Array) -> Array:
-    return _such(x, shape_of(x) == (3,), "a vector of 3 numbers")
-
-
-def _condition(x: Array) -> Condition:
-    return _such(x, isinstance(x, Condition), "a condition, such as x > 0")  # type: ignore[no-any-return]
-
-
-def _side_of(sign: ast.cmpop, a: Number, b: Number) -> Number:
-    """Return 1 where a comparison holds, else -1; the side of zero counts as 1, so that a < b is that not b <= a."""
-    if isinstance(sign, ast.Gt | ast.LtE):
-        a, b = b, a
-    return -graph.side(a - b) if isinstance(sign, ast.Lt | ast.Gt) else graph.side(a - b)
-
-
-def _table(table: Array, x: Array) -> Number:
-    known: Table = _such(table, isinstance(table, Table), "the name of a table, then a scalar")
-    return known.at(_scalar(x))
-
-
-def _of_scalars(function: Callable[..., Number]) -> Callable[..., Array]:
-    return lambda *numbers: function(*map(_scalar, numbers))
-
-
-def _dot(a: Array, b: Array) -> Number:
-    if len(shape_of(a)) != 1 or shape_of(a) != shape_of(b):
-        raise MismatchError("two vectors of one length")
-    return 0.0 + a @ b  # type: ignore[no-any-return]  # not -0.0
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.cross(_vector(a), _vector(b))
-
-
 _times = np.frompyfunc(operator.mul, 2, 1)  # of scalars of a graph, which know no arrays
-
-
-def _beside(x: Number) -> Number:
-    """Return the root of 1 - x^2, which keeps its digits near 1 as a product."""
-    return graph.square_root((1.0 - x) * (1.0 + x))
-
-
-def _angle(y: Number, x: Number) -> Number:
-    """Return the angle of (x, y) in (-pi, pi].
-
-    A series of an angle goes on smoothly where the angle jumps, from pi to -pi; where x is negative it is therefore
-    that of the opposite point, and half a turn to the side on which y is, at whose corner series end.
-    """
-    half_turn = graph.select(graph.side(y), math.pi, -math.pi)
-    return graph.select(graph.side(x), graph.arctangent(y, x), graph.arctangent(-y, -x) + half_turn)
-
-
-def _least(a: Number, b: Number) -> Number:
-    return graph.select(graph.side(b - a), a, b)
-
-
-def _largest(a: Number, b: Number) -> Number:
-    return graph.select(graph.side(a - b), a, b)
-
-
-def _clipped(x: Number, low: Number, high: Number) -> Number:
-    return _least(_largest(x, low), high)
-
-
-def _where(condition: Array, a: Array, b: Array) -> Array:
-    if shape_of(a) != shape_of(b):
-        raise MismatchError("two values of one shape")
-    return np.frompyfunc(partial(graph.select, _condition(condition).side), 2, 1)(_number(a), _number(b))
-
-
-FUNCTIONS: Mapping[str, Function] = {
-    "dot": Function("a, b", "scalar product of two vectors", _dot),
-    "cross": Function("a, b", "vector product of two vectors", _cross),
-    "norm": Function("v", "length of a vector", lambda v: graph.square_root(_dot(v, v))),
-    "sin": Function("x", "sine of an angle in rad", _of_scalars(graph.sine)),
-    "cos": Function("x", "cosine of an angle in rad", _of_scalars(graph.cosine)),
-    "tan": Function("x", "tangent of an angle in rad", _of_scalars(lambda x: graph.sine(x) / graph.cosine(x))),
-    "asin": Function("x", "angle in [-pi/2, pi/2], rad", _of_scalars(lambda x: graph.arctangent(x, _beside(x)))),
-    "acos": Function("x", "angle in [0, pi], rad", _of_scalars(lambda x: graph.arctangent(_beside(x), x))),
-    "atan2": Function("y, x", "angle of (x, y) in (-pi, pi], rad", _of_scalars(_angle)),
-    "exp": Function("x", "exponential", _of_scalars(graph.exponential)),
-    "log": Function("x", "natural logarithm", _of_scalars(graph.logarithm)),
-    "sqrt": Function("x", "square root", _of_scalars(graph.square_root)),
-    "abs": Function("x", "absolute value", _of_scalars(lambda x: graph.select(graph.side(x), x, -x))),
-    "min": Function("a, b", "the smaller of two scalars", _of_scalars(_least)),
-    "max": Function("a, b", "the larger of two scalars", _of_scalars(_largest)),
-    "clip": Function("x, low, high", "x, but no smaller than low, and no larger than high", _of_scalars(_clipped)),
-    "table": Function("name, x", "a table of the scene at x", _table),
-    "where": Function("condition, a, b", "a where the condition holds, else b", _where),
-}
-"""What formulas know besides operators; `to_a` and `to_b` come with a scene."""
-
-
-def shape_of(x: Array) -> tuple[int, ...]:
-    """Return (), (n,) or (n, m)."""
-    return np.shape(x) if isinstance(x, np.ndarray) else ()
 
 
 def value_of(text: str, names: Mapping[str, Array], functions: Mapping[str, Function] = FUNCTIONS) -> Array:
@@ -329,8 +167,8 @@ class _Reader:
     def _unaryop(self, node: ast.UnaryOp) -> Array:
         x = self.value(node.operand)
         if isinstance(node.op, ast.Not):
-            return Condition(-_condition(x).side)
-        return _number(x) if isinstance(node.op, ast.UAdd) else -_number(x)
+            return Condition(-as_condition(x).side)
+        return as_number(x) if isinstance(node.op, ast.UAdd) else -as_number(x)
 
     def _binop(self, node: ast.BinOp) -> Array:
         a, b = self.value(node.left), self.value(node.right)
@@ -341,9 +179,9 @@ class _Reader:
             case ast.MatMult():
                 return _matrix_product(a, b)
             case ast.Pow():
-                return graph.power(_scalar(a), _scalar(b))
+                return graph.power(as_scalar(a), as_scalar(b))
             case ast.Div():
-                return a / _scalar(b)
+                return a / as_scalar(b)
             case ast.Mult() if of_a and of_b:
                 raise MismatchError("dot(a, b), cross(a, b) or a @ b, as * multiplies by scalars")
             case ast.Mult():
@@ -353,12 +191,12 @@ class _Reader:
         return a + b if isinstance(node.op, ast.Add) else a - b
 
     def _compare(self, node: ast.Compare) -> Condition:
-        values = [_scalar(self.value(x)) for x in (node.left, *node.comparators)]
+        values = [as_scalar(self.value(x)) for x in (node.left, *node.comparators)]
         return _all([_side_of(sign, a, b) for sign, a, b in zip(node.ops, values, values[1:], strict=False)])
 
     def _boolop(self, node: ast.BoolOp) -> Condition:
         sign = 1.0 if isinstance(node.op, ast.And) else -1.0  # not all of those that do not hold
-        return Condition(sign * _all([sign * _condition(self.value(x)).side for x in node.values]).side)
+        return Condition(sign * _all([sign * as_condition(self.value(x)).side for x in node.values]).side)
 
     def _subscript(self, node: ast.Subscript) -> Array:
         x, given = self.value(node.value), node.slice
@@ -386,6 +224,13 @@ class _Reader:
 
 def _instead_of(name: str, known: Mapping[str, Any]) -> str:
     return f"one of {', '.join(sorted(known))} in place of {name}"
+
+
+def _side_of(sign: ast.cmpop, a: Number, b: Number) -> Number:
+    """Return 1 where a comparison holds, else -1; the side of zero counts as 1, so that a < b is that not b <= a."""
+    if isinstance(sign, ast.Gt | ast.LtE):
+        a, b = b, a
+    return -graph.side(a - b) if isinstance(sign, ast.Lt | ast.Gt) else graph.side(a - b)
 
 
 def _all(sides: Sequence[Number]) -> Condition:

@@ -175,7 +175,7 @@ class Table(Entry):
         elif any(b <= a for a, b in pairwise(self.x)):
             yield fault(f"{self._path}.x", self.x, "numbers that increase")
         else:
-            from rbfmu.formulas.text import Table as Polynomials  # what has no tables starts sooner
+            from rbfmu.formulas.functions import Table as Polynomials  # what has no tables starts sooner
 
             with np.errstate(all="ignore"):
                 rows = Polynomials.through(self.x, self.y, self.method == "cubic").rows

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from rbfmu.formulas.functions import Table
 from rbfmu.formulas.graph import Graph, Symbol, gradient
 from rbfmu.formulas.program import Program
 from rbfmu.formulas.source import source_of
-from rbfmu.formulas.text import Table, value_of
+from rbfmu.formulas.text import value_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import formula_reference as reference
 

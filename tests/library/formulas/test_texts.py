@@ -6,8 +6,9 @@ import string
 import numpy as np
 import pytest
 
+from rbfmu.formulas.functions import FUNCTIONS, Table, shape_of
 from rbfmu.formulas.graph import Graph
-from rbfmu.formulas.text import DEEPEST, FUNCTIONS, LONGEST, FormulaError, Table, read, shape_of, value_of
+from rbfmu.formulas.text import DEEPEST, LONGEST, FormulaError, read, value_of
 
 V, M = np.array([1.0, 2.0, 4.0], object), np.array([[1.0, 2.0, 3.0], [0.0, 1.0, 4.0], [5.0, 6.0, 0.0]], object)
 NAMES = {"v": V, "M": M, "x": 0.5, "ramp": Table.through((0.0, 1.0, 3.0), (1.0, 2.0, 0.0), cubic=False)}

@@ -1,0 +1,181 @@
+"""What formulas know: constants, functions, tables, and which of scalars, vectors and conditions each takes."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rbfmu.formulas import graph
+from rbfmu.formulas.graph import Number
+
+Array = Any
+"""A scalar (a float or a graph's Symbol), or a NumPy array of such, of one axis or two."""
+CONSTANTS = {"pi": math.pi, "deg": math.pi / 180.0, "rpm": math.pi / 30.0}
+"""Numbers that every formula knows."""
+
+
+class Condition(NamedTuple):
+    """What is true or false: 1 or -1."""
+
+    side: Number
+
+
+class Function(NamedTuple):
+    """A function of formulas: what it takes and means, and how its result is made."""
+
+    takes: str
+    meaning: str
+    make: Callable[..., Array]
+
+
+class Table(NamedTuple):
+    """A function of one number: coefficients (rows, 4) of powers of what x is beyond each knot, constant outside."""
+
+    knots: tuple[float, ...]
+    rows: tuple[tuple[float, float, float, float], ...]
+
+    @classmethod
+    def through(cls, x: Sequence[float], y: Sequence[float], cubic: bool) -> "Table":
+        """Return the table through points, with straight lines or as the natural cubic spline."""
+        step = np.diff(x)
+        slope, bend = np.diff(y) / step, np.zeros(len(x))
+        if cubic and len(x) > 2:  # second derivatives, zero at the ends (de Boor, A Practical Guide to Splines, IV)
+            n = len(x) - 2
+            matrix = np.diag(2.0 * (step[:-1] + step[1:])) + np.diag(step[1:-1], 1) + np.diag(step[1:-1], -1)
+            bend[1 : n + 1] = np.linalg.solve(matrix, 6.0 * np.diff(slope))
+        first = slope - step * (2.0 * bend[:-1] + bend[1:]) / 6.0
+        rows = np.stack([y[:-1], first, 0.5 * bend[:-1], np.diff(bend) / (6.0 * step)], axis=1).tolist()
+        flat = [(float(y[0]), 0.0, 0.0, 0.0), *map(tuple, rows), (float(y[-1]), 0.0, 0.0, 0.0)]
+        return cls(tuple(map(float, x)), tuple(flat))
+
+    def at(self, x: Number) -> Number:
+        """Return the value at a number; the row is chosen by on which side of each knot it is."""
+        total: Number = 0.0
+        sides = [graph.side(x - knot) for knot in self.knots]
+        starts = (self.knots[0], *self.knots)
+        beyond = x - self._chosen(sides, starts)
+        for power in (3, 2, 1, 0):
+            total = total * beyond + self._chosen(sides, [row[power] for row in self.rows])
+        return total
+
+    @staticmethod
+    def _chosen(sides: Sequence[Number], values: Sequence[float]) -> Number:
+        found: Number = values[0]
+        for side, value in zip(sides, values[1:], strict=True):
+            found = graph.select(side, value, found)
+        return found
+
+
+NO_NUMBER = (Condition, Table)
+"""What formulas may name or say that is no scalar, vector or matrix."""
+
+
+class MismatchError(ValueError):
+    """What was expected instead of the arguments."""
+
+
+def _such(x: Array, fits: bool, expected: str) -> Any:
+    if not fits:
+        raise MismatchError(expected)
+    return x
+
+
+def as_scalar(x: Array) -> Number:
+    """Return a scalar as it is. Raises MismatchError for anything else, as those below do."""
+    return _such(x, not isinstance(x, np.ndarray | Condition | Table), "a scalar")  # type: ignore[no-any-return]
+
+
+def as_number(x: Array) -> Array:
+    """Return a scalar, a vector or a matrix as it is."""
+    return _such(x, not isinstance(x, NO_NUMBER), "a number")
+
+
+def _vector(x: Array) -> Array:
+    return _such(x, shape_of(x) == (3,), "a vector of 3 numbers")
+
+
+def as_condition(x: Array) -> Condition:
+    """Return a condition as it is."""
+    return _such(x, isinstance(x, Condition), "a condition, such as x > 0")  # type: ignore[no-any-return]
+
+
+def _table(table: Array, x: Array) -> Number:
+    known: Table = _such(table, isinstance(table, Table), "the name of a table, then a scalar")
+    return known.at(as_scalar(x))
+
+
+def _of_scalars(function: Callable[..., Number]) -> Callable[..., Array]:
+    return lambda *numbers: function(*map(as_scalar, numbers))
+
+
+def _dot(a: Array, b: Array) -> Number:
+    if len(shape_of(a)) != 1 or shape_of(a) != shape_of(b):
+        raise MismatchError("two vectors of one length")
+    return 0.0 + a @ b  # type: ignore[no-any-return]  # not -0.0
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.cross(_vector(a), _vector(b))
+
+
+def _beside(x: Number) -> Number:
+    """Return the root of 1 - x^2, which keeps its digits near 1 as a product."""
+    return graph.square_root((1.0 - x) * (1.0 + x))
+
+
+def _angle(y: Number, x: Number) -> Number:
+    """Return the angle of (x, y) in (-pi, pi].
+
+    A series of an angle goes on smoothly where the angle jumps, from pi to -pi; where x is negative it is therefore
+    that of the opposite point, and half a turn to the side on which y is, at whose corner series end.
+    """
+    half_turn = graph.select(graph.side(y), math.pi, -math.pi)
+    return graph.select(graph.side(x), graph.arctangent(y, x), graph.arctangent(-y, -x) + half_turn)
+
+
+def _least(a: Number, b: Number) -> Number:
+    return graph.select(graph.side(b - a), a, b)
+
+
+def _largest(a: Number, b: Number) -> Number:
+    return graph.select(graph.side(a - b), a, b)
+
+
+def _clipped(x: Number, low: Number, high: Number) -> Number:
+    return _least(_largest(x, low), high)
+
+
+def _where(condition: Array, a: Array, b: Array) -> Array:
+    if shape_of(a) != shape_of(b):
+        raise MismatchError("two values of one shape")
+    return np.frompyfunc(partial(graph.select, as_condition(condition).side), 2, 1)(as_number(a), as_number(b))
+
+
+FUNCTIONS: Mapping[str, Function] = {
+    "dot": Function("a, b", "scalar product of two vectors", _dot),
+    "cross": Function("a, b", "vector product of two vectors", _cross),
+    "norm": Function("v", "length of a vector", lambda v: graph.square_root(_dot(v, v))),
+    "sin": Function("x", "sine of an angle in rad", _of_scalars(graph.sine)),
+    "cos": Function("x", "cosine of an angle in rad", _of_scalars(graph.cosine)),
+    "tan": Function("x", "tangent of an angle in rad", _of_scalars(lambda x: graph.sine(x) / graph.cosine(x))),
+    "asin": Function("x", "angle in [-pi/2, pi/2], rad", _of_scalars(lambda x: graph.arctangent(x, _beside(x)))),
+    "acos": Function("x", "angle in [0, pi], rad", _of_scalars(lambda x: graph.arctangent(_beside(x), x))),
+    "atan2": Function("y, x", "angle of (x, y) in (-pi, pi], rad", _of_scalars(_angle)),
+    "exp": Function("x", "exponential", _of_scalars(graph.exponential)),
+    "log": Function("x", "natural logarithm", _of_scalars(graph.logarithm)),
+    "sqrt": Function("x", "square root", _of_scalars(graph.square_root)),
+    "abs": Function("x", "absolute value", _of_scalars(lambda x: graph.select(graph.side(x), x, -x))),
+    "min": Function("a, b", "the smaller of two scalars", _of_scalars(_least)),
+    "max": Function("a, b", "the larger of two scalars", _of_scalars(_largest)),
+    "clip": Function("x, low, high", "x, but no smaller than low, and no larger than high", _of_scalars(_clipped)),
+    "table": Function("name, x", "a table of the scene at x", _table),
+    "where": Function("condition, a, b", "a where the condition holds, else b", _where),
+}
+"""What formulas know besides operators; `to_a` and `to_b` come with a scene."""
+
+
+def shape_of(x: Array) -> tuple[int, ...]:
+    """Return (), (n,) or (n, m)."""
+    return np.shape(x) if isinstance(x, np.ndarray) else ()

@@ -1,0 +1,45 @@
+"""Where formulas jump: the angle of atan2 at half a turn, and comparisons of equal numbers."""
+
+import math
+
+import numpy as np
+import pytest
+
+import rbfmu
+
+
+def test_an_angle_jumps_in_a_load_where_it_should():
+    """Its series went on beyond pi: the rate was off by 0.3 rad/s a radian, with no error expected."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "loads": {"gravity_a": [0.0, 0.0, 0.0], "torque_b": "[0, 0, 0.1*atan2(sin(t), cos(t))]"},
+              "run": {"stop": 12.0, "step": 0.5, "accuracy": 1e-9}}  # fmt: skip
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+    since_jump = (found.time + math.pi) % (2.0 * math.pi) - math.pi
+    np.testing.assert_allclose(found.omega_b[:, 2], 0.05 * since_jump**2, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("text", "angle"),
+    [
+        ("atan2(0*t, -1)", math.pi), ("atan2(1, -2)", math.atan2(1.0, -2.0)), ("atan2(-1, -2)", math.atan2(-1.0, -2.0)),
+        ("atan2(-1e-30, 1)", -1e-30), ("atan2(3, 0)", 0.5 * math.pi), ("atan2(-3, 0)", -0.5 * math.pi),
+    ],
+)  # fmt: skip
+def test_an_angle_is_that_of_the_quadrant(text, angle):
+    tables = {
+        "body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]},
+        "outputs": {"quantities": ["omega_b"], "o": f"{text} + 0*t"},
+    }
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables | {"run": {"stop": 1.0, "step": 0.5}}))
+    assert found.o[0] == pytest.approx(angle, rel=1e-15)
+
+
+@pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
+def test_a_comparison_of_equal_numbers_is_strict_or_not(sign):
+    """At t = 1, which doubles have; both counted as holding there."""
+    body = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
+    shown = {"quantities": ["omega_b"], "o": f"where(t {sign} 1, 1, 0)", "not_o": f"where(not t {sign} 1, 1, 0)"}
+    scene = rbfmu.Scene.from_dict({"body": body, "outputs": shown, "run": {"stop": 2.0, "step": 0.5}})
+    found, holds = rbfmu.simulate(scene), {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
+    np.testing.assert_array_equal(found.o, holds[sign](found.time, 1.0))
+    np.testing.assert_array_equal(found.not_o, 1.0 - found.o)
