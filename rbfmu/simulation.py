@@ -89,10 +89,8 @@ def simulate(
     return result
 
 
-_CLOCK = struct.Struct("dq")
-"""The time, and how many communication steps of the scene led there."""
 _UNKNOWN = -1
-"""That number after a step of another length; counting costs half as much as a step."""
+"""The number of communication steps after a step of another length; counting costs half as much as a step."""
 SAME = 1e-9
 """The part of a step by which times may differ and still be those of one event, or of two at once."""
 _PORT, _NUMBER = struct.Struct("3d"), struct.Struct("d")
@@ -111,10 +109,13 @@ class Simulator:
     """
 
     def __init__(self, scene: Any, /, **parameters: Any) -> None:
-        self.scene, self.plan = of_scene_or_path(lambda one: (one, plan(one)), "Simulator")(scene)
-        kernels, run = self.plan.kernels, self.scene.run
+        self._begin(*of_scene_or_path(lambda one: (one, plan(one)), "Simulator")(scene), parameters)
+
+    def _begin(self, scene: Scene, planned: Plan, parameters: dict[str, Any]) -> None:
+        self.scene, self.plan = scene, planned
+        kernels, run = planned.kernels, scene.run
         blocks = kernels.BLOCKS
-        self._z = start_run(with_parameters(self.scene, self.plan, parameters), self.plan)
+        self._z = start_run(with_parameters(scene, planned, parameters), planned)
         self._bytes, self._step = self._z.data.cast("B"), tiered(kernels.step)
         self._ports = {name: 8 * blocks[name].start for name in self.scene.inputs.ports}
         self._scalars = {name for name, port in self.scene.inputs.own.items() if port.size == 1}
@@ -126,6 +127,8 @@ class Simulator:
         self._untold = (math.nan,) * len(self.scene.events)
         self._known = self._told = self._untold
         """When `step_to_event` told each event, s: before the last step, and at its end; NaN where it did not."""
+        self._clock = struct.Struct(f"dq{2 * len(self._untold)}d")
+        """The time, how many communication steps of the scene led there, and when events were told."""
 
     @property
     def events(self) -> dict[str, Array]:
@@ -274,7 +277,8 @@ class Simulator:
 
     def __copy__(self) -> "Simulator":
         """Return another one in the same state: with a memory of its own, as that of an object's is."""
-        other = Simulator(self.scene)
+        other = Simulator.__new__(Simulator)  # which is not planned again
+        other._begin(self.scene, self.plan, {})
         other.restore(self.save())
         return other
 
@@ -283,8 +287,7 @@ class Simulator:
 
     def save(self) -> bytes:
         """Return the whole state, for `restore` of this or another simulator of the scene."""
-        told = np.array((self._known, self._told))
-        content = _CLOCK.pack(self.time, self._count) + told.tobytes() + self._bytes.tobytes()
+        content = self._clock.pack(self.time, self._count, *self._known, *self._told) + self._bytes.tobytes()
         return self._identity + _checksum(content) + content
 
     def restore(self, state: bytes) -> None:
@@ -292,16 +295,15 @@ class Simulator:
 
         Raises TypeError for what is no bytes at all.
         """
-        told = _CLOCK.size + 16 * len(self._untold)  # where what was told of events ends
         if not isinstance(state, bytes | bytearray | memoryview):
             raise TypeError(fault("state", state, "the bytes that `save` returned"))
-        content = state[len(state) - told - self._bytes.nbytes :]
+        content = state[len(state) - self._clock.size - self._bytes.nbytes :]
         head = self._identity + _checksum(content)  # with damaged numbers a step could end the process
         if state[: -len(content)] != head:
             raise ValueError(f"these {len(state)} bytes are no state of {self.scene.name} under its plan")
-        self.time, self._count = _CLOCK.unpack_from(content)
-        self._known, self._told = map(tuple, np.frombuffer(content[_CLOCK.size : told]).reshape(2, -1).tolist())
-        self._bytes[:] = content[told:]
+        self.time, self._count, *told = self._clock.unpack_from(content)
+        self._known, self._told = tuple(told[: len(self._untold)]), tuple(told[len(self._untold) :])
+        self._bytes[:] = content[self._clock.size :]
 
 
 def _seconds(h: Any) -> float:

@@ -22,6 +22,7 @@ from rbfmu.scene.scene import Scene
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.models.loaded_taylor_lanes import goes_in_lanes
 from rbfmu_kernels.quantities import OUTPUT
+from tests.library.ensembles.test_control import TABLES as DRIVEN
 from tests.support.covering import some_of
 from tests.support.ensembles.accuracy import drawn, errors
 from tests.support.quadruple import reference
@@ -307,3 +308,26 @@ def test_members_errors_are_those_that_an_accuracy_counts():
     rates = random.normal(size=(5, 3, 3))
     found = _errors(Columns((OUTPUT["omega_b"],)), rates + np.array([0.0, 0.0, 1e-3]), rates)
     np.testing.assert_allclose(found, 1e-3 / np.linalg.norm(rates, axis=2).max(axis=1), rtol=1e-12)
+
+
+@pytest.mark.thorough
+def test_a_plan_holds_whatever_the_ports_supply_and_what_acts_through_them_alone_may_vary(recwarn):
+    """Without inputs this body rests, and no tolerance matters nor any inertia."""
+    tables = {**DRIVEN, "initial": {}, "outputs": {"quantities": ["quaternion"]}}
+    scene = rbfmu.Scene.from_dict(tables | {"run": {"stop": 60.0, "step": 2.0, "accuracy": 1e-6}}).replace(
+        {"ensemble.vary": {"body.inertia": {"relative": 0.02}}}
+    )
+    planned = plan_ensemble(scene)
+    assert not [one for one in recwarn if "without effect" in str(one.message)]
+
+    def kick(t, outputs, state, inputs, noise):
+        inputs[:3] = 0.2 * noise
+
+    tight = planned.__class__(planned.model, "series", 7, tolerance=1e-15, order=24)
+    found, true = (
+        rbfmu.run_ensemble(
+            scene, executor=1, progress=False, planned=one, controller=rbfmu.Controller(kick, noise=3)
+        ).all["quaternion"]
+        for one in (planned, tight)
+    )
+    assert 0.0 < 2.0 * np.linalg.norm(found - true, axis=-1).max() < 1e-6

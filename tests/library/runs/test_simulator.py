@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu import simulation
 from rbfmu_kernels.buffer import OK
 from tests.support.paths import SCENES
 
@@ -266,9 +267,10 @@ def test_a_loop_becomes_a_result_with_outputs_of_one_s_own():
     assert looped.units["turning"] == "rad/s"
 
 
-def test_a_copy_goes_its_own_way():
+def test_a_copy_goes_its_own_way_and_is_not_planned_again(monkeypatch):
     """It shared the memory of the first, which went on with it but for its time."""
     sim = rbfmu.Simulator(SATELLITE)
+    monkeypatch.delattr(simulation, "plan")
     sim.step(torque_b=[0.1, 0.2, 0.3])
     for copied in (copy.copy(sim), copy.deepcopy(sim)):
         before, time = state_of(sim), sim.time
