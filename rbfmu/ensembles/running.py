@@ -68,9 +68,8 @@ def run_ensemble(
     writing to it.
     """
     check_store(store, resume)
-    given(planned)
     scene = with_runs(scene, runs)
-    plan = (plan_once(scene) if planned is None else planned).of_scene(scene)
+    plan = (given(planned) or plan_once(scene)).of_scene(scene)
     control = control_of(scene, plan, inputs, controller, interpolate)
     work = Work(scene, plan, members_of_a_chunk(scene, plan, control), control)
     place = _store(work, store)
@@ -170,9 +169,8 @@ def dask_client(address: str) -> Iterator[Any]:
 
 def chunks_in_order(work: Work, first: int, executor: Any) -> Iterator[Chunk]:
     """Yield the chunks from the number `first` on in their order, of which few are on their way at a time."""
-    here = executor is None or isinstance(
-        executor, Integral | ThreadPoolExecutor
-    )  # functions of any kind need no packing
+    # functions of any kind need no packing for threads of this process
+    here = executor is None or isinstance(executor, Integral | ThreadPoolExecutor)
     task, given = (run_chunk, work) if here else (run_packed, packed(work))
     with workers_of(executor) as (submit, workers):
         waiting: deque[Any] = deque()

@@ -36,7 +36,7 @@ MAX_REFERENCE_STEPS = 100_000
 """The number of the reference's steps in double-double arithmetic, some seconds of work."""
 MAX_SUBSTEPS = 3e6
 """The number of substeps in doubles up to which a motion is followed that takes more steps of the reference."""
-ROUND_OFF = 1e-12
+BESIDE_POLES = 1e-12
 """The part of the largest that an event watches which may be round-off of what comes after it, and a little more."""
 TURNS = 1e-3
 """The turn in a substep, rad, up to which it is not for turning that substeps are short."""
@@ -99,7 +99,7 @@ class Judge:
         steps = (np.repeat(self.cut_steps, parts) / parts).tolist()
         run = Steps(self.scene, tight, steps, self._followed)
         found = record(run, self._followed, MAX_SUBSTEPS, self._progress)
-        refuse_unfinished(self.scene, steps, found["omega_b"], substeps_counted(run.kernels, run.z), MAX_SUBSTEPS)
+        refuse_unfinished(self.scene, steps, found["omega_b"], substeps_counted(run.kernels, run.z))
         return {name: rows[::parts] for name, rows in found.items()}
 
     def follow_by(self, plan: Plan) -> None:
@@ -154,7 +154,7 @@ class Judge:
         for name in self.scene.events:
             when = f"when.{name}"
             size = largest_size(self.motion[when])  # also between communication points, at which it may be zero
-            if ROUND_OFF * largest.get(when, 0.0) > size:
+            if BESIDE_POLES * largest.get(when, 0.0) > size:
                 said = f"events.{name}.when comes to {largest[when]:.1e}, and is at most {size:.1e} elsewhere"
                 expected = "expected a formula without poles, beside which zeros are lost"
                 raise SceneError(f"{said}: {expected}", self.scene.name)
@@ -241,8 +241,8 @@ class Judge:
         return largest_error(self.motion_by(smaller, names), truth, names, least_sizes(self.asked, truth), absolute)
 
 
-def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, substeps: float, most: float) -> None:
-    """Raise SceneError where a motion was given up, after more substeps than `most`, or as a step was refused.
+def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, substeps: float) -> None:
+    """Raise SceneError where a motion was given up, after more than MAX_SUBSTEPS, or as a step was refused.
 
     rates: a row before and after each step.
     """
@@ -252,15 +252,15 @@ def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, subste
     done = math.fsum(steps[:last])
     reached = scene.run.start + done
     own = [*(f"outputs.{name}" for name in scene.outputs.own), *(f"events.{name}" for name in scene.events)]
-    if own and substeps <= most:  # formulas of loads are named by the reference, which has not come so far
+    if own and substeps <= MAX_SUBSTEPS:  # formulas of loads are named by the reference, which has not come so far
         why = f"{' or '.join(own)} is not finite then, or changes too fast"
         raise SceneError(f"run.stop = {scene.run.stop!r}: expected at most {reached:.6g} s, as {why}", scene.name)
     rate, why = math.hypot(*rates[last]), "damping is stiff, or another load too large"
-    turns_by = rate * done / substeps if substeps > most else rate * steps[last] / most
+    turns_by = rate * done / substeps if substeps > MAX_SUBSTEPS else rate * steps[last] / MAX_SUBSTEPS
     if turns_by > TURNS:
         why = f"it turns by {rate:.2g} rad/s"
     said = f"the {steps[last]:.3g} s from t = {reached:.6g} s take too many substeps, or leave the range of numbers"
-    if substeps > most:
+    if substeps > MAX_SUBSTEPS:
         said = f"{substeps:.1e} substeps take it on by {done:.3g} s"
     raise too_long(scene, f"{said}: {why}")
 

@@ -126,7 +126,7 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
     tight = [methods.series_of_all(asked, order, 1e-18) for order in ORDERS]
     (truth, taken), (other, more) = (_run_under(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight)
     for motion, substeps in ((truth, taken), (other, more)):
-        refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps, MAX_SUBSTEPS)
+        refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps)
     floors = least_sizes(asked, truth)
     doubt = largest_error(other, truth, names, floors)
     best = math.inf
