@@ -190,7 +190,7 @@ def test_a_motion_that_was_given_up_says_how_far_it_came_and_why(rates, substeps
     """As where series in doubles are refused, though those of more digits are not."""
     rows = np.array([[rate, 0.0, 0.0] for rate in rates])
     with pytest.raises(SceneError, match=r"run\.stop = 8\.0: expected a shorter run, as " + words):
-        judge_module.refuse_unfinished(scene_of("all loads"), [1e-4, 0.5], rows, substeps, 3e6)
+        judge_module.refuse_unfinished(scene_of("all loads"), [1e-4, 0.5], rows, substeps)
 
 
 @compiled
@@ -211,7 +211,8 @@ def test_what_is_not_finite_from_a_time_on_is_named(tables, named):
 def test_a_run_too_long_to_be_planned_under_its_inputs_is_refused(monkeypatch):
     scene = scene_of("all loads").replace({"inputs.ports": ["torque_b"]})
     found, tables = plan(scene), input_tables(scene, {"torque_b": np.full((16, 3), 0.1)}, "hold")
-    monkeypatch.setattr(select, "MAX_SUBSTEPS", 5)
+    for module in (select, judge_module):
+        monkeypatch.setattr(module, "MAX_SUBSTEPS", 5)
     with pytest.raises(
         SceneError, match=r"run\.stop = 8\.0: expected a shorter run, as [0-9.e+]+ substeps take it on by"
     ):
