@@ -70,6 +70,7 @@ class Judge:
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off
         self.left = MAX_TRIED  # substeps of pilot runs to come
+        self.pilots = 1  # how many of the same kernels are known to come: it may pay to compile these at once
         self.arithmetic = "double-double arithmetic"
         self.doing = TRYING
 
@@ -190,7 +191,7 @@ class Judge:
     ) -> tuple[float, float]:
         errors, substeps = [], []
         for names in self._asked:
-            run = Steps(self.scene, plan, steps, names, parts)
+            run = Steps(self.scene, plan, steps, names, parts, self.pilots)
             found = self._pilot(run, names)
             floors = self._floors_of(run)
             self._refuse_poles(floors)

@@ -34,13 +34,17 @@ NOISE = 64.0 * 2.0**-52
 
 
 class Steps:
-    """A run without inputs, at its start: its buffer `z`, and `advance` by each of the steps (s), in equal parts."""
+    """A run without inputs, at its start: its buffer `z`, and `advance` by each of the steps (s), in equal parts.
+
+    runs: how many such ones are known to come, this one among them.
+    """
 
     def __init__(
-        self, scene: Scene, plan: Plan, steps: Sequence[float], names: Collection[str], parts: int = 1
+        self, scene: Scene, plan: Plan, steps: Sequence[float], names: Collection[str], parts: int = 1, runs: int = 1
     ) -> None:
         self.kernels, self.z, self.count = plan.kernels, start_run(scene, plan, names), len(steps)
-        self._lengths, self._parts, self._step = steps, parts, tiered(plan.kernels.step, len(steps) * parts)
+        self._lengths, self._parts = steps, parts
+        self._step = tiered(plan.kernels.step, len(steps) * parts * runs)
 
     def advance(self, k: int) -> bool:
         """Take step k, counted from 1; return whether none of its parts was refused."""

@@ -105,8 +105,8 @@ class _Lowering(inside.NativeLowering):  # type: ignore[misc]
 
 
 _PASSES = (
-    inside.TranslateByteCode, inside.FixupArgs, inside.GenericRewrites, inside.ReconstructSSA, _TypeInference,
-    inside.PreLowerStripPhis, inside.AnnotateTypes, _Lowering, inside.NoPythonBackend,
+    inside.TranslateByteCode, inside.FixupArgs, inside.DeadBranchPrune, inside.GenericRewrites, inside.ReconstructSSA,
+    _TypeInference, inside.PreLowerStripPhis, inside.AnnotateTypes, _Lowering, inside.NoPythonBackend,
 )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ _MODULES = [
     # Kernels are compiled by fewer passes, in half of the time.
     ("numba.core.compiler", "CompilerBase.define_pipelines CompilerBase.compile_extra"),
     ("numba.core.compiler_machinery", "PassManager.add_pass PassManager.finalize PassManager._runPass register_pass"),
-    ("numba.core.untyped_passes", "TranslateByteCode FixupArgs GenericRewrites ReconstructSSA"),
+    ("numba.core.untyped_passes", "TranslateByteCode FixupArgs DeadBranchPrune GenericRewrites ReconstructSSA"),
     ("numba.core.typed_passes",
      "NopythonTypeInference PreLowerStripPhis AnnotateTypes NativeLowering NoPythonBackend"),
     # What compiled code calls stays LLVM's intermediate code, without machine code of its own.

@@ -115,9 +115,12 @@ class _PlainModule:
         return value
 
 
-PATIENCE, PATIENCE_PER_BYTE = 0.3, 1.4e-4
+PATIENCE, PATIENCE_PER_BYTE = 0.2, 8e-5
 """The CPU time, s, that calls in plain Python may take before a kernel is compiled, and more per byte of its code:
-measured, what compiling takes."""
+measured, what compiling takes where what many kernels call is kept."""
+TYPICAL = 0.1
+"""The part of that time after which calls to come are taken to last as long as those before on average: the first ones
+prepare what later ones use."""
 
 
 def tiered(kernel: Function, calls: int = 1) -> Function:
@@ -184,7 +187,7 @@ class Tiered:
     def __init__(self, kernel: Any, plain: Function) -> None:
         self._kernel, self._plain, self.calls = kernel, plain, 1
         self._patience = PATIENCE + PATIENCE_PER_BYTE * size_of_code(kernel)
-        self._shortest = math.inf
+        self._taken, self._done = 0.0, 0
         self._call = self._first
 
     def __call__(self, *args: Any) -> Any:
@@ -204,8 +207,8 @@ class Tiered:
         begin = process_time()
         found = self._plain(*args)
         taken = process_time() - begin
-        self._patience -= taken
-        self._shortest, self.calls = min(self._shortest, taken), max(self.calls - 1, 0)
-        if self.calls * self._shortest > self._patience or self._kernel.overloads:  # others may have compiled it
+        self._taken, self._done, self.calls = self._taken + taken, self._done + 1, max(self.calls - 1, 0)
+        to_come = self.calls * self._taken / self._done if self._taken > TYPICAL * self._patience else 0.0
+        if self._taken + to_come > self._patience or self._kernel.overloads:  # others may have compiled it
             self._call = self._kernel
         return found

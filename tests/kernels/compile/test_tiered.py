@@ -78,7 +78,9 @@ def tier_of(monkeypatch, patience, calls=1):
     return tier
 
 
-@pytest.mark.parametrize(("patience", "calls", "is_compiled"), [(1e9, 1, False), (-1.0, 1, True), (1e9, 1e99, True)])
+@pytest.mark.parametrize(("patience", "calls", "is_compiled"), [
+    (1e9, 1, False), (-1.0, 1, True), (0.005, 1e99, True), (1e9, 1e99, False),
+])  # fmt: skip
 def test_a_kernel_is_compiled_once_python_takes_the_time_for_that(patience, calls, is_compiled, monkeypatch):
     tier = tier_of(monkeypatch, patience, calls)
     monkeypatch.setattr(tiered, "process_time", iter((0.0, 0.001)).__next__)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.planning.formulas import ORDERS
+from rbfmu.runs import motion
 from rbfmu_kernels.types import python_function
 from tests.support.command_line import call
 
@@ -63,3 +65,13 @@ def test_kept_code_finds_the_module_that_it_was_compiled_of():
     assert formulas.model
     found = import_module(f"rbfmu.models.formulas.formulas_{formulas.key}")
     assert inspect.getmodule(python_function(found.first)) is found  # as Numba asks
+
+
+def test_whether_compiling_pays_is_known_from_all_pilot_runs_to_come(monkeypatch):
+    """A moored hull's first plan took 14 s: its kernels were compiled when most pilots were done in plain Python."""
+    to_come, tiered = [], motion.tiered
+    monkeypatch.setattr(motion, "tiered", lambda kernel, calls=1: to_come.append(calls) or tiered(kernel, calls))
+    scene = rbfmu.Scene.from_dict(TABLES)
+    rbfmu.plan(scene)
+    assert to_come[0] == len(ORDERS) * scene.run.count
+    assert to_come[-1] == scene.run.count
