@@ -9,6 +9,8 @@ import numpy as np
 
 from rbfmu.formulas import graph
 from rbfmu.formulas.graph import Number
+from rbfmu_kernels.compile.tiered import interpreted
+from rbfmu_kernels.rotations import vec3
 
 Array = Any
 """A scalar (a float or a graph's Symbol), or a NumPy array of such, of one axis or two."""
@@ -116,8 +118,9 @@ def _dot(a: Array, b: Array) -> Number:
     return 0.0 + a @ b  # type: ignore[no-any-return]  # not -0.0
 
 
-def _cross(a: Array, b: Array) -> Array:
-    return np.cross(_vector(a), _vector(b))
+def cross(a: Array, b: Array) -> Array:
+    """Return the vector product a x b."""
+    return np.array(interpreted(vec3.cross)(_vector(a), _vector(b)), object)
 
 
 def _beside(x: Number) -> Number:
@@ -155,7 +158,7 @@ def _where(condition: Array, a: Array, b: Array) -> Array:
 
 FUNCTIONS: Mapping[str, Function] = {
     "dot": Function("a, b", "scalar product of two vectors", _dot),
-    "cross": Function("a, b", "vector product of two vectors", _cross),
+    "cross": Function("a, b", "vector product of two vectors", cross),
     "norm": Function("v", "length of a vector", lambda v: graph.square_root(_dot(v, v))),
     "sin": Function("x", "sine of an angle in rad", _of_scalars(graph.sine)),
     "cos": Function("x", "cosine of an angle in rad", _of_scalars(graph.cosine)),

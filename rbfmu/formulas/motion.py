@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import rbfmu_kernels as kernels
-from rbfmu.formulas.functions import FUNCTIONS, Array, Function
+from rbfmu.formulas.functions import FUNCTIONS, Array, Function, cross
 from rbfmu.formulas.graph import Graph, Number, Symbol, changes_of, gradient, square_root
 from rbfmu.formulas.text import value_of
 from rbfmu_kernels.compile.tiered import interpreted
@@ -93,7 +93,7 @@ class Motion:
         if given.pivot:
             self.position, self.velocity = self._places("position_0"), np.array(_ZERO, object)
         else:
-            self._r_c, lever = self._leaves("state", "r_c", 3), np.cross(self.omega, r_oc)
+            self._r_c, lever = self._leaves("state", "r_c", 3), cross(self.omega, r_oc)
             self.position = _add(self._r_c, -1.0, self.to_a(r_oc))
             self.velocity = _add(self.v_c, -1.0, self.to_a(lever))
         self._M, self._arm = self._places("M").reshape(3, 3), self._places("arm")
@@ -150,7 +150,7 @@ class Motion:
         if self.given.pivot:
             return {"torque_b": torque}
         force = -1.0 * slopes[4:]
-        return {"force_a": force, "torque_b": _add(torque, -1.0, np.cross(self._arm, self.to_b(force)))}
+        return {"force_a": force, "torque_b": _add(torque, -1.0, cross(self._arm, self.to_b(force)))}
 
     def potential_energy(self, potential: Number) -> Number:
         """Return the potential of gravity, of a constant force_a and of a load's own."""

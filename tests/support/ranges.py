@@ -22,6 +22,8 @@ TESTS = (
     "tests/kernels/models/test_loaded_taylor_lanes.py",
     "tests/kernels/rotations/test_quaternion.py",
     "tests/library/arrays/test_array_functions.py",
+    "tests/library/formulas/test_events.py",
+    "tests/library/formulas/test_scenes.py",
     "tests/library/scene/test_scene.py",
     "tests/library/runs/test_simulation.py",
     "tests/library/planning/test_smallest_model.py",
