@@ -24,7 +24,7 @@ from tests.support.fmu.elf import elf
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, OK
 from tests.support.fmu.fmus import BRICK, Kernels, built, native, opened, scene, signal, unzipped
 
-OWN = ["brick", "driven", "pendulum", "prescribed"]
+OWN = ["driven", "brick", "prescribed", "pendulum"]
 KINDS = ["fmi3", "fmi3_scalars"]
 
 

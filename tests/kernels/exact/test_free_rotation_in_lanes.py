@@ -14,7 +14,10 @@ from rbfmu_kernels.compile.simd import wide_at
 from rbfmu_kernels.exact import free_rotation as lanes
 from tests.support.references.free_rotation_mp import angle_to, closed_form, relative_distance
 
-pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
+pytestmark = [
+    pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code"),
+    pytest.mark.thorough,  # that takes longer than all else
+]
 
 EPS = 2.0**-52
 
@@ -55,7 +58,7 @@ def in_lanes(way, moments, q_0, omega, t):
     return singular, q, rates
 
 
-@pytest.mark.parametrize("way", [4, pytest.param(8, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("way", [4, 8])
 @pytest.mark.parametrize("count", [1, 11, 100])
 def test_a_body_in_a_lane_has_the_bits_that_it_has_alone(way, count):
     moments, q_0, omega = bodies(count)
