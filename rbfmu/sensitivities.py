@@ -125,7 +125,7 @@ def sensitivity(
     shifts in time, and the last row of a run that an event stops is that at the event, which shifts as well.
     Raises SceneError, SimulationError, ValueError for a key without a number or where a corner is grazed.
     """
-    varied, tables = Varied(scene, by), {} if inputs is None else input_tables(scene, inputs, interpolate)
+    varied, tables = Varied(scene, by), input_tables(scene, inputs, interpolate)
     return varied.along(scene, drive_of(scene, tables, interpolate), given(planned), covariance)
 
 

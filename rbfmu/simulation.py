@@ -39,17 +39,16 @@ def plan(
     inputs, interpolate: see `simulate`; error and cost are then those of the run that they drive. Raises SceneError
     where the accuracy asked cannot be met.
     """
-    tables = None if inputs is None else input_tables(scene, inputs, interpolate)
-    return _plan(scene, tables, interpolate, full, progress)
+    return _plan(scene, input_tables(scene, inputs, interpolate), interpolate, full, progress)
 
 
 def _plan(
-    scene: Scene, tables: InputTables | None, interpolate: str, full: bool = False,
+    scene: Scene, tables: InputTables, interpolate: str, full: bool = False,
     progress: Callable[[float], object] | None = None,
 ) -> Plan:  # fmt: skip
     from rbfmu.planning.select import plan as planned  # a run whose plan is known does without
 
-    driven = None if tables is None else lambda parts: drive_of(scene, tables, interpolate, parts)
+    driven = (lambda parts: drive_of(scene, tables, interpolate, parts)) if tables else None
     return planned(scene, full, progress, driven=driven)
 
 
@@ -77,8 +76,8 @@ def simulate(
         raise TypeError(
             fault("progress", progress, "a function that wraps step numbers, as rbfmu.progress_bar(name) is")
         )
-    tables = {} if inputs is None else input_tables(scene, inputs, interpolate)
-    planned = (given(planned) or _plan(scene, tables or None, interpolate)).of_scene(scene)
+    tables = input_tables(scene, inputs, interpolate)
+    planned = (given(planned) or _plan(scene, tables, interpolate)).of_scene(scene)
     drive = drive_of(scene, tables, interpolate)
     run = Driven(scene, planned, drive)
     time, shown = run.course(scene.outputs.names, progress)

@@ -111,9 +111,9 @@ class Control:
 
 def control_of(scene: Scene, plan: Plan, inputs: Any, controller: Any, interpolate: str = HOLD) -> Control | None:
     """Return what drives an ensemble, None where nothing does. Raises SceneError and ValueError where it cannot."""
+    tables = inputs if callable(inputs) else input_tables(scene, inputs, interpolate)
     if inputs is None and controller is None:
         return None
-    tables = {} if inputs is None else inputs if callable(inputs) else input_tables(scene, inputs, interpolate)
     if interpolate != HOLD and not all(f"{port}_rate" in plan.kernels.BLOCKS for port in scene.inputs.ports):
         text = (
             f"interpolate = {interpolate!r}: expected {HOLD!r}, as the model {plan.model!r} takes no input derivatives"

@@ -256,7 +256,7 @@ class _Search:
     def _evaluate(self, p: Array, data: Measured) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return residuals and their slopes by coordinates, by output."""
         scene = self._asked.replace(changes(self._charts, p))
-        tables, interpolate = ({} if self._inputs[0] is None else input_tables(scene, *self._inputs)), self._inputs[1]
+        tables, interpolate = input_tables(scene, *self._inputs), self._inputs[1]
         time = np.unique(np.append(scene.run.start, data.time))
         found = self._varied.along(scene, drive_of(scene, tables, interpolate, time=time))
         rows = np.searchsorted(time, data.time)

@@ -38,14 +38,16 @@ def size_of(scene: Scene, port: str) -> int:
     return scene.inputs.own[port].size if port in scene.inputs.own else 3
 
 
-def input_tables(scene: Scene, inputs: Inputs, interpolate: str = HOLD) -> InputTables:
-    """Return the tables of the ports given; raise SceneError with all that is wrong with them.
+def input_tables(scene: Scene, inputs: Inputs | None, interpolate: str = HOLD) -> InputTables:
+    """Return the tables of the ports given, none without inputs; raise SceneError with all that is wrong with them.
 
     inputs: a mapping from a port's name to (times, values) or to an array with a row for each communication step; or
     the path of a CSV file in FMPy's format. Rows are counted from 1, without a file's header.
     """
     if interpolate not in (HOLD, LINEAR):
         raise SceneError(fault("interpolate", interpolate, f"{HOLD!r} or {LINEAR!r}"), scene.name)
+    if inputs is None:
+        return {}
     source = f"{inputs}: " if isinstance(inputs, str | Path) else ""
     faults: list[str] = []
     if not isinstance(inputs, str | Path | Mapping):

@@ -20,6 +20,11 @@ WRONG = [
     (lambda: rbfmu.simulate(SCENE, planned="x"), TypeError, NO_PLAN.format('"x"')),
     (lambda: rbfmu.simulate(SCENE, planned={}), TypeError, NO_PLAN.format("{}")),
     (lambda: rbfmu.simulate(SCENE, progress=True), TypeError, "progress = true: expected a function"),
+    (
+        lambda: rbfmu.simulate(SCENE, interpolate="x"),
+        rbfmu.SceneError,
+        "interpolate = \"x\": expected 'hold' or 'linear'",
+    ),
     (lambda: rbfmu.compiled_step(SCENE, 3), TypeError, NO_PLAN.format("3")),
     (lambda: rbfmu.run_ensemble(SCENE, planned="x"), TypeError, NO_PLAN.format('"x"')),
     (lambda: rbfmu.sensitivity(SCENE, ["body.inertia"], planned="x"), TypeError, NO_PLAN.format('"x"')),
