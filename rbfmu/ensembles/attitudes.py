@@ -20,9 +20,8 @@ def moments_of(name: str, count: int, mean: Array, products: Array) -> tuple[Arr
         mean, products = _mean_attitude(count, mean, products)
     elif name == ANGLES:
         mean, products = _mean_direction(mean, products)
-    if count < 2:
-        products = np.full_like(products, np.nan)
-    return (mean if count else np.full_like(mean, np.nan)), products / (count - 1.0)
+    covariance = products / (count - 1.0) if count > 1 else np.full_like(products, np.nan)
+    return (mean if count else np.full_like(mean, np.nan)), covariance
 
 
 def _mean_attitude(count: int, mean: Array, products: Array) -> tuple[Array, Array]:

@@ -28,6 +28,8 @@ TESTS = (
     "tests/library/runs/test_simulation.py",
     "tests/library/planning/test_smallest_model.py",
     "tests/library/ensembles/test_chunks.py",
+    "tests/library/ensembles/test_events.py",
+    "tests/library/ensembles/test_result.py",
     "tests/fmu/python/test_python_fmu.py",
     "tests/fmu/python/test_fmu_traps.py",
     "tests/fmu/native/test_native_fmu.py",
