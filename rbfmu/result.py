@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rbfmu.csv_table import read_columns
 from rbfmu.exceptions import named
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
-from rbfmu.types import Array
+from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.quantities import OUTPUT, TIME, Output, Quantity, elements, indices
 
 if TYPE_CHECKING:

@@ -7,13 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rbfmu import arrays
 from rbfmu.exceptions import SceneError, named
-from rbfmu.models.formulas import EVENT
-from rbfmu.models.model_buffer import BodyAtStart
-from rbfmu.models.question import Question
+from rbfmu.models import formulas, model_buffer, question
 from rbfmu.models.registry import FORMULAS
 from rbfmu.models.varied import TURN, Column, VariedModel
 from rbfmu.planning import methods
@@ -21,7 +18,7 @@ from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.motion import Driven
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
 from rbfmu.scene.scene import Scene, of_scene_or_path
-from rbfmu.types import Array
+from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.buffer import NO_OUTPUTS
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import BY_NAME, OUTPUT, elements
@@ -180,7 +177,7 @@ class Varied:
         """Return the plan of the run, and whether errors bound its substeps too: not those of a plan that is given."""
         if planned is not None and planned.order in self.model.model.ORDERS:
             return replace(planned, model=FORMULAS.key, formulas=self.model), False
-        asked, states = Question(scene), len(self.model.rates)
+        asked, states = question.Question(scene), len(self.model.rates)
         tolerance = max(TIGHTER * asked.accuracy, methods.TIGHTEST)
         order = methods.likely_order(SHARE * tolerance)
         own = Plan(FORMULAS.key, "", states, tolerance=tolerance, order=order, span=asked.span, formulas=self.model)
@@ -231,7 +228,7 @@ def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:
         raise ValueError(
             f"{argument} = {key!r}: expected a load of numbers; this one is a formula, whose constants may vary"
         )
-    if block in ("inertia", "r_oc_b") and BodyAtStart(scene).principal_axes[0][0] <= 0.0:
+    if block in ("inertia", "r_oc_b") and model_buffer.BodyAtStart(scene).principal_axes[0][0] <= 0.0:
         raise ValueError(
             f"{argument} = {key!r}: expected another; a slender beam has no inertia about its axis to begin with"
         )
@@ -270,7 +267,7 @@ class _Run:
 
     def _at_event(self, found: dict[str, Array]) -> dict[str, Array]:
         """Return the derivatives, in the last row those at the event that ended the run, whose time shifts as well."""
-        when, last = f"{EVENT}{self._event}", slice(len(self.time) - 1, None)
+        when, last = f"{formulas.EVENT}{self._event}", slice(len(self.time) - 1, None)
         of_event = self._model.slopes_at(when, self._errors[last], self._slopes[last], self._count)[0, 0]
         shift = -of_event / self._model.rates_at(when, self._slopes[-1])[0]
         for name, rows in found.items():

@@ -1,7 +1,7 @@
 """Types of arrays, by what stands in them."""
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike as ArrayLike, NDArray as NDArray
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -18,14 +18,13 @@ from typing import NamedTuple
 import fmpy
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 import rbfmu
 from rbfmu import Plan, Result, Scene
 from rbfmu.plot import COLORS, draw_components, open_frame
-from rbfmu.types import Array
+from rbfmu.types import Array, NDArray
 from rbfmu_fmu.builder import build_python_fmu
 from rbfmu_fmu.verification import Verification, check_plain, verify
 from rbfmu_kernels import ZYX, Quaternion, compose_quaternions, euler_from_quaternion, quaternion_from_euler

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 from numba import config
-from numpy.typing import ArrayLike
 
 from rbfmu.arrays.from_kernel import array_function, as_floats, clear_error, documented_by, in_order, warn_of_singular
-from rbfmu.types import Array
+from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.exact import free_rotation as _free
 from rbfmu_kernels.mechanics import inertia as _inertia
 

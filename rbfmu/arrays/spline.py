@@ -1,12 +1,11 @@
 """Attitude and rates from measured quaternions, by a smooth spline through them."""
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rbfmu.arrays import normalize, omega_b_from_quaternion_rate
 from rbfmu.arrays.from_kernel import as_floats
 from rbfmu.extras import needed
-from rbfmu.types import Array
+from rbfmu.types import Array, ArrayLike
 
 FEWEST = 4
 """Times that a cubic spline without conditions at its ends needs."""

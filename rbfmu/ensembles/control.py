@@ -12,10 +12,7 @@ from typing import Any
 import numpy as np
 from numba import NumbaError, njit
 
-from rbfmu.ensembles.draws import key_of
-from rbfmu.ensembles.loops import CONTROLLED, hold
-from rbfmu.ensembles.members import ensemble_of
-from rbfmu.ensembles.variables import columns_of
+from rbfmu.ensembles import draws, loops, members, variables
 from rbfmu.exceptions import SceneError
 from rbfmu.runs.inputs import HOLD, Drive, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.plan import Plan, start_run
@@ -61,17 +58,17 @@ class Controller:
 
     def noise_of(self, seed: int, number: int, steps: int) -> Array:
         """Return the noise (steps, n) of a member, a row for each communication step, by seed and number alone."""
-        stream = np.random.Philox(key=key_of(seed, STREAM), counter=np.array([0, number, 0, 0], dtype=np.uint64))
+        stream = np.random.Philox(key=draws.key_of(seed, STREAM), counter=np.array([0, number, 0, 0], dtype=np.uint64))
         return np.random.Generator(stream).standard_normal((steps, self.noise))
 
     def compiled(self) -> Callable[..., None]:
         """Return the function, compiled for `loops.run_members`. Raises an error of Numba's where it cannot be."""
         if hasattr(self.function, "compile"):  # not where the JIT is disabled
-            self.function.compile(CONTROLLED)
+            self.function.compile(loops.CONTROLLED)
         return self.function
 
 
-NONE = Controller(hold)
+NONE = Controller(loops.hold)
 EXPECTED = "f(t, outputs, state, inputs, noise) that writes to inputs and returns nothing"
 
 
@@ -130,8 +127,8 @@ def control_of(scene: Scene, plan: Plan, inputs: Any, controller: Any, interpola
 def _try_out(scene: Scene, plan: Plan, controller: Controller) -> None:
     """Call a controller once in plain Python, where a wrong index is an error, and compile it. Raises SceneError."""
     blocks, z = plan.kernels.BLOCKS, start_run(scene, plan)
-    outputs, inputs = z[columns_of(scene).places(blocks)], z[_places(scene, blocks)]
-    noise, state = controller.noise_of(ensemble_of(scene).seed, 0, 1)[0], np.array(controller.state)
+    outputs, inputs = z[variables.columns_of(scene).places(blocks)], z[_places(scene, blocks)]
+    noise, state = controller.noise_of(members.ensemble_of(scene).seed, 0, 1)[0], np.array(controller.state)
     sizes = f"{len(outputs)} outputs, {len(state)} of state, {len(inputs)} inputs and {len(noise)} of noise"
     if not scene.inputs.ports:
         raise SceneError("a controller is given: expected none, as the scene has no ports", scene.name)
@@ -182,7 +179,7 @@ def driven_members(
     one, time = control.controller or NONE, drives[0].time
     noise = np.empty((len(numbers), len(time) - 1, one.noise))
     for i, number in enumerate(numbers if one.noise else ()):
-        noise[i] = one.noise_of(ensemble_of(scene).seed, number, len(time) - 1)
+        noise[i] = one.noise_of(members.ensemble_of(scene).seed, number, len(time) - 1)
     state, ports = np.array(one.state), _places(scene, kernels.BLOCKS)
     rates = _places(scene, kernels.BLOCKS, "_rate") if slopes.any() else np.empty(0, dtype=np.int64)
     return one.compiled(), Driving(ports, rates, time, lengths, counts, given, slopes, state, noise)

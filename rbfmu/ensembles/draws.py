@@ -13,12 +13,11 @@ from functools import lru_cache
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu.extras import needed
 from rbfmu.scene.ensemble import GRID, LATIN_HYPERCUBE, RANDOM, SOBOL, Correlation, Ensemble, lower_factor
 from rbfmu.scene.variations import LOGNORMAL, NORMAL, RELATIVE, TRIANGULAR, UNIFORM, Marginal
-from rbfmu.types import Array
+from rbfmu.types import Array, NDArray
 
 WORDS = 4
 """The numbers that one count of Philox yields.

@@ -11,10 +11,8 @@ from operator import itemgetter
 
 import numpy as np
 
-from rbfmu.ensembles import draws
+from rbfmu.ensembles import draws, members, variables
 from rbfmu.ensembles.chunks import MOST_BYTES, Work, run_samples
-from rbfmu.ensembles.members import ensemble_of, samples_at
-from rbfmu.ensembles.variables import Columns
 from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.planning.fitting import REACHED
 from rbfmu.planning.judge import Judge
@@ -159,11 +157,11 @@ class Scouts:
 
     def __init__(self, scene: Scene, plan: Plan, names: tuple[str, ...], seconds: float = SECONDS) -> None:
         self.scene, self.seconds = scene.replace({"outputs.quantities": names}), seconds
-        self.columns = Columns(tuple(OUTPUT[n] for n in names))
+        self.columns = variables.Columns(tuple(OUTPUT[n] for n in names))
         steps = scene.run.count
         most = min(int(MOST_BYTES / (8.0 * self.columns.width * (steps + 1))), int(1e9 * seconds / (plan.cost * steps)))
-        cube = draws.at_random(ensemble_of(scene), 0, max(min(most, SCOUTS), FEWEST), APART)
-        self.samples = samples_at(self.scene, cube)
+        cube = draws.at_random(members.ensemble_of(scene), 0, max(min(most, SCOUTS), FEWEST), APART)
+        self.samples = members.samples_at(self.scene, cube)
         order = plan.order + 2 if plan.order < MAX_ORDER else MAX_ORDER - 2  # of one order steps may be the same
         self.exact = replace(plan, tolerance=TIGHTER * plan.tolerance, order=order)
         self.truth = self._run(self.exact)
@@ -240,7 +238,7 @@ def likely_worst(errors: Array, runs: int) -> float:
     return float(max(known[0], base * (100.0 * k * runs / len(known)) ** exponent))
 
 
-def _errors(columns: Columns, rows: Array, truth: Array) -> Array:
+def _errors(columns: variables.Columns, rows: Array, truth: Array) -> Array:
     """Return each member's largest error, as an accuracy counts it; NaN of those that fail.
 
     The judge's own errors are made a row at a time, which would take as long here as all scouts' motions.

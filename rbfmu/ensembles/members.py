@@ -22,7 +22,6 @@ from rbfmu.scene.variations import ATTITUDE, AXES, DEGREES, INERTIA, RULES, SHAP
 from rbfmu.types import Array, Indices
 from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.mechanics import inertia
-from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE, check_inertia
 from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 
 ATTEMPTS = 100
@@ -318,13 +317,13 @@ def _tuples(value: Any) -> Any:
     return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
-NEAR = 1e3 * INERTIA_TOLERANCE
+NEAR = 1e3 * inertia.INERTIA_TOLERANCE
 """The part of the trace within which a border is left to the kernels' own judgement."""
 
 
 def impossible_rows(M: Array) -> Indices:
     """Return the rows of symmetric matrices (n, 3, 3) that no body has, as the kernels' check judges."""
-    found = [row for row in _near_a_border(M) if evaluated(check_inertia, _tuples(M[row].tolist()))]
+    found = [row for row in _near_a_border(M) if evaluated(inertia.check_inertia, _tuples(M[row].tolist()))]
     return np.array(found, dtype=np.int64)
 
 

@@ -16,32 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.ensembles import draws
-from rbfmu.ensembles.draws import normal_scores, probabilities
-from rbfmu.ensembles.fitting import (
-    DEARER,
-    LONGER,
-    MEMBERS,
-    MOST,
-    PART,
-    Scouts,
-    dearest,
-    fit_of_members,
-    follow_in_doubles,
-    for_the_worst,
-    highest_in_lanes,
-    with_likely_error,
-)
-from rbfmu.ensembles.members import Samples, ensemble_of, member, refusals, samples_at
+from rbfmu.ensembles import draws, fitting, members
 from rbfmu.ensembles.variables import differ
 from rbfmu.exceptions import SceneWarning, warn_caller
 from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS, LOADED_TAYLOR, MODELS, PRESCRIBED_RATES
-from rbfmu.planning.closed_forms import PRESCRIBED, what_is_left_out, why_exact
+from rbfmu.planning import closed_forms, methods, select
 from rbfmu.planning.fitting import held_over_a_run
 from rbfmu.planning.judge import Judge
-from rbfmu.planning.methods import TIGHTEST, ever_tighter, whole_series, with_cost
-from rbfmu.planning.select import cheapest, series_serve_alone
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.ensemble import SOBOL
 from rbfmu.scene.scene import Scene, SceneError, faults_of, warn
@@ -91,14 +73,14 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
         found = []
         for k, judge in enumerate(judges):
             with faults_of(f"{scene.name}, pilot member {k + 1}"):
-                found.append(cheapest(judge.asked, judge))
+                found.append(select.cheapest(judge.asked, judge))
             tell(0.9 * (k + 1) / len(judges))
         for_all = _for_all(found).of_scene(scene)
         if wild:  # the worst members magnify errors far more than pilots: all that helps is to add none
-            for_all = replace(for_all, tolerance=TIGHTEST)
+            for_all = replace(for_all, tolerance=methods.TIGHTEST)
         chosen, growth = _accurate(for_all, judges)
         if not wild:
-            likely = with_likely_error(scene, chosen, judges[0].names)
+            likely = fitting.with_likely_error(scene, chosen, judges[0].names)
             wild = likely.error > scene.run.accuracy
             chosen = chosen if wild else likely
     tell(1.0)
@@ -115,28 +97,29 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
     Where the worst member asks for a far tighter tolerance than pilots do, another order is the cheapest.
     """
     with faults_of(f"{scene.name}, pilot member 1"):
-        if scene.inputs.ports or not series_serve_alone(judges[0]):  # what ports will supply no pilot has seen
+        if scene.inputs.ports or not select.series_serve_alone(judges[0]):  # what ports will supply no pilot has seen
             return False, None
         asked = judges[0].asked
-        general = replace(whole_series(scene, 0, scene.run.accuracy), pinned=asked.pinned)
+        general = replace(methods.whole_series(scene, 0, scene.run.accuracy), pinned=asked.pinned)
         if scene.run.count == 1:  # which no series has to serve beyond: members go side by side
             general = replace(general, substep=scene.run.step)
-        follow_in_doubles(judges)
-        fit, part = partial(fit_of_members, judges, general, highest_in_lanes(judges, general)), PART
-        fitted, found, scouts = fit(part) or fit(MOST), None, None
+        fitting.follow_in_doubles(judges)
+        fit = partial(fitting.fit_of_members, judges, general, fitting.highest_in_lanes(judges, general))
+        part = fitting.PART
+        fitted, found, scouts = fit(part) or fit(fitting.MOST), None, None
         while fitted:
             if scouts is None or not scouts.tell_of(fitted):
-                scouts = Scouts(scene, with_cost(asked, fitted), judges[0].names)
-            found = for_the_worst(scouts, fitted)
-            if scouts.seconds < LONGER and (found is None or scouts.are_too_few):
+                scouts = fitting.Scouts(scene, methods.with_cost(asked, fitted), judges[0].names)
+            found = fitting.for_the_worst(scouts, fitted)
+            if scouts.seconds < fitting.LONGER and (found is None or scouts.are_too_few):
                 # a few tell little of a heavy tail: more, beside the tightest
-                tightest = replace(fitted, tolerance=TIGHTEST)
-                scouts = Scouts(scene, with_cost(asked, tightest), judges[0].names, LONGER)
-                found = for_the_worst(scouts, fitted)
+                tightest = replace(fitted, tolerance=methods.TIGHTEST)
+                scouts = fitting.Scouts(scene, methods.with_cost(asked, tightest), judges[0].names, fitting.LONGER)
+                found = fitting.for_the_worst(scouts, fitted)
             if found is None:
                 return True, None
-            found = with_cost(asked, cheap := dearest(judges, found))
-            if cheap.cost <= DEARER * fitted.cost or part < PART:
+            found = methods.with_cost(asked, cheap := fitting.dearest(judges, found))
+            if cheap.cost <= fitting.DEARER * fitted.cost or part < fitting.PART:
                 break
             part *= found.tolerance / fitted.tolerance
             fitted = fit(part)
@@ -165,7 +148,7 @@ def _planned(scene: Scene) -> tuple[Plan, list[tuple[str, type[Warning]]]]:
 def _of_model(pilot: Question, chosen: Plan) -> Iterator[str]:
     """Yield what the model leaves out, and why it is right, with a pilot's numbers."""
     if chosen.model == PRESCRIBED_RATES.key:
-        yield PRESCRIBED
+        yield closed_forms.PRESCRIBED
         return
     if chosen.formulas and chosen.spec.closed_form:
         yield from chosen.reasons
@@ -176,9 +159,9 @@ def _of_model(pilot: Question, chosen: Plan) -> Iterator[str]:
         yield from what_formulas_read(pilot, chosen)
         yield f"{held_over_a_run(chosen)} in every member"
         return
-    yield from what_is_left_out(pilot, chosen.spec.force_keeps_direction)
+    yield from closed_forms.what_is_left_out(pilot, chosen.spec.force_keeps_direction)
     if chosen.spec.closed_form:
-        yield from why_exact(pilot, chosen.spec)
+        yield from closed_forms.why_exact(pilot, chosen.spec)
     elif chosen.tolerance > 0.0 and not chosen.span:
         yield f"{chosen.method} at tolerance {chosen.tolerance:.1e}: the cheapest of those that serve all pilot members"
     elif chosen.tolerance > 0.0:
@@ -186,13 +169,13 @@ def _of_model(pilot: Question, chosen: Plan) -> Iterator[str]:
 
 
 def _of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator[str]:
-    ensemble = ensemble_of(scene)
+    ensemble = members.ensemble_of(scene)
     keys = ", ".join(variation.key for variation in ensemble.vary)
     whatever = f"the model holds whatever {keys} may be"
     yield f"one plan for all {ensemble.runs} members; the numbers above are of one, {whatever}"
     if chosen.model == LOADED_TAYLOR.key and not wild:
         said = f"by {pilots} pilot members, as far out as the farthest, and by up to a thousand others"
-        likely = f"error at most {chosen.error:.1e} in {MEMBERS:,} members, with 99 in 100"
+        likely = f"error at most {chosen.error:.1e} in {fitting.MEMBERS:,} members, with 99 in 100"
         yield f"{likely}, {said}; {scene.run.accuracy:g} asked"
     elif chosen.model != PRESCRIBED_RATES.key:
         far = f"as far out as the farthest; {scene.run.accuracy:g} asked"
@@ -214,17 +197,17 @@ def _of_growth(scene: Scene, growth: float, wild: bool) -> Iterator[str]:
 
 def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
     """Yield which keys do nothing: those that a member has of another one, while its outputs stay as they are."""
-    samples = samples_at(scene, draws.at_random(ensemble_of(scene), 0, 2, APART))
+    samples = members.samples_at(scene, draws.at_random(members.ensemble_of(scene), 0, 2, APART))
     shaped = any(key.startswith(f"{SHAPE}.") for key in samples.applied)
     step = {"run.step": (scene.run.stop - scene.run.start) / FEW_POINTS}
     with suppress(SceneError, SimulationError):  # of no member that can be tried nothing is said
-        own = _quietly(member(scene, samples, 0).replace(step), chosen)
+        own = _quietly(members.member(scene, samples, 0).replace(step), chosen)
         for key in samples.applied:  # a shape's inertia has its mass
             swapped = [key, "body.inertia"] if key == "body.mass" and shaped else [key]
             other = replace(
                 samples, applied={**samples.applied, **{one: samples.applied[one][::-1] for one in swapped}}
             )
-            found = _quietly(member(scene, other, 0).replace(step), chosen)
+            found = _quietly(members.member(scene, other, 0).replace(step), chosen)
             if not key.startswith(f"{SHAPE}.") and not any(
                 differ(np.stack([own[name].ravel(), found[name].ravel()])).any() for name in own
             ):
@@ -242,7 +225,7 @@ def _quietly(scene: Scene, chosen: Plan) -> dict[str, Array]:
 
 def _listed(scene: Scene) -> dict[str, Any]:
     """Return the change of the scene that lists what varies, so that a plan holds for every value of it."""
-    names = dict.fromkeys((*scene.inputs.parameters, *ensemble_of(scene).parameters))
+    names = dict.fromkeys((*scene.inputs.parameters, *members.ensemble_of(scene).parameters))
     return {"inputs.parameters": [name for name in names if name not in scene.inputs.ports]}
 
 
@@ -250,32 +233,32 @@ def _pilots(scene: Scene) -> Iterator[Scene]:
     """Yield scenes of members, with what varies listed. Raises SceneError where no member is a scene."""
     message, found = "", 0
     for samples in _pilot_samples(scene):
-        bad = refusals(scene, samples)
+        bad = members.refusals(scene, samples)
         row = next((row for row in range(len(samples)) if row not in bad), None)
         if row is None:
             message = bad[0]
         else:
             found += 1
-            yield member(scene, samples, row, _listed(scene))
+            yield members.member(scene, samples, row, _listed(scene))
     if not found:
         raise SceneError(f"ensemble.vary: expected members that are scenes; of the first, {message}", scene.name)
 
 
-def _pilot_samples(scene: Scene) -> Iterator[Samples]:
+def _pilot_samples(scene: Scene) -> Iterator[members.Samples]:
     """Yield rows of which the first that is a scene is a pilot; they do not depend on the design and the runs.
 
     Usual ones and far ones take turns, as series are fitted to the first.
     """
-    ensemble = ensemble_of(scene)
+    ensemble = members.ensemble_of(scene)
     cube = draws.at_random(ensemble, 0, USUAL * len(PARTS) + FAR, APART)
     n = len(ensemble.varying)
     for k in range(max(USUAL, FAR)):
         if k < USUAL:
-            yield samples_at(scene, cube[k : USUAL * len(PARTS) : USUAL])
+            yield members.samples_at(scene, cube[k : USUAL * len(PARTS) : USUAL])
         if k < FAR:
-            direction = normal_scores(cube[USUAL * len(PARTS) + k])
+            direction = draws.normal_scores(cube[USUAL * len(PARTS) + k])
             far = (np.sqrt(n) + BEYOND) * direction / np.linalg.norm(direction)
-            yield samples_at(scene, probabilities(np.outer(PARTS, far).ravel()).reshape(-1, n))
+            yield members.samples_at(scene, draws.probabilities(np.outer(PARTS, far).ravel()).reshape(-1, n))
 
 
 # One plan for all
@@ -289,7 +272,7 @@ def _for_all(found: list[Plan]) -> Plan:
     dearest = max(same, key=lambda one: one.cost)
     tolerance = min(one.tolerance for one in same)
     if tolerance > 0.0:
-        tolerance = max(MARGIN * tolerance, TIGHTEST)
+        tolerance = max(MARGIN * tolerance, methods.TIGHTEST)
     substep, error = min(one.substep for one in same), max(one.error for one in same)
     return replace(dearest, tolerance=tolerance, substep=substep, error=error, formulas=None)
 
@@ -299,7 +282,7 @@ def _accurate(found: Plan, judges: list[Judge]) -> tuple[Plan, float]:
     worst, growth = found.error if found.spec.closed_form else 0.0, 1.0
     for judge in judges if found.model != PRESCRIBED_RATES.key else ():
         error, accuracy = _error(judge, found), judge.scene.run.accuracy
-        for tolerance in ever_tighter(found.tolerance):
+        for tolerance in methods.ever_tighter(found.tolerance):
             if error <= ENOUGH * accuracy:
                 break
             found = replace(found, tolerance=tolerance)
@@ -308,7 +291,7 @@ def _accurate(found: Plan, judges: list[Judge]) -> tuple[Plan, float]:
             expected = f"one that all members can meet; the methods here reach {error:.1e}"
             raise SceneError(f"run.accuracy = {accuracy!r}: expected {expected}", f"{judge.scene.name}, a pilot member")
         worst = max(worst, error)
-        if 0.0 < found.tolerance <= TIGHTEST:
+        if 0.0 < found.tolerance <= methods.TIGHTEST:
             growth = max(growth, judge.growth())
     return replace(found, error=worst), growth
 

@@ -6,17 +6,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rbfmu.ensembles import variables as names
-from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, moments_of
+from rbfmu.ensembles import attitudes, variables as names
 from rbfmu.ensembles.members import ensemble_of
 from rbfmu.ensembles.store import Checkpoint
 from rbfmu.ensembles.variables import coordinates, differ, flat, output_rows, variables_of, varied_rows
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
-from rbfmu.types import Array, Indices
+from rbfmu.types import Array, Indices, NDArray
 from rbfmu_kernels.quantities import Quantity, indices
 
 MOST_RANKED, LEAST = 20_000, 3
@@ -193,11 +191,11 @@ class EnsembleResult:
         if name in self.mean:
             return np.atleast_1d(self.mean[name][-1]), np.atleast_1d(self.std[name][-1])
         ends = self.ends(name)[self.good].reshape(-1, self.rows[name].size)
-        if name == ANGLES:
+        if name == attitudes.ANGLES:
             ends = np.stack([np.sin(ends), np.cos(ends)], axis=2).reshape(-1, 6)
         middle = ends.mean(axis=0) if len(ends) else np.full(ends.shape[1], np.nan)
         apart = ends - middle
-        mean, covariance = moments_of(name, len(ends), middle[None], (apart.T @ apart)[None])
+        mean, covariance = attitudes.moments_of(name, len(ends), middle[None], (apart.T @ apart)[None])
         return mean[0], np.sqrt(np.diagonal(covariance[0]))
 
     def to_xarray(self) -> Any:
@@ -208,7 +206,7 @@ class EnsembleResult:
                 found[name] = (variable.dims, np.asarray(self._arrays[name]), variable.attributes)
                 row = self.rows.get(name) or self.rows.get(name.rpartition("_")[0])
                 if row is not None and (axis := {"parameter", "angle", "axis"} & {*variable.dims}):
-                    is_turn = name in (f"{ATTITUDE}_std", f"{ATTITUDE}_covariance")
+                    is_turn = name in (f"{attitudes.ATTITUDE}_std", f"{attitudes.ATTITUDE}_covariance")
                     named[axis.pop()] = [*"xyz"] if is_turn else list(row.components)
         return needed("xarray", "ensemble").Dataset(found, coordinates(self.time) | named)
 

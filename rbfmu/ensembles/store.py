@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.ensembles import variables as names
-from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE, around, moments_of
+from rbfmu.ensembles import attitudes, variables as names
 from rbfmu.ensembles.chunks import Chunk, Work, origin
 from rbfmu.ensembles.statistics import Statistics, exact_quantiles
 from rbfmu.runs.motion import attitude_error
@@ -283,12 +282,12 @@ def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any
         return found
     columns, matrices = work.columns, work.columns.matrices(statistics.products)
     moments = {
-        name: moments_of(name, statistics.count, statistics.mean[:, own], matrices[name])
+        name: attitudes.moments_of(name, statistics.count, statistics.mean[:, own], matrices[name])
         for name, own in columns.summed.items()
     }
     middle = np.full((len(statistics.mean), columns.width), np.nan)
-    if ANGLES in moments:
-        middle[:, columns.angles] = moments[ANGLES][0]
+    if attitudes.ANGLES in moments:
+        middle[:, columns.angles] = moments[attitudes.ANGLES][0]
     ranked, rank_error = statistics.quantiles(probabilities, middle[:, columns.ranked])
     quantiles = np.empty((len(probabilities), *middle.shape))
     quantiles[:, :, columns.ranked] = ranked
@@ -299,7 +298,7 @@ def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any
         if mean.shape[1] == 1:
             mean, std, covariance = mean[:, 0], std[:, 0], covariance[:, 0, 0]
         found |= {f"{name}_mean": mean, f"{name}_std": std, f"{name}_covariance": covariance}
-        if name == ATTITUDE and kept:
+        if name == attitudes.ATTITUDE and kept:
             kept[name] = exact_quantiles(attitude_error(mean, statistics.sample(work.share)), probabilities)
         found[f"{name}_quantiles"] = kept[name] if kept else _of_all(name, mean, rows[name], probabilities)
     return found
@@ -312,9 +311,9 @@ def _of_all(name: str, mean: Array, values: Any, probabilities: Array) -> Array:
     for first in range(0, values.shape[1], times):
         some = slice(first, first + times)
         part = values[:, some]
-        if name == ATTITUDE:
+        if name == attitudes.ATTITUDE:
             part = attitude_error(mean[some], part)
-        elif name == ANGLES:
-            part = around(mean[some], part)
+        elif name == attitudes.ANGLES:
+            part = attitudes.around(mean[some], part)
         parts.append(exact_quantiles(part, probabilities))
     return np.concatenate(parts, axis=1)

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE
 from rbfmu.result import AXES
 from rbfmu.scene.body import TRIANGLE
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.variations import QUANTITY_OF, SHAPE
-from rbfmu.types import Array, Indices
+from rbfmu.types import Array, Indices, NDArray
 from rbfmu_kernels.buffer import places
 from rbfmu_kernels.quantities import OUTPUT, TIME, Load, Output, Parameter, Quantity
 

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from rbfmu.ensembles import store, variables as names
 from rbfmu.ensembles.chunks import Chunk, Work
-from rbfmu.ensembles.store import Checkpoint, Store, damage_of, results_of
-from rbfmu.ensembles.variables import REDRAWN, TIMES, Variable, coordinates, variables, variables_of
 from rbfmu.extras import needed
 
 ROWS = 16384
@@ -38,7 +37,7 @@ class StoredArray:
         self.shape, self.dtype, self.ndim, self.size = array.shape, array.dtype, array.ndim, array.size
 
     def __getitem__(self, part: Any) -> Any:
-        with damage_of(self._path, f"{self._array.basename}: "):
+        with store.damage_of(self._path, f"{self._array.basename}: "):
             return self._array[part]
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
@@ -50,7 +49,7 @@ def arrays_of_folder(path: Path, known: Mapping[str, Any]) -> dict[str, StoredAr
 
     known: what the checkpoint says of them; nothing of a store that was written without checksums.
     """
-    with damage_of(path):
+    with store.damage_of(path):
         arrays = dict(needed("zarr", "ensemble").open_group(path, mode="r").arrays())
         lost = [name for name, array in arrays.items() if array.nchunks_initialized != array.nchunks]
         if LAYOUT in known and (lost or known[LAYOUT] != _layout(arrays)):
@@ -64,7 +63,7 @@ def _layout(arrays: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(found, sort_keys=True, default=str).encode()).hexdigest()
 
 
-class ZarrStore(Store):
+class ZarrStore(store.Store):
     """A folder of zarr, version 3 of the format; rows that do not yet fill chunks of zarr are in the checkpoint."""
 
     def __init__(self, work: Work, path: Path) -> None:
@@ -73,7 +72,7 @@ class ZarrStore(Store):
         self._length = work.size * max(1, ROWS // work.size)
         self._group: Any = None
 
-    def _open(self, known: Checkpoint | None) -> None:
+    def _open(self, known: store.Checkpoint | None) -> None:
         """Take over what is there. Raises FileExistsError for a folder of something else."""
         if known is None:
             self._refuse_others()
@@ -84,7 +83,7 @@ class ZarrStore(Store):
             self._group.require_group(RESUME)
             return
         self._rows, self._results = dict(known.rows), known.results
-        self._first = known.progress.chunks * self._work.size - len(self._rows.get(REDRAWN, ()))
+        self._first = known.progress.chunks * self._work.size - len(self._rows.get(names.REDRAWN, ()))
         if known.runs != self._work.runs:
             self._write(known.progress, known.rows)  # no result until all is done
             self._give_each_run_a_row()
@@ -108,17 +107,17 @@ class ZarrStore(Store):
                 self._set(name, np.s_[chunk.first : chunk.first + chunk.members], values)
             else:
                 self._rows[name] = np.concatenate([self._rows.get(name, values[:0]), values])
-        if len(self._rows[REDRAWN]) >= self._length:
+        if len(self._rows[names.REDRAWN]) >= self._length:
             self._write_rows()
 
     def _create(self, arrays: Mapping[str, Any]) -> None:
         """Create the arrays with a row a run, by the first chunk."""
-        for variable in variables_of(self._work.scene, arrays).values():
+        for variable in names.variables_of(self._work.scene, arrays).values():
             if variable.dims[:1] == ("run",):
                 values = arrays[variable.name]
                 self._array(variable, (self._work.runs, *values.shape[1:]), values.dtype)
 
-    def _array(self, variable: Variable, shape: tuple[int, ...], dtype: Any) -> None:
+    def _array(self, variable: names.Variable, shape: tuple[int, ...], dtype: Any) -> None:
         self._group.create_array(
             variable.name, shape=shape, chunks=self._chunks(variable, shape), dtype=dtype, overwrite=True,
             fill_value=np.nan if dtype.kind == "f" else 0, dimension_names=variable.dims,
@@ -126,7 +125,7 @@ class ZarrStore(Store):
             compressors=(self._zarr.codecs.ZstdCodec(level=0), self._zarr.codecs.Crc32cCodec()),
         )  # fmt: skip
 
-    def _chunks(self, variable: Variable, shape: tuple[int, ...]) -> tuple[int, ...]:
+    def _chunks(self, variable: names.Variable, shape: tuple[int, ...]) -> tuple[int, ...]:
         if variable.dims[:2] == ("run", "time"):
             times = max(1, NUMBERS // (self._work.size * int(np.prod(shape[2:]))))
             return (self._work.size, min(times, shape[1]), *shape[2:])
@@ -139,7 +138,7 @@ class ZarrStore(Store):
     def _write_rows(self) -> None:
         for name, values in self._rows.items():
             self._set(name, np.s_[self._first : self._first + len(values)], values)
-        self._first += len(self._rows.get(REDRAWN, ()))
+        self._first += len(self._rows.get(names.REDRAWN, ()))
         self._rows = {}
 
     def finish(self) -> None:
@@ -148,10 +147,10 @@ class ZarrStore(Store):
         last = self._rows_of(self._whole)
         self._write_rows()
         rows = {name: StoredArray(self._folder, array) for name, array in self._group.arrays()}
-        results = results_of(self._work, self.progress.statistics, rows)
-        known = [(variable, results.get(variable.name)) for variable in variables(self._work.scene, {})]
-        for name, (dimension, values, said) in coordinates(results[TIMES]).items():
-            known.append((Variable(name, (dimension,), said), values))
+        results = store.results_of(self._work, self.progress.statistics, rows)
+        known = [(variable, results.get(variable.name)) for variable in names.variables(self._work.scene, {})]
+        for name, (dimension, values, said) in names.coordinates(results[names.TIMES]).items():
+            known.append((names.Variable(name, (dimension,), said), values))
         for variable, values in known:
             if values is not None:
                 self._array(variable, values.shape, values.dtype)

@@ -10,8 +10,7 @@ from rbfmu.formulas.functions import CONSTANTS, FUNCTIONS, Array, Table, shape_o
 from rbfmu.formulas.graph import Symbol
 from rbfmu.formulas.motion import CONSTANT, LOADS, STATE, Given, Motion, by_element
 from rbfmu.formulas.text import FormulaError, names_in
-from rbfmu_kernels.body.driven import DRIVEN
-from rbfmu_kernels.body.memory import BLOCKS
+from rbfmu_kernels.body import driven, memory
 from rbfmu_kernels.quantities import OUTPUT
 
 ENERGIES = ("potential_energy", "total_energy")
@@ -105,7 +104,7 @@ class Texts:
 
     def _check_names(self, scene: Any) -> None:
         taken = {*self.motion.given_names, *FUNCTIONS, *CONSTANTS, "to_a", "to_b", *OUTPUT, *TAKEN, *LOADS}
-        blocks = {*DRIVEN, *(f"{name}{end}" for name in scene.inputs.own for end in ("_rate", "_rate_2"))}
+        blocks = {*driven.DRIVEN, *(f"{name}{end}" for name in scene.inputs.own for end in ("_rate", "_rate_2"))}
         beside = {"inputs": blocks, "outputs": {*blocks, *ATTRIBUTES}}
         tables = {name: getattr(scene, name) for name in ("constants", "tables", "formulas", "states", "events")}
         tables |= {"outputs": scene.outputs.own, "inputs": scene.inputs.own}
@@ -199,7 +198,7 @@ def _blocks_of(parameters: Iterable[str]) -> Iterator[str]:
 
 def unit_numbers() -> dict[str, list[float]]:
     """Return numbers for a body's blocks that stand for any, where only names and shapes matter."""
-    return {name: [1.0] * (block.stop - block.start) for name, block in BLOCKS.items()}
+    return {name: [1.0] * (block.stop - block.start) for name, block in memory.BLOCKS.items()}
 
 
 @lru_cache(maxsize=32)

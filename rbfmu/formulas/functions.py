@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.formulas import graph
-from rbfmu.formulas.graph import Number
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.rotations import vec3
 
@@ -21,7 +20,7 @@ CONSTANTS = {"pi": math.pi, "deg": math.pi / 180.0, "rpm": math.pi / 30.0}
 class Condition(NamedTuple):
     """What is true or false: 1 or -1."""
 
-    side: Number
+    side: graph.Number
 
 
 class Function(NamedTuple):
@@ -52,9 +51,9 @@ class Table(NamedTuple):
         flat = [(float(y[0]), 0.0, 0.0, 0.0), *map(tuple, rows), (float(y[-1]), 0.0, 0.0, 0.0)]
         return cls(tuple(map(float, x)), tuple(flat))
 
-    def at(self, x: Number) -> Number:
+    def at(self, x: graph.Number) -> graph.Number:
         """Return the value at a number; the row is chosen by on which side of each knot it is."""
-        total: Number = 0.0
+        total: graph.Number = 0.0
         sides = [graph.side(x - knot) for knot in self.knots]
         starts = (self.knots[0], *self.knots)
         beyond = x - self._chosen(sides, starts)
@@ -63,8 +62,8 @@ class Table(NamedTuple):
         return total
 
     @staticmethod
-    def _chosen(sides: Sequence[Number], values: Sequence[float]) -> Number:
-        found: Number = values[0]
+    def _chosen(sides: Sequence[graph.Number], values: Sequence[float]) -> graph.Number:
+        found: graph.Number = values[0]
         for side, value in zip(sides, values[1:], strict=True):
             found = graph.select(side, value, found)
         return found
@@ -84,7 +83,7 @@ def _such(x: Array, fits: bool, expected: str) -> Any:
     return x
 
 
-def as_scalar(x: Array) -> Number:
+def as_scalar(x: Array) -> graph.Number:
     """Return a scalar as it is. Raises MismatchError for anything else, as those below do."""
     return _such(x, not isinstance(x, np.ndarray | Condition | Table), "a scalar")  # type: ignore[no-any-return]
 
@@ -103,16 +102,16 @@ def as_condition(x: Array) -> Condition:
     return _such(x, isinstance(x, Condition), "a condition, such as x > 0")  # type: ignore[no-any-return]
 
 
-def _table(table: Array, x: Array) -> Number:
+def _table(table: Array, x: Array) -> graph.Number:
     known: Table = _such(table, isinstance(table, Table), "the name of a table, then a scalar")
     return known.at(as_scalar(x))
 
 
-def _of_scalars(function: Callable[..., Number]) -> Callable[..., Array]:
+def _of_scalars(function: Callable[..., graph.Number]) -> Callable[..., Array]:
     return lambda *numbers: function(*map(as_scalar, numbers))
 
 
-def _dot(a: Array, b: Array) -> Number:
+def _dot(a: Array, b: Array) -> graph.Number:
     if len(shape_of(a)) != 1 or shape_of(a) != shape_of(b):
         raise MismatchError("two vectors of one length")
     return 0.0 + a @ b  # type: ignore[no-any-return]  # not -0.0
@@ -123,12 +122,12 @@ def cross(a: Array, b: Array) -> Array:
     return np.array(interpreted(vec3.cross)(_vector(a), _vector(b)), object)
 
 
-def _beside(x: Number) -> Number:
+def _beside(x: graph.Number) -> graph.Number:
     """Return the root of 1 - x^2, which keeps its digits near 1 as a product."""
     return graph.square_root((1.0 - x) * (1.0 + x))
 
 
-def _angle(y: Number, x: Number) -> Number:
+def _angle(y: graph.Number, x: graph.Number) -> graph.Number:
     """Return the angle of (x, y) in (-pi, pi].
 
     A series of an angle goes on smoothly where the angle jumps, from pi to -pi; where x is negative it is therefore
@@ -138,15 +137,15 @@ def _angle(y: Number, x: Number) -> Number:
     return graph.select(graph.side(x), graph.arctangent(y, x), graph.arctangent(-y, -x) + half_turn)
 
 
-def _least(a: Number, b: Number) -> Number:
+def _least(a: graph.Number, b: graph.Number) -> graph.Number:
     return graph.select(graph.side(b - a), a, b)
 
 
-def _largest(a: Number, b: Number) -> Number:
+def _largest(a: graph.Number, b: graph.Number) -> graph.Number:
     return graph.select(graph.side(a - b), a, b)
 
 
-def _clipped(x: Number, low: Number, high: Number) -> Number:
+def _clipped(x: graph.Number, low: graph.Number, high: graph.Number) -> graph.Number:
     return _least(_largest(x, low), high)
 
 

@@ -12,21 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.formulas import graph
-from rbfmu.formulas.functions import (
-    CONSTANTS,
-    FUNCTIONS,
-    NO_NUMBER,
-    Array,
-    Condition,
-    Function,
-    MismatchError,
-    as_condition,
-    as_number,
-    as_scalar,
-    shape_of,
-)
-from rbfmu.formulas.graph import Number, TooLargeError
+from rbfmu.formulas import functions, graph
+from rbfmu.formulas.functions import NO_NUMBER, Array, Condition, Function, MismatchError, shape_of
 
 LONGEST, DEEPEST = 2000, 40
 """The most characters of a formula, and levels of what stands inside something else."""
@@ -111,9 +98,9 @@ def names_in(text: str) -> set[str]:
 _times = np.frompyfunc(operator.mul, 2, 1)  # of scalars of a graph, which know no arrays
 
 
-def value_of(text: str, names: Mapping[str, Array], functions: Mapping[str, Function] = FUNCTIONS) -> Array:
+def value_of(text: str, names: Mapping[str, Array], known: Mapping[str, Function] = functions.FUNCTIONS) -> Array:
     """Return what a formula gives where names stand for numbers. Raises FormulaError."""
-    found = _Reader(text, names, functions).value(read(text))
+    found = _Reader(text, names, known).value(read(text))
     if isinstance(found, NO_NUMBER):
         raise FormulaError(text, 0, "a number, a vector or a matrix; where(condition, 1, 0) makes a number")
     return found
@@ -122,8 +109,8 @@ def value_of(text: str, names: Mapping[str, Array], functions: Mapping[str, Func
 class _Reader:
     """One text, and what its names stand for."""
 
-    def __init__(self, text: str, names: Mapping[str, Array], functions: Mapping[str, Function]) -> None:
-        self._text, self._names, self._functions = text, names, functions
+    def __init__(self, text: str, names: Mapping[str, Array], known: Mapping[str, Function]) -> None:
+        self._text, self._names, self._functions = text, names, known
 
     def value(self, node: ast.expr) -> Array:
         """Return what a part of the text gives."""
@@ -131,7 +118,7 @@ class _Reader:
             found = getattr(self, f"_{type(node).__name__.lower()}")(node)
         except FormulaError:
             raise
-        except (MismatchError, TooLargeError) as error:
+        except (MismatchError, graph.TooLargeError) as error:
             raise self._fault(node, str(error)) from None
         except (ArithmeticError, ValueError):  # a root of -1, a division by zero, 10.0 ** 400
             raise self._fault(node, "a finite number") from None
@@ -149,7 +136,7 @@ class _Reader:
         return float(node.value)
 
     def _name(self, node: ast.Name) -> Array:
-        known = {**CONSTANTS, **self._names}
+        known = {**functions.CONSTANTS, **self._names}
         if node.id not in known:
             raise MismatchError(f"{node.id}(...)" if node.id in self._functions else _instead_of(node.id, self._names))
         return known[node.id]
@@ -167,8 +154,8 @@ class _Reader:
     def _unaryop(self, node: ast.UnaryOp) -> Array:
         x = self.value(node.operand)
         if isinstance(node.op, ast.Not):
-            return Condition(-as_condition(x).side)
-        return as_number(x) if isinstance(node.op, ast.UAdd) else -as_number(x)
+            return Condition(-functions.as_condition(x).side)
+        return functions.as_number(x) if isinstance(node.op, ast.UAdd) else -functions.as_number(x)
 
     def _binop(self, node: ast.BinOp) -> Array:
         a, b = self.value(node.left), self.value(node.right)
@@ -179,9 +166,9 @@ class _Reader:
             case ast.MatMult():
                 return _matrix_product(a, b)
             case ast.Pow():
-                return graph.power(as_scalar(a), as_scalar(b))
+                return graph.power(functions.as_scalar(a), functions.as_scalar(b))
             case ast.Div():
-                return a / as_scalar(b)
+                return a / functions.as_scalar(b)
             case ast.Mult() if of_a and of_b:
                 raise MismatchError("dot(a, b), cross(a, b) or a @ b, as * multiplies by scalars")
             case ast.Mult():
@@ -191,12 +178,12 @@ class _Reader:
         return a + b if isinstance(node.op, ast.Add) else a - b
 
     def _compare(self, node: ast.Compare) -> Condition:
-        values = [as_scalar(self.value(x)) for x in (node.left, *node.comparators)]
+        values = [functions.as_scalar(self.value(x)) for x in (node.left, *node.comparators)]
         return _all([_side_of(sign, a, b) for sign, a, b in zip(node.ops, values, values[1:], strict=False)])
 
     def _boolop(self, node: ast.BoolOp) -> Condition:
         sign = 1.0 if isinstance(node.op, ast.And) else -1.0  # not all of those that do not hold
-        return Condition(sign * _all([sign * as_condition(self.value(x)).side for x in node.values]).side)
+        return Condition(sign * _all([sign * functions.as_condition(self.value(x)).side for x in node.values]).side)
 
     def _subscript(self, node: ast.Subscript) -> Array:
         x, given = self.value(node.value), node.slice
@@ -226,14 +213,14 @@ def _instead_of(name: str, known: Mapping[str, Any]) -> str:
     return f"one of {', '.join(sorted(known))} in place of {name}"
 
 
-def _side_of(sign: ast.cmpop, a: Number, b: Number) -> Number:
+def _side_of(sign: ast.cmpop, a: graph.Number, b: graph.Number) -> graph.Number:
     """Return 1 where a comparison holds, else -1; the side of zero counts as 1, so that a < b is that not b <= a."""
     if isinstance(sign, ast.Gt | ast.LtE):
         a, b = b, a
     return -graph.side(a - b) if isinstance(sign, ast.Lt | ast.Gt) else graph.side(a - b)
 
 
-def _all(sides: Sequence[Number]) -> Condition:
+def _all(sides: Sequence[graph.Number]) -> Condition:
     """Return the condition that all hold."""
     found = sides[0]
     for one in sides[1:]:

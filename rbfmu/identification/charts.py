@@ -10,12 +10,11 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rbfmu import arrays
 from rbfmu.scene.scene import Scene
 from rbfmu.sensitivities import ATTITUDE, columns_of
-from rbfmu.types import Array
+from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.quantities import BOUNDED
 
 INERTIA, MASS = "body.inertia", "body.mass"

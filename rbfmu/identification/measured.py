@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rbfmu import arrays
 from rbfmu.csv_table import read_columns
 from rbfmu.result import Result, by_quantity, incomplete
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.types import Array
+from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.quantities import OUTPUT
 
 GAPS = ("", "nan", "na", "-")

@@ -12,7 +12,6 @@ import numpy as np
 
 from rbfmu.models import registry
 from rbfmu.models.question import GROWING, Question
-from rbfmu.models.registry import ModelSpec
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import EXACT
 from rbfmu.runs.motion import largest_error, least_sizes, lost_to_cancellation, motion_of
@@ -75,7 +74,7 @@ def prescribed_plan(asked: Question) -> Plan:
 # Closed forms that are exact
 
 
-def exact_closed_form(asked: Question) -> ModelSpec | None:
+def exact_closed_form(asked: Question) -> registry.ModelSpec | None:
     """Return the smallest model with a closed form that is exact for this scene, and well conditioned if any is."""
     exact = [spec for spec in registry.CLOSED_FORMS if spec.serves(asked)]
     good = (spec for spec in exact if spec.conditioning(asked) <= CONDITIONED * asked.accuracy)
@@ -100,7 +99,7 @@ def exact_plan(asked: Question, judge: Judge) -> Plan | None:
     return replace(found, error=error, reasons=why_exact(asked, spec))
 
 
-def why_exact(asked: Question, spec: ModelSpec) -> tuple[str, ...]:
+def why_exact(asked: Question, spec: registry.ModelSpec) -> tuple[str, ...]:
     """Return what makes a closed form exact."""
     if not asked.rotation:
         return ()
@@ -165,7 +164,7 @@ def _may_be_compared(asked: Question) -> bool:
     return not rests & asked.varying
 
 
-def _may_be_close(asked: Question, spec: ModelSpec, truth: Motion, names: tuple[str, ...]) -> bool:
+def _may_be_close(asked: Question, spec: registry.ModelSpec, truth: Motion, names: tuple[str, ...]) -> bool:
     """Return whether it is worth running a model, judged by the larger one's motion."""
     kept = set() if spec.states else TRANSLATION | CONSERVED
     if growth_rate(asked) * asked.span > GROWTH and not set(names) <= kept:

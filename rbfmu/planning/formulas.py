@@ -7,12 +7,11 @@ import math
 from dataclasses import replace
 from functools import partial
 
+from rbfmu.formulas import motion
 from rbfmu.formulas.graph import numbers_of
-from rbfmu.formulas.motion import STATE
 from rbfmu.models.formulas import FormulaModel, OverClosedForm
 from rbfmu.models.question import Question
-from rbfmu.planning import fitting, methods
-from rbfmu.planning.closed_forms import exact_closed_form, exact_plan, what_is_left_out
+from rbfmu.planning import closed_forms, fitting, methods
 from rbfmu.planning.judge import Judge
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import PARAMETERS, SECTIONS, Scene, SceneError
@@ -74,10 +73,10 @@ def closed_plan(asked: Question, judge: Judge) -> Plan | None:
     """
     formulas = _known(asked.formulas)
     plain = _without_formulas(asked.scene, formulas)
-    if plain is None or exact_closed_form(plain) is None:
+    if plain is None or closed_forms.exact_closed_form(plain) is None:
         return None
     try:
-        found = exact_plan(plain, Judge(plain))
+        found = closed_forms.exact_plan(plain, Judge(plain))
     except SceneError:  # beyond round-off: series have the same, and say so of what is asked
         return None
     assert found is not None
@@ -88,7 +87,7 @@ def closed_plan(asked: Question, judge: Judge) -> Plan | None:
     error = judge.error_if_soon(found, otherwise=math.inf)
     if error > asked.accuracy:
         return None
-    reasons = (*what_is_left_out(plain, found.spec.force_keeps_direction), *found.reasons)
+    reasons = (*closed_forms.what_is_left_out(plain, found.spec.force_keeps_direction), *found.reasons)
     if formulas.plain_loads:
         acting = {name: load for name in formulas.plain_loads if any(load := getattr(plain.scene.loads, name))}
         came = (f"{name} = [{', '.join(f'{x:.6g}' for x in load)}]" for name, load in acting.items())
@@ -147,9 +146,9 @@ def what_formulas_read(asked: Question, plan: Plan) -> tuple[str, ...]:
     kept = {name.partition("[")[0] for name in _known(plan.formulas).rates}
     parts = {"attitude": ("q", 4), "rates": ("omega", 3), "position": ("r_c", 3), "velocity": ("v_c", 3)}
     sizes = [f"{what} {size}" for what, (name, size) in parts.items() if name in kept]
-    sizes += [f"{name} {len(row.start)}" for name, row in asked.scene.states.items() if f"{STATE}{name}" in kept]
+    sizes += [f"{name} {len(row.start)}" for name, row in asked.scene.states.items() if f"{motion.STATE}{name}" in kept]
     left = [what for what, (name, _) in parts.items() if name not in kept]
-    left += [name for name in asked.scene.states if f"{STATE}{name}" not in kept]
+    left += [name for name in asked.scene.states if f"{motion.STATE}{name}" not in kept]
     lines = [f"states: {', '.join(sizes) or 'none'}"]
     if left:
         lines.append(f"left out: {', '.join(left)}, which no output needs")

@@ -12,8 +12,7 @@ from rbfmu.models.registry import FORMULAS, LOADED_SPLITTING, LOADED_TAYLOR, MOD
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.compile.tiered import interpreted
-from rbfmu_kernels.integrators.splitting import resonant_step, transverse_moment
-from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
+from rbfmu_kernels.integrators import splitting, taylor_coefficients
 from rbfmu_kernels.models.one_axis import ORDERS
 from rbfmu_kernels.quantities import OUTPUT
 
@@ -21,7 +20,7 @@ EXACT = 1e-14
 """What closed forms lose by round-off, the exact rotation among them."""
 TIGHTEST = 1e-15
 """The smallest tolerance that double precision serves."""
-ORDERS_OF_SERIES = range(6, MAX_ORDER + 1, 2)
+ORDERS_OF_SERIES = range(6, taylor_coefficients.MAX_ORDER + 1, 2)
 SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
 """(a, b) of a + b N ns a substep at order N, on `methods.MACHINE`; examples/benchmarks/substeps.py fits these lines.
 
@@ -96,7 +95,7 @@ def splittings(asked: Question) -> Iterator[Plan]:
         return
     omega = asked.scene.initial.omega_b
     turn = math.inf if _spins_unseen(asked.start) else 2.0 * math.pi / max(math.hypot(*omega), 1e-300)
-    resonant = interpreted(resonant_step)(asked.body.M, omega)
+    resonant = interpreted(splitting.resonant_step)(asked.body.M, omega)
     longest = min(RESONANCE * resonant, RESONANCE * turn, asked.span)
     for order in SPLITTING_COSTS:
         yield Plan(LOADED_SPLITTING.key, f"splitting of order {order}", 0, substep=longest, order=order)
@@ -106,7 +105,7 @@ def _spins_unseen(start: BodyAtStart) -> bool:
     """Return whether a symmetric body's turn about its axis leaves loads as they are; else that turn resonates."""
     body, loads = start.body, start.loads
     M, arm = np.array(body.inertia), np.array(body.arm_b)
-    axial = M - interpreted(transverse_moment)(body.inertia) * np.eye(3)  # (I_s - I_t) s s^T
+    axial = M - interpreted(splitting.transverse_moment)(body.inertia) * np.eye(3)  # (I_s - I_t) s s^T
     torque = np.array(loads.torque_b) + np.cross(arm, loads.force_b)
     return all(
         np.linalg.norm(axial @ v) >= (1.0 - 1e-12) * np.linalg.norm(axial) * np.linalg.norm(v)

@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.formulas.graph import Symbol, cosine, sine
+from rbfmu.formulas import graph, program
 from rbfmu.formulas.motion import STATE, by_element, closure, groups_of
-from rbfmu.formulas.program import with_pairs
 from rbfmu.models.formulas import EVENT, FormulaModel, equations_of
 from rbfmu.models.question import Question
 from rbfmu.scene.scene import Body, Scene, SceneError
@@ -101,7 +100,7 @@ class Listed:
         wanted = [self.graph.symbol_of(x) for _, x in by_element(self._shown)]
         names = closure(rates, wanted, self.graph)
         leaves, slopes = [self.graph.leaf("state", n) for n in names], [self.graph.symbol_of(rates[n]) for n in names]
-        self.found = with_pairs(self.graph, [*wanted, *leaves, *slopes])
+        self.found = program.with_pairs(self.graph, [*wanted, *leaves, *slopes])
         place = {i: n for n, i in enumerate(self.found)}
         self.operations = self._rows(place)
         groups = groups_of(names)
@@ -122,8 +121,8 @@ class Listed:
         for n, i in enumerate(self.found):
             kind, of, _ = self.graph.operations[i]
             if kind in ("sin", "cos"):
-                angle = Symbol(self.graph, of[0])
-                of = (of[0], self.graph.index_of(cosine(angle) if kind == "sin" else sine(angle)))
+                angle = graph.Symbol(self.graph, of[0])
+                of = (of[0], self.graph.index_of(graph.cosine(angle) if kind == "sin" else graph.sine(angle)))
             if kind == "state" or not changing.isdisjoint(of):
                 changing.add(i)
             if kind == "multiply" and changing.isdisjoint(of[:1]):  # what stays as it is comes second

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from rbfmu.csv_table import read_columns
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError, as_toml, fault
-from rbfmu.types import Array
+from rbfmu.types import Array, ArrayLike, NDArray
 from rbfmu_kernels.quantities import elements
 
 HOLD, LINEAR = "hold", "linear"

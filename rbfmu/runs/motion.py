@@ -9,7 +9,6 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu import arrays
 from rbfmu.exceptions import SimulationError
@@ -17,7 +16,7 @@ from rbfmu.models.question import Question
 from rbfmu.runs.inputs import Drive
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene
-from rbfmu.types import Array, Buffer, Motion
+from rbfmu.types import Array, Buffer, Motion, NDArray
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.scene import section as rules
-from rbfmu.scene.body import SHAPES, TRIANGLE, six_numbers
+from rbfmu.scene import body, section as rules
 from rbfmu.scene.own import is_own
 from rbfmu.scene.section import SceneError, as_toml, checked, closest, fault, flattened, joined, plain, read_each
 from rbfmu.scene.tables import Attitude
@@ -103,9 +102,9 @@ def components(value: Any, shape: tuple[int, ...]) -> list[float]:
     if len(shape) < 2:
         return list(flattened(value))
     largest = max(map(abs, flattened(value)))
-    if any(not math.isclose(value[i][j], value[j][i], abs_tol=1e-12 * largest) for i, j in TRIANGLE):
+    if any(not math.isclose(value[i][j], value[j][i], abs_tol=1e-12 * largest) for i, j in body.TRIANGLE):
         raise ValueError("a symmetric matrix")
-    return six_numbers(value)
+    return body.six_numbers(value)
 
 
 INERTIA, ATTITUDE, SHAPE, DEGREES = "body.inertia", "initial.attitude", "body.shape", "initial.omega_b_deg"
@@ -298,9 +297,9 @@ def _attitude(value: object, path: str) -> Found:
 
 
 def _shape(value: object, path: str) -> Found:
-    if not isinstance(value, Mapping) or not isinstance(kind := value.get("kind"), str) or kind not in SHAPES:
-        raise SceneError(fault(path, value, f"a table with kind out of {', '.join(SHAPES)}, and its sizes"))
-    shape, keys = SHAPES[kind], SHAPES[kind].sizes()
+    if not isinstance(value, Mapping) or not isinstance(kind := value.get("kind"), str) or kind not in body.SHAPES:
+        raise SceneError(fault(path, value, f"a table with kind out of {', '.join(body.SHAPES)}, and its sizes"))
+    shape, keys = body.SHAPES[kind], body.SHAPES[kind].sizes()
     if set(value) != {"kind", *keys}:
         raise SceneError(fault(path, value, f"a {kind} with {' and '.join(keys)}"))
 

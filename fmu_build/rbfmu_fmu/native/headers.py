@@ -8,15 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rbfmu import Scene
+from rbfmu.formulas import source
 from rbfmu.formulas.graph import LEAVES, Graph, Number, arctangent, changes_of, square_root
 from rbfmu.formulas.motion import CHANGE, MADE, STATE, Start, rotation_of
-from rbfmu.formulas.source import VALUES, lines_of
-from rbfmu.models.formulas import texts_of
-from rbfmu.models.model_buffer import size_of_block
+from rbfmu.models import formulas, model_buffer
 from rbfmu_fmu.description import Description
 from rbfmu_fmu.model_description import FmiVersion
+from rbfmu_fmu.python import slave_access
 from rbfmu_fmu.python.call_rules import CALLS, LOG_CATEGORIES, PHASES, SET_REFUSAL, SETTABLE
-from rbfmu_fmu.python.slave_access import HELD, TO_VARY
 from rbfmu_kernels.buffer import CHANGED, FAULTS, OK, PAST_STOP, STEP_REJECTED
 from rbfmu_kernels.quantities import elements
 
@@ -121,8 +120,8 @@ def _refusals() -> list[str]:
     unknown = max(FAULTS) + 1
     faults = FAULTS | {unknown: ("", "initialisation failed")}
     return [
-        f"#define PINNED {_c(HELD)}",
-        f"#define TO_VARY {_c(TO_VARY)}",
+        f"#define PINNED {_c(slave_access.HELD)}",
+        f"#define TO_VARY {_c(slave_access.TO_VARY)}",
         f"#define CHANGED {_c(CHANGED)} /* as a fault's block: all parameters that were changed */",
         f"enum {{ NO_FAULT = 0, UNKNOWN_FAULT = {unknown} }};",
         "typedef struct { const char *block, *expected; } Fault;",
@@ -149,7 +148,7 @@ def _c(text: str) -> str:
 # --- derivatives of outputs by parameters in Initialization Mode
 
 Shown = Mapping[str, Sequence[Number]]
-_IN_C = {kind: text.replace("math.", "") for kind, text in VALUES.items()} | {
+_IN_C = {kind: text.replace("math.", "") for kind, text in source.VALUES.items()} | {
     "sin": "sin({})", "cos": "cos({})", "exp": "exp({})", "log": "log({})", "power": "pow({}, {})",
     "select": "{0} > 0.0 ? {1} : {2}",
 }  # fmt: skip
@@ -162,13 +161,13 @@ def slopes_header(d: Description) -> str:
     closed form as for a series: it comes of the graph of the motion, by forward accumulation, whatever the plan chose.
     """
     blocks, parameters = d.plan.kernels.BLOCKS, {v.offset for v in d.variables if v.causality == "parameter"}
-    sizes = {name: size_of_block(block) for name, block in blocks.items() if block.start in parameters}
+    sizes = {name: model_buffer.size_of_block(block) for name, block in blocks.items() if block.start in parameters}
     set_by = [element for name, size in sizes.items() for element in elements(name, size)]
     start, shown = (_prescribed if d.scene.body is None else _of_body)(set_by, d.scene)
     outputs = [v for v in d.outputs if v.block in shown]  # the last time of an event is none of the motion's
     places = [v.offset - blocks[_block_of(v.block, blocks)].start for v in outputs]
     changes = changes_of([shown[v.block][i] for v, i in zip(outputs, places, strict=True)], start.changes)
-    lines, found = lines_of(start.graph, changes, _leaves_in_c(start.graph, blocks), _IN_C)
+    lines, found = source.lines_of(start.graph, changes, _leaves_in_c(start.graph, blocks), _IN_C)
     added = [f"change[{v.offset}] += {x};" for v, x in zip(outputs, found, strict=True) if x != 0.0]
     return "\n".join([
         "/* How outputs change at once with parameters at the start, made from the graph of the motion. */",
@@ -205,7 +204,7 @@ def _prescribed(set_by: Iterable[str], _: Scene) -> tuple[Start, Shown]:
 
 
 def _of_body(set_by: Iterable[str], scene: Scene) -> tuple[Start, Shown]:
-    texts = texts_of(scene, {*MADE, *set_by})
+    texts = formulas.texts_of(scene, {*MADE, *set_by})
     motion, own = texts.motion, texts.motion.given.states
     start = Start(motion.graph, set_by)
     start.normalize(motion.q)

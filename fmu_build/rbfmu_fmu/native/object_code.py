@@ -25,9 +25,7 @@ from numba import carray, types
 from rbfmu.on_disk import kept
 from rbfmu_fmu.native.platforms import BuildError, Platform
 from rbfmu_kernels.body.shell import Model
-from rbfmu_kernels.compile.code_cache import SOURCES
-from rbfmu_kernels.compile.decorator import code_for_callers
-from rbfmu_kernels.compile.numba_private import llvm_source
+from rbfmu_kernels.compile import code_cache, decorator, numba_private
 
 ENTRIES = ("initialize", "step", "outputs", "output_rates", "feedthrough")
 """The entry functions are `int64 NAME(double *buffer)`, but for SECOND; a model may do without some."""
@@ -113,7 +111,7 @@ def _entry_module(model: Model, name: str) -> llvm.ModuleRef:
     }.get(name, lambda p: function(carray(p, (size,))))
     signature = types.int64(pointer, SECOND[name]) if name in SECOND else types.int64(pointer)
     try:
-        source, inner = llvm_source(code_for_callers(entry, signature))
+        source, inner = numba_private.llvm_source(decorator.code_for_callers(entry, signature))
     except AttributeError as error:
         raise BuildError(f"Numba {numba.__version__} does not give a function's LLVM source: {error}") from error
     module = llvm.parse_assembly(source)
@@ -174,6 +172,6 @@ def _check_self_contained(module: llvm.ModuleRef) -> None:
 def keep_or_compile(what: str, compile_anew: Callable[[], bytes]) -> bytes:
     """Return object code from disk, or compile and keep it; what: the model and the platform."""
     versions = [numba.__version__, llvmlite.__version__, sys.version, llvm.get_process_triple()]
-    made_with = "\n".join([SOURCES, *versions, COMPILER.read_text(encoding="utf-8")])
+    made_with = "\n".join([code_cache.SOURCES, *versions, COMPILER.read_text(encoding="utf-8")])
     folder = Path(numba.config.CACHE_DIR or Path(__file__).parent / "__pycache__") / "rbfmu_objects"
     return kept(folder / f"{hashlib.sha256((made_with + what).encode()).hexdigest()}.o", compile_anew, MOST)
