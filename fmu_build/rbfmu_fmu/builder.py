@@ -23,8 +23,7 @@ from rbfmu.planning.select import plan
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe
 from rbfmu_fmu.model_description import FMI2, FmiVersion, model_description, version_of, xml_bytes
-from rbfmu_fmu.native import platforms as native
-from rbfmu_fmu.native.headers import headers, scene_header
+from rbfmu_fmu.native import headers, platforms as native
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.presentation import presentation_files
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
@@ -97,13 +96,13 @@ def build_native_fmu(
     """
     chosen, d = native.platforms_named(platforms), describe(scene, plan)
     objects = {p: object_files(d.plan.kernels, p) for p in chosen}
-    contents, generated = {"resources/scene.json": scene_inside(d)}, headers(d, version)
+    contents, generated = {"resources/scene.json": scene_inside(d)}, headers.headers(d, version)
     parts = contents | {name: native.source(name) for name in (*c_sources(version), *native.HEADERS)}
     parts |= {name: text.encode() for name, text in generated.items()} | {"flags": " ".join(native.FLAGS).encode()}
     parts |= {f"{p.name}/{name}": code for p, files in objects.items() for name, code in files.items()}
     xml = _identify(version, d, version.abilities_of(d), parts)
     contents["modelDescription.xml"] = xml_bytes(xml)
-    generated["scene.h"] = scene_header(d, version, xml.attrib[version.identity])
+    generated["scene.h"] = headers.scene_header(d, version, xml.attrib[version.identity])
     folders = {version.folders[p.name] for p in chosen}
     for folder in sorted(folders):
         members = [p for p in chosen if version.folders[p.name] == folder]

@@ -15,9 +15,7 @@ from rbfmu.plot import COLORS, open_frame
 from rbfmu.studies import Progress, write_rows
 from rbfmu.studies.chart.measure import machine
 from rbfmu.types import Array
-from rbfmu_fmu.builder import build_python_fmu
-from rbfmu_fmu.description import describe
-from rbfmu_fmu.verification import Unit, unit_of
+from rbfmu_fmu import builder, description, verification
 
 STIFFNESS, DAMPING = 2.0, 3.0
 """N m per unit of 2 eps, N m s/rad."""
@@ -36,7 +34,7 @@ def controller(state: Array) -> Array:
 class Loop:
     """The FMU, its state (q_ab, omega_b) in and out; counts its steps."""
 
-    def __init__(self, unit: Unit) -> None:
+    def __init__(self, unit: verification.Unit) -> None:
         self.unit, self.calls = unit, 0
 
     def state(self) -> Array:
@@ -118,8 +116,8 @@ def attitude_loop() -> Iterator[Loop]:
     """Build and start the FMU of `SCENE` in a folder that goes at the end."""
     plan = rbfmu.plan(SCENE)
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
-        path = build_python_fmu(SCENE, plan, Path(folder) / "attitude_loop.fmu")
-        with unit_of(path, describe(SCENE, plan)) as unit:
+        path = builder.build_python_fmu(SCENE, plan, Path(folder) / "attitude_loop.fmu")
+        with verification.unit_of(path, description.describe(SCENE, plan)) as unit:
             unit.start(0.0, FINAL_TIME, [0.0, 0.0, 0.0])
             yield Loop(unit)
             unit.fmu.terminate()

@@ -25,8 +25,7 @@ import rbfmu
 from rbfmu import Plan, Result, Scene
 from rbfmu.plot import COLORS, draw_components, open_frame
 from rbfmu.types import Array, NDArray
-from rbfmu_fmu.builder import build_python_fmu
-from rbfmu_fmu.verification import Verification, check_plain, verify
+from rbfmu_fmu import builder, verification
 from rbfmu_kernels import ZYX, Quaternion, compose_quaternions, euler_from_quaternion, quaternion_from_euler
 from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.rotations.quaternion import angle_between
@@ -60,7 +59,7 @@ def scene_file(name: str) -> Path:
 
 def run_demo(folder: Path, console: Console) -> bool:
     """Run all, write FMU, results and picture to `folder`, print a short table; False if anything disagrees."""
-    check_plain(tempfile.gettempdir())
+    verification.check_plain(tempfile.gettempdir())
     folder.mkdir(parents=True, exist_ok=True)
     with _stage(console, "planning"):
         scene = rbfmu.load_scene(scene_file("tumbling_brick.toml"))
@@ -69,13 +68,13 @@ def run_demo(folder: Path, console: Console) -> bool:
         result, kernels = _by_kernels(scene, planned)
         result.save(folder / "kernels.csv")
     with _stage(console, "building the FMU"):
-        fmu = build_python_fmu(scene, planned, folder / "tumbling_brick.fmu")
+        fmu = builder.build_python_fmu(scene, planned, folder / "tumbling_brick.fmu")
     with _stage(console, "simulating the FMU through FMPy's API"):
         by_api = _by_api(fmu, list(kernels.columns)[1:])
     with _stage(console, "simulating the FMU through the fmpy command"):
         by_command = _by_command(fmu, folder / "fmpy_command.csv", list(kernels.columns)[1:])
     with _stage(console, "verifying the FMU against the kernels"):
-        verified = verify(fmu)
+        verified = verification.verify(fmu)
     with _stage(console, "drawing"):
         draw(result, folder / "tumbling_brick.png")
     passed = _report(console, scene, planned, result, [kernels, by_api, by_command], verified)
@@ -126,7 +125,7 @@ def _largest_difference(a: Columns, b: Columns) -> float:
 
 
 def _report(
-    console: Console, scene: Scene, planned: Plan, result: Result, ways: list[Way], verified: Verification
+    console: Console, scene: Scene, planned: Plan, result: Result, ways: list[Way], verified: verification.Verification
 ) -> bool:
     """Print the tables of errors and of costs, and the verdict; return whether all agree."""
     console.print(f"\nNASA's tumbling brick, {scene.run.stop:g} s: {planned.method}, {planned.reasons[-1]}")

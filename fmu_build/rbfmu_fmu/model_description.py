@@ -10,8 +10,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import rbfmu
 from rbfmu_fmu.description import Count, Description, FmiVariable, Variable, arrays, scalars
-from rbfmu_fmu.python.call_rules import LOG_CATEGORIES
-from rbfmu_fmu.python.slave_access import TO_VARY
+from rbfmu_fmu.python import call_rules, slave_access
 from rbfmu_kernels.quantities import TIME, UNITS, Unit
 
 
@@ -147,7 +146,7 @@ def model_description(version: FmiVersion, d: Description, co_simulation: dict[s
     })  # fmt: skip
     root.append(_unit_definitions(_units(d) | ({TIME.unit} if version.has_time else set())))
     root.extend(_type_definitions(version, d))
-    categories = (Element("Category", name=name, description=says) for name, says in LOG_CATEGORIES.items())
+    categories = (Element("Category", name=name, description=says) for name, says in call_rules.LOG_CATEGORIES.items())
     SubElement(root, "LogCategories").extend(categories)
     run = {"startTime": "start", "stopTime": "stop", "tolerance": "accuracy", "stepSize": "step"}
     SubElement(root, "DefaultExperiment", {name: repr(getattr(d.scene.run, key)) for name, key in run.items()})
@@ -191,7 +190,7 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
         words = "" if len(one.dimensions) == 2 else ", ".join(v.component for v in members)
         about_it = f"{first.meaning}: {words}" if words else first.meaning
         if first.pinned:
-            about_it += f"; cannot be changed here: {TO_VARY % first.block}"
+            about_it += f"; cannot be changed here: {slave_access.TO_VARY % first.block}"
         said = {"name": one.name, "valueReference": str(reference), "causality": first.causality}
         said |= stated(variability=variability, description=about_it, initial=initial)
         said |= updated if first.causality != "parameter" else {}

@@ -21,9 +21,8 @@ from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import initialize
 from rbfmu.scene.section import whole
 from rbfmu.types import Array
-from rbfmu_fmu.builder import kernel_hash
+from rbfmu_fmu import builder, model_description
 from rbfmu_fmu.description import Description, describe, input_sizes
-from rbfmu_fmu.model_description import FmiVersion, version_of
 from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import evaluated, tiered
@@ -117,7 +116,7 @@ def _inside(path: Path) -> tuple[Description, list[str]]:
         raise VerificationError(f"{path}: not an FMU (a zip archive)") from None
     except (KeyError, ValueError):
         raise VerificationError(f"{path}: not an FMU that rbfmu built (no resources/scene.json in it)") from None
-    old = data.get("kernels") != kernel_hash()
+    old = data.get("kernels") != builder.kernel_hash()
     problems = ["built from other kernels than those installed: build it anew"] if old else []
     scene = Scene.from_dict(data["scene"], source=str(path))
     return describe(scene, Plan.from_dict(data["plan"])), problems
@@ -156,10 +155,10 @@ def _signal(d: Description, steps: int, random: np.random.Generator) -> Array:
     return np.repeat(levels, HELD_STEPS, axis=0)[:steps]
 
 
-def version_in(model: fmpy.model_description.ModelDescription) -> FmiVersion:
+def version_in(model: fmpy.model_description.ModelDescription) -> model_description.FmiVersion:
     """Return the version of FMI that FMPy's description of a model is of."""
     fmi = 3 if model.fmiVersion.startswith("3") else 2
-    return version_of(fmi, scalars=fmi == 3 and not any(v.dimensions for v in model.modelVariables))
+    return model_description.version_of(fmi, scalars=fmi == 3 and not any(v.dimensions for v in model.modelVariables))
 
 
 class Unit:

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.ensembles import draws
-from rbfmu.ensembles.variables import symmetric
+from rbfmu.ensembles import draws, variables
 from rbfmu.scene.body import SHAPES, Body
 from rbfmu.scene.ensemble import GRID, Ensemble, nominal_value
 from rbfmu.scene.scene import Scene, SceneError
@@ -271,7 +270,7 @@ class _Appliance:
             return self._inertia_of_shape()
         own = self._columns(variation, f"{INERTIA}[") if variation.form else None
         if own is not None and own.shape[1] == 6:
-            return symmetric(own)
+            return variables.symmetric(own)
         M = self._along_axes(own, variation)
         if any(m.name.startswith(f"{INERTIA}.{AXES}") for m in variation.marginals):
             u = self._columns(variation, f"{INERTIA}.{AXES}") * (np.pi / 180.0)

@@ -1,22 +1,18 @@
 """The picture of an ensemble: bands over time, how runs end, and what drives it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
-from rbfmu.ensembles.attitudes import ATTITUDE
-from rbfmu.ensembles.result import Drivers
-from rbfmu.ensembles.variables import differ
+from rbfmu.ensembles import attitudes, variables
+from rbfmu.ensembles.result import Drivers, EnsembleResult
 from rbfmu.plot import COLORS, Picture, open_frame, quantity_label, with_file
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import indices
-
-if TYPE_CHECKING:
-    from rbfmu.ensembles.result import EnsembleResult
 
 BANDS = ((0.05, 0.95, 0.16), (0.25, 0.75, 0.3))
 """Between which parts of the runs a band lies, and how opaque it is."""
@@ -28,7 +24,7 @@ WORDS = (
 )
 
 
-def plot_ensemble(result: "EnsembleResult", path: str | Path | None = None) -> Figure:
+def plot_ensemble(result: EnsembleResult, path: str | Path | None = None) -> Figure:
     """Draw an ensemble, to a file too where a path is given; return the figure."""
     names, drivers = tuple(result.rows), result.drivers()
     events = tuple(result.counts)
@@ -51,12 +47,12 @@ def plot_ensemble(result: "EnsembleResult", path: str | Path | None = None) -> F
     return with_file(figure, path)
 
 
-def _bands(axes: Any, result: "EnsembleResult", name: str, is_last: bool) -> None:
+def _bands(axes: Any, result: EnsembleResult, name: str, is_last: bool) -> None:
     row = result.rows[name]
     if name in result.quantiles:
         quantiles = result.quantiles[name].reshape(len(result.probabilities), len(result.time), -1)
         at = {p: quantiles[k] for k, p in enumerate(result.probabilities.tolist())}
-        components = ("angle from the mean",) if name == ATTITUDE else row.components
+        components = ("angle from the mean",) if name == attitudes.ATTITUDE else row.components
         for j, component in enumerate(components):
             for low, high, opacity in BANDS:
                 ends = at[low][:, j], at[high][:, j]
@@ -66,7 +62,7 @@ def _bands(axes: Any, result: "EnsembleResult", name: str, is_last: bool) -> Non
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
     else:
         axes.text(0.5, 0.5, "statistics over time are not kept", ha="center", transform=axes.transAxes, color="#777777")
-    turned = name == ATTITUDE and name in result.quantiles
+    turned = name == attitudes.ATTITUDE and name in result.quantiles
     axes.set_ylabel("angle from the mean\nattitude (rad)" if turned else quantity_label(row), fontsize=9)
     axes.tick_params(labelsize=8, labelbottom=is_last)
     axes.margins(x=0.0)
@@ -75,10 +71,10 @@ def _bands(axes: Any, result: "EnsembleResult", name: str, is_last: bool) -> Non
         axes.set_xlabel("time (s)", fontsize=9)
 
 
-def _ends(axes: Any, result: "EnsembleResult", name: str) -> None:
+def _ends(axes: Any, result: EnsembleResult, name: str) -> None:
     """Draw the two components that spread most, or how often values of a single number occur."""
     ends = result.ends(name)[result.good].reshape(len(result.good), -1)
-    apart = differ(ends)
+    apart = variables.differ(ends)
     if not apart.any():
         _say(axes, "all runs end alike")
         return
@@ -104,7 +100,7 @@ def _ends(axes: Any, result: "EnsembleResult", name: str) -> None:
     axes.set_ylabel(f"{name}{indices(result.rows[name])[k]}", fontsize=8)
 
 
-def _event(axes: Any, beside: Any, result: "EnsembleResult", name: str) -> None:
+def _event(axes: Any, beside: Any, result: EnsembleResult, name: str) -> None:
     """Draw in which share of the runs an event has happened by a time, and beside how often it happened in a run."""
     times, counts = np.sort(result.first_of(name)), result.counts[name][result.good]
     share = np.arange(len(times) + 1) / max(len(counts), 1)

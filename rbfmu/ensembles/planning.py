@@ -16,11 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.ensembles import draws, fitting, members
-from rbfmu.ensembles.variables import differ
+from rbfmu.ensembles import draws, fitting, members, variables
 from rbfmu.exceptions import SceneWarning, warn_caller
-from rbfmu.models.question import Question
-from rbfmu.models.registry import FORMULAS, LOADED_TAYLOR, MODELS, PRESCRIBED_RATES
+from rbfmu.models import question, registry
 from rbfmu.planning import closed_forms, methods, select
 from rbfmu.planning.fitting import held_over_a_run
 from rbfmu.planning.judge import Judge
@@ -65,11 +63,11 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     """
     tell = progress or (lambda part: None)
     pilots, growth = _pilots(scene), 1.0
-    judges = [Judge(Question(pilot)) for pilot in islice(pilots, OF_SERIES)]
+    judges = [Judge(question.Question(pilot)) for pilot in islice(pilots, OF_SERIES)]
     by_series, chosen = _by_series(scene, judges)
     wild = by_series and chosen is None
     if chosen is None:
-        judges += [Judge(Question(pilot)) for pilot in pilots]
+        judges += [Judge(question.Question(pilot)) for pilot in pilots]
         found = []
         for k, judge in enumerate(judges):
             with faults_of(f"{scene.name}, pilot member {k + 1}"):
@@ -145,9 +143,9 @@ def _planned(scene: Scene) -> tuple[Plan, list[tuple[str, type[Warning]]]]:
 # Why
 
 
-def _of_model(pilot: Question, chosen: Plan) -> Iterator[str]:
+def _of_model(pilot: question.Question, chosen: Plan) -> Iterator[str]:
     """Yield what the model leaves out, and why it is right, with a pilot's numbers."""
-    if chosen.model == PRESCRIBED_RATES.key:
+    if chosen.model == registry.PRESCRIBED_RATES.key:
         yield closed_forms.PRESCRIBED
         return
     if chosen.formulas and chosen.spec.closed_form:
@@ -173,11 +171,11 @@ def _of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator
     keys = ", ".join(variation.key for variation in ensemble.vary)
     whatever = f"the model holds whatever {keys} may be"
     yield f"one plan for all {ensemble.runs} members; the numbers above are of one, {whatever}"
-    if chosen.model == LOADED_TAYLOR.key and not wild:
+    if chosen.model == registry.LOADED_TAYLOR.key and not wild:
         said = f"by {pilots} pilot members, as far out as the farthest, and by up to a thousand others"
         likely = f"error at most {chosen.error:.1e} in {fitting.MEMBERS:,} members, with 99 in 100"
         yield f"{likely}, {said}; {scene.run.accuracy:g} asked"
-    elif chosen.model != PRESCRIBED_RATES.key:
+    elif chosen.model != registry.PRESCRIBED_RATES.key:
         far = f"as far out as the farthest; {scene.run.accuracy:g} asked"
         yield f"error at most {chosen.error:.1e} in {pilots} pilot members, {far}"
     if ensemble.design == SOBOL and ensemble.runs & (ensemble.runs - 1):
@@ -209,7 +207,7 @@ def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
             )
             found = _quietly(members.member(scene, other, 0).replace(step), chosen)
             if not key.startswith(f"{SHAPE}.") and not any(
-                differ(np.stack([own[name].ravel(), found[name].ravel()])).any() for name in own
+                variables.differ(np.stack([own[name].ravel(), found[name].ravel()])).any() for name in own
             ):
                 yield f"ensemble.vary: {key} varies without effect on any output"
 
@@ -266,7 +264,7 @@ def _pilot_samples(scene: Scene) -> Iterator[members.Samples]:
 
 def _for_all(found: list[Plan]) -> Plan:
     """Return the plan of the largest model, with the shortest step and the least tolerance of all."""
-    order = [*MODELS, FORMULAS.key]
+    order = [*registry.MODELS, registry.FORMULAS.key]
     largest = max(order.index(one.model) for one in found)
     same = [one for one in found if order.index(one.model) == largest]
     dearest = max(same, key=lambda one: one.cost)
@@ -280,7 +278,7 @@ def _for_all(found: list[Plan]) -> Plan:
 def _accurate(found: Plan, judges: list[Judge]) -> tuple[Plan, float]:
     """Return the plan with the pilots' largest error, tightened where it must be, and how much an error grows."""
     worst, growth = found.error if found.spec.closed_form else 0.0, 1.0
-    for judge in judges if found.model != PRESCRIBED_RATES.key else ():
+    for judge in judges if found.model != registry.PRESCRIBED_RATES.key else ():
         error, accuracy = _error(judge, found), judge.scene.run.accuracy
         for tolerance in methods.ever_tighter(found.tolerance):
             if error <= ENOUGH * accuracy:

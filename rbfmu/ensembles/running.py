@@ -14,12 +14,9 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from rbfmu.ensembles import lock, members, planning, result
 from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk, origin, run_chunk
 from rbfmu.ensembles.control import control_of
-from rbfmu.ensembles.lock import store_lock
-from rbfmu.ensembles.members import with_runs
-from rbfmu.ensembles.planning import plan_once
-from rbfmu.ensembles.result import EnsembleResult
 from rbfmu.ensembles.store import Store, refuse_existing
 from rbfmu.exceptions import SimulationError, named
 from rbfmu.extras import needed
@@ -54,7 +51,7 @@ def run_ensemble(
     inputs: Any = None,
     interpolate: str = "hold",
     controller: Any = None,
-) -> EnsembleResult:
+) -> result.EnsembleResult:
     """Run the ensemble of a scene, or of a scene file; run i has the same bits wherever and whenever it runs.
 
     store: a file .npz or a folder .zarr to keep it in, from which `resume` goes on after a stop of any kind; by default
@@ -68,15 +65,15 @@ def run_ensemble(
     writing to it.
     """
     check_store(store, resume)
-    scene = with_runs(scene, runs)
-    plan = (given(planned) or plan_once(scene)).of_scene(scene)
+    scene = members.with_runs(scene, runs)
+    plan = (given(planned) or planning.plan_once(scene)).of_scene(scene)
     control = control_of(scene, plan, inputs, controller, interpolate)
     work = Work(scene, plan, members_of_a_chunk(scene, plan, control), control)
     place = _store(work, store)
-    with named(store), store_lock(Path(store)) if store else nullcontext():
+    with named(store), lock.store_lock(Path(store)) if store else nullcontext():
         if place.begin(resume) != work.runs:
             _run(work, place, executor, progress)
-        return EnsembleResult(scene, place.arrays(), place.progress.failed)
+        return result.EnsembleResult(scene, place.arrays(), place.progress.failed)
 
 
 def check_store(store: str | Path | None, resume: bool) -> None:
@@ -234,4 +231,4 @@ def warm(scene: Scene, planned: Plan) -> None:
     """Compile what a run of a scene needs, and some runs of its ensemble, where that pays."""
     simulate(scene, planned=planned)
     if scene.ensemble:
-        run_ensemble(with_runs(scene, WARMING), progress=False)
+        run_ensemble(members.with_runs(scene, WARMING), progress=False)

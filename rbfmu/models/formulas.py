@@ -22,10 +22,8 @@ from rbfmu.models.model_buffer import BLOCKS, BodyAtStart, size_of_block
 from rbfmu.scene.own import DIRECTIONS
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels import buffer
-from rbfmu_kernels.body import driven, memory
-from rbfmu_kernels.body.shell import Lanes, Model
-from rbfmu_kernels.models import formula_events, formulas as templates, model_named
-from rbfmu_kernels.models.formula_models import make_lanes
+from rbfmu_kernels.body import driven, memory, shell
+from rbfmu_kernels.models import formula_events, formula_models, formulas as templates, model_named
 from rbfmu_kernels.quantities import OUTPUT, Output, active_flags, elements, own_output
 
 _LANES = 4
@@ -40,7 +38,7 @@ _OF_BODY = {"M": {"inertia"}, "M_inverse": {"inertia"}, "arm": {"r_oc_b"}, "inve
 _READ = {"q": "quaternion", "omega": "omega_b", "r_c": "position", "v_c": "velocity"}
 """The quantities for which models keep these states."""
 _FIRST_OUTPUT = next(iter(memory.OUTPUTS))
-_MADE: dict[str, Model] = {}
+_MADE: dict[str, shell.Model] = {}
 """Models by what tells their kernels from others, so that no process compiles one twice."""
 
 
@@ -293,20 +291,20 @@ class FormulaModel:
         return places | {"NUMBER_OF_EVENTS": len(sides), "EVENT_SIDES": sides, "DIRECTIONS": directions}
 
     @property
-    def model(self) -> Model:
+    def model(self) -> shell.Model:
         """Return the kernels; their text stands where tracebacks look for it."""
         if self.key not in _MADE:
             made = _module_of(self.key, self.text)
             _MADE[self.key] = replace(made.MODEL, lanes=None if self._base else cache(lambda: self._lanes(made)))
         return _MADE[self.key]
 
-    def _lanes(self, made: Any) -> Lanes:
+    def _lanes(self, made: Any) -> shell.Lanes:
         """Return what runs many bodies at once; made: the model's module."""
         text, row = source_of_lanes(self.program, self.place)
         constant = f"LANES_{hashlib.sha256((self.key + text).encode()).hexdigest()[:16]}"
         kernels = vars(_module_of(constant, text))
         wide = {f"wide_{name}": kernels[name] for name in SERIES} | {"WIDE_ROW": row}
-        return make_lanes(made.MODEL, made.PLACES | made.KERNELS, constant, wide)
+        return formula_models.make_lanes(made.MODEL, made.PLACES | made.KERNELS, constant, wide)
 
 
 class OverClosedForm(FormulaModel):

@@ -14,9 +14,7 @@ import numpy as np
 
 from rbfmu.models import registry
 from rbfmu.models.question import Question
-from rbfmu.planning import methods
-from rbfmu.planning.closed_forms import exact_plan, plan_within_accuracy, prescribed_plan, what_is_left_out
-from rbfmu.planning.fitting import cheapest_fit, of_one_angle, of_path_alone
+from rbfmu.planning import closed_forms, fitting, methods
 from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, refuse_unfinished
 from rbfmu.runs.inputs import Drive
 from rbfmu.runs.motion import Driven, largest_error, least_sizes, record, substeps_counted
@@ -82,20 +80,21 @@ def cheapest(asked: Question, judge: Judge, full: bool = False) -> Plan:
 
             return (None if full else closed_plan(asked, judge)) or formula_plan(asked, judge)
         if asked.scene.body is None:
-            return methods.with_cost(asked, prescribed_plan(asked))
-        found = (None if full else next(filter(None, _smaller(asked, judge)), None)) or cheapest_fit(asked, judge, full)
+            return methods.with_cost(asked, closed_forms.prescribed_plan(asked))
+        smaller = None if full else next(filter(None, _smaller(asked, judge)), None)
+        found = smaller or fitting.cheapest_fit(asked, judge, full)
         pinned = found.pinned if found.spec.closed_form else asked.pinned  # a pilot run rests on their values
-        left_out = () if full else what_is_left_out(asked, found.spec.force_keeps_direction)
+        left_out = () if full else closed_forms.what_is_left_out(asked, found.spec.force_keeps_direction)
         return methods.with_cost(asked, replace(found, pinned=pinned, reasons=(*left_out, *found.reasons)))
 
 
 def _smaller(asked: Question, judge: Judge) -> Iterator[Plan | None]:
     """Yield the plans of models that integrate less than all, from the smallest; None for one that does not serve."""
-    exact = exact_plan(asked, judge)
-    yield plan_within_accuracy(asked, judge, exact)
+    exact = closed_forms.exact_plan(asked, judge)
+    yield closed_forms.plan_within_accuracy(asked, judge, exact)
     yield exact
-    yield of_one_angle(asked, judge)
-    yield of_path_alone(asked, judge)
+    yield fitting.of_one_angle(asked, judge)
+    yield fitting.of_path_alone(asked, judge)
 
 
 def series_serve_alone(judge: Judge) -> bool:

@@ -5,13 +5,12 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from rbfmu.scene.body import SHAPES, Body
+from rbfmu.scene import body, tables
 from rbfmu.scene.ensemble import Correlation, Ensemble
 from rbfmu.scene.scene import SECTIONS, Scene
 from rbfmu.scene.section import Section, as_toml, joined
-from rbfmu.scene.tables import QUANTITIES, Attitude, Initial
 
-INSIDE: Mapping[type[Section], type[Section]] = {Initial: Attitude, Ensemble: Correlation}
+INSIDE: Mapping[type[Section], type[Section]] = {tables.Initial: tables.Attitude, Ensemble: Correlation}
 """The tables that stand inside others."""
 OWN = ("constants", "tables", "formulas", "states", "events")
 """The tables whose keys are names of one's own."""
@@ -67,9 +66,9 @@ def scene_keys() -> Iterator[Key]:
     for section in SECTIONS.values():
         yield from (_key(section, key) for key in section._keys if (section._path, key) != HIDDEN)
         yield from (key for key in OF_FORMULAS if key.table == section._path)
-        if section is Body:
-            yield Key("body.shape", "kind", "", REQUIRED, " or ".join(f'"{kind}"' for kind in SHAPES))
-            yield from (_key(shape, key) for shape in SHAPES.values() for key in shape.sizes())
+        if section is body.Body:
+            yield Key("body.shape", "kind", "", REQUIRED, " or ".join(f'"{kind}"' for kind in body.SHAPES))
+            yield from (_key(shape, key) for shape in body.SHAPES.values() for key in shape.sizes())
         if inside := INSIDE.get(section):
             yield from (_key(inside, key)._replace(default="") for key in inside._keys)
     yield from (Key(table, "NAME", "", "", Scene._rules[table].meaning) for table in OWN)
@@ -113,5 +112,5 @@ def _lines(key: Key) -> Iterator[str]:
     yield from textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="#   ")
     value = WRITTEN.get(key.path) or SKETCHED.get(key.path) or key.default
     if value == OF_THE_MOTION:
-        value = f"[{', '.join(map(as_toml, QUANTITIES))}]"
+        value = f"[{', '.join(map(as_toml, tables.QUANTITIES))}]"
     yield f"{key.name} = {value}" if key.path in WRITTEN else f"#{key.name} = {value}"

@@ -9,10 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.scene import body, section as rules
-from rbfmu.scene.own import is_own
+from rbfmu.scene import body, own, section as rules, tables
 from rbfmu.scene.section import SceneError, as_toml, checked, closest, fault, flattened, joined, plain, read_each
-from rbfmu.scene.tables import Attitude
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, PARAMETERS, Load, Parameter, indices
 
 _BY_NAME = {row.name: row for row in IN_BUFFER_ORDER}
@@ -247,7 +245,7 @@ def _numbers(key: str, value: object, path: str) -> Found:
     """Return how numbers vary that stand for themselves: of a body, a start or a load, or of one's own."""
     if key in RULES:
         rule = RULES[key]
-    elif is_own(key):
+    elif own.is_own(key):
         given = value.items() if isinstance(value, Mapping) else ()
         rule = rules.Numbers((3,) if any(_nested(x, 1 if kind == RELATIVE else 2) for kind, x in given) else ())
     elif expected := next((said for begin, said in _REFUSED.items() if key.startswith(begin)), ""):
@@ -291,8 +289,8 @@ def _attitude(value: object, path: str) -> Found:
     if name in ABOUT and not isinstance(angles, Mapping):
         return _about_zero(f"{ATTITUDE}.{name}", ABOUT[name]).read(angles, here), f"about {name}"
     if "euler" in value:
-        Attitude._rules["euler"].read(value["euler"], f"{path}.euler")
-    rule = Attitude._rules[name if name in VARYING_ANGLES else "rotvec"]
+        tables.Attitude._rules["euler"].read(value["euler"], f"{path}.euler")
+    rule = tables.Attitude._rules[name if name in VARYING_ANGLES else "rotvec"]
     return _distributed(f"{ATTITUDE}.{name}", rule, angles, here, relative=False), name
 
 

@@ -12,8 +12,7 @@ from pathlib import Path
 
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.studies import WIDTH, Progress, cost_text, join_parts, short, times, wrap_lines, write_rows
-from rbfmu.studies.chart import measure
-from rbfmu.studies.chart.cases import CASES, FLOOR, OUTPUT_STEP, case_of
+from rbfmu.studies.chart import cases, measure
 from rbfmu.studies.chart.result import SIDES, STOPPED, Chart, Offer
 
 __all__ = ["Chart", "chart", "run_charts", "write_charts"]
@@ -39,7 +38,7 @@ def chart(
     what = measure.extent(quick, method)
     progress = progress or (lambda done, total, text: None)
     progress(0, 1, f"{scene.name}: the true motion")
-    return replace(measure.measure(case_of(scene), what, progress), whole=scene.run.stop - scene.run.start)
+    return replace(measure.measure(cases.case_of(scene), what, progress), whole=scene.run.stop - scene.run.start)
 
 
 # The charts of the eight motions, and what they say together
@@ -50,7 +49,7 @@ def run_charts(folder: Path, quick: bool, progress: Progress, method: Path | Non
 
     progress, method: as in `chart`.
     """
-    keys, what = QUICK_MOTIONS if quick else tuple(CASES), measure.extent(quick, method)
+    keys, what = QUICK_MOTIONS if quick else tuple(cases.CASES), measure.extent(quick, method)
     return write_charts(folder, measure.charts_of(keys, what, progress))
 
 
@@ -168,7 +167,7 @@ def verdicts(charts: Sequence[Chart]) -> list[Verdict]:
 def _verdict(chart: Chart, accuracy: float) -> Verdict:
     plan = next((row for row in chart.rows if row.family == "planned" and row.value == accuracy), None)
     chosen = (plan.detail, plan.error, plan.seconds) if plan else (REFUSED, math.inf, math.inf)
-    error = max(min(chosen[1], accuracy), FLOOR)
+    error = max(min(chosen[1], accuracy), cases.FLOOR)
     peers = {row.method for row in chart.rows if row.family == "peer"}
     stopped = any(e.stopped and e.method in peers and e.error > accuracy for e in chart.ends)
     rival = chart.cheapest(SIDES["library"] + SIDES["integrator"], error)
@@ -185,7 +184,7 @@ def _plans(found: Sequence[Verdict]) -> Iterator[list[str]]:
     yield textwrap.wrap(
         "Processor time for a simulated second with at most an error: as rbfmu plans it, and by the cheapest peer, at "
         "the setting that just meets the error (known in hindsight; a plan has to find it). It costs: the peer's time "
-        f"over the plan's; below 1 the peer is ahead. Many outputs: one every {OUTPUT_STEP:g} s. Costs within a "
+        f"over the plan's; below 1 the peer is ahead. Many outputs: one every {cases.OUTPUT_STEP:g} s. Costs within a "
         f"chart's noise, a factor of {largest:.2f} at most, are even.",
         WIDTH,
     )

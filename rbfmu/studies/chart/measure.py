@@ -20,11 +20,10 @@ from rbfmu.runs.motion import Steps, record
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError
 from rbfmu.studies import Progress
+from rbfmu.studies.chart import simulators, solvers
 from rbfmu.studies.chart.cases import FLOOR, Case, few_and_many
 from rbfmu.studies.chart.methods import MOST_RADIANS, Method, NotFeasibleError, Run, fixed_steps, own_methods, planned
 from rbfmu.studies.chart.result import STOPPED, TAKES_NO, YOURS, Chart, End, Row, TooSmall, kind_of
-from rbfmu.studies.chart.simulators import BASILISK, DRAKE, MUJOCO
-from rbfmu.studies.chart.solvers import HEYOKA, NUMBALSODA, SCIPY
 from rbfmu.studies.one_step import OneStepMethod, method_of_file
 from rbfmu_kernels.models.one_axis import ORDERS
 
@@ -65,12 +64,12 @@ class Peer(NamedTuple):
 
 
 PEERS = {
-    "SciPy": Peer("scipy", "bench", SCIPY, 1e4),
-    "numbalsoda": Peer("numbalsoda", "bench-fortran", NUMBALSODA),
-    "heyoka.py": Peer("heyoka", "bench", [HEYOKA]),
-    "MuJoCo": Peer("mujoco", "bench", MUJOCO, 1e4),
-    "Basilisk": Peer("bsk", "bench-simulators", BASILISK),
-    "Drake": Peer("drake", "bench-simulators", DRAKE),
+    "SciPy": Peer("scipy", "bench", solvers.SCIPY, 1e4),
+    "numbalsoda": Peer("numbalsoda", "bench-fortran", solvers.NUMBALSODA),
+    "heyoka.py": Peer("heyoka", "bench", [solvers.HEYOKA]),
+    "MuJoCo": Peer("mujoco", "bench", simulators.MUJOCO, 1e4),
+    "Basilisk": Peer("bsk", "bench-simulators", simulators.BASILISK),
+    "Drake": Peer("drake", "bench-simulators", simulators.DRAKE),
 }
 """The peers by name."""
 

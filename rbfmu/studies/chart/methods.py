@@ -13,9 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.models.model_buffer import aligned_zeros
-from rbfmu.models.question import Question
-from rbfmu.models.registry import CLOSED_FORMS, ModelSpec
+from rbfmu.models import model_buffer, question, registry
 from rbfmu.planning.methods import whole_series
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import substeps_counted
@@ -189,7 +187,7 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
     """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps if it counts none."""
     kernels, start = chosen.kernels, start_run(scene, chosen)
     scratch = next((kernels.BLOCKS[name].start for name in ("work", "series.work") if name in kernels.BLOCKS), None)
-    z, start = aligned_zeros(len(start)), start[:scratch]
+    z, start = model_buffer.aligned_zeros(len(start)), start[:scratch]
     at = np.concatenate([np.arange(len(z))[kernels.BLOCKS[name]] for name in case.quantities])
     out = np.zeros((case.outputs, len(at)))
     if _steps_repeated(kernels.step, z, start, case.interval, at, out, 1):
@@ -225,13 +223,13 @@ def substeps(order: int, controlled: bool = True) -> Method:
     return Method(name, family, setting, settings, run, takes_formulas=order > 0)
 
 
-def closed_form(spec: ModelSpec) -> Method:
+def closed_form(spec: registry.ModelSpec) -> Method:
     """Return a model with a closed form that is exact for a scene, whatever its ports supply."""
     return Method(
         spec.key, "exact", "outputs",
         lambda case, quick: iter([float(case.outputs)]),
         lambda case, value: run_of_unit(case, case.asked, Plan(spec.key, spec.method, 0)),
-        lambda case: "" if spec.serves(Question(case.asked)) else "it is not exact",
+        lambda case: "" if spec.serves(question.Question(case.asked)) else "it is not exact",
     )  # fmt: skip
 
 
@@ -266,15 +264,17 @@ def planned() -> Method:
     return method
 
 
+def _under_torques(case: Case) -> str:
+    return "" if case.turns_freely else "under torques"
+
+
 @cache
 def own_methods() -> tuple[Method, ...]:
     """Return the library's methods but the plan, and one-step methods in common use with the same right-hand sides."""
-    steppers: tuple[tuple[str, dict[str, OneStepMethod], Callable[[Case], str], float], ...] = (
-        ("splitting", SPLITTINGS, lambda case: "" if case.top else "no top", 16.0),
-        ("classic", REFERENCE_INTEGRATORS, lambda case: "", 16.0),
-        ("Moser-Veselov", TORQUE_FREE_INTEGRATORS, lambda case: "" if case.turns_freely else "under torques", 1.0),
-    )
     return (
-        *map(closed_form, CLOSED_FORMS), substeps(0), substeps(0, False), *map(substeps, (6, 8, 12, 16, 20, 24)),
-        *(fixed_steps(m, family, why, most) for family, methods, why, most in steppers for m in methods.values()),
+        *map(closed_form, registry.CLOSED_FORMS), substeps(0), substeps(0, False),
+        *map(substeps, (6, 8, 12, 16, 20, 24)),
+        *(fixed_steps(m, "splitting", lambda case: "" if case.top else "no top") for m in SPLITTINGS.values()),
+        *(fixed_steps(m, "classic", lambda case: "") for m in REFERENCE_INTEGRATORS.values()),
+        *(fixed_steps(m, "Moser-Veselov", _under_torques, 1.0) for m in TORQUE_FREE_INTEGRATORS.values()),
     )  # fmt: skip

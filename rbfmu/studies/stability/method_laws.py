@@ -6,21 +6,18 @@ from functools import partial
 
 import numpy as np
 
+import rbfmu_kernels as kernels
 from rbfmu import arrays
 from rbfmu.runs.plan import Plan
 from rbfmu.simulation import simulate
-from rbfmu.studies.dop853 import DOP853, STAGES, A, Dop853Plan
+from rbfmu.studies import dop853, reference_methods
 from rbfmu.studies.one_step import OneStepMethod
-from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, TORQUE_FREE_INTEGRATORS
 from rbfmu.studies.stability import CURVE, OWN, Columns, Finding, Study, exponent, finding, motions
 from rbfmu.studies.stability.motions import SPHERE, TUMBLING, UPRIGHT, ZERO, at, attitude_after, free_body, spin
-from rbfmu_kernels import Matrix, Vec3, angle_between, angular_momentum, kinetic_energy, matrix_from_quaternion, norm
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, angular_acceleration
-from rbfmu_kernels.rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
-from rbfmu_kernels.rotations.rotation_vector import quaternion_from_rotvec, rotvec_from_quaternion, rotvec_rate_b
 
-EULER, SEMI, MIDPOINT, RK4, RK4_ON_Q, RK4_ON_R, RK4_ON_ANGLES, *_ = REFERENCE_INTEGRATORS.values()
-MOSER_VESELOV, MOSER_VESELOV_10 = TORQUE_FREE_INTEGRATORS.values()
+EULER, SEMI, MIDPOINT, RK4, RK4_ON_Q, RK4_ON_R, RK4_ON_ANGLES, *_ = reference_methods.REFERENCE_INTEGRATORS.values()
+MOSER_VESELOV, MOSER_VESELOV_10 = reference_methods.TORQUE_FREE_INTEGRATORS.values()
 _BODY = free_body(SPHERE)
 EPS = 2.0**-52
 
@@ -40,7 +37,7 @@ def stability_polynomial(method: str) -> Callable[[complex], complex]:
 def _polynomial_of_the_tableau(z: complex) -> complex:
     """Return R(z) by the stages in turn; a solver of linear systems pivots, and loses digits as each processor sums."""
     stages: list[complex] = []
-    for row in A[: STAGES + 1].tolist():
+    for row in dop853.A[: dop853.STAGES + 1].tolist():
         stages.append(1.0 + z * sum(a * stage for a, stage in zip(row, stages, strict=False)))
     return stages[-1]
 
@@ -69,12 +66,12 @@ def growth_factors(quick: bool) -> Study:
     x = np.linspace(0.1, 13.0, 26 if quick else 130).tolist()
     curve = partial(_along, growth, x)
     columns: Columns = {"h_omega": x}
-    for method in (EULER, RK4_ON_Q, DOP853, RK4_ON_R):
+    for method in (EULER, RK4_ON_Q, dop853.DOP853, RK4_ON_R):
         R, eigenvalue = stability_polynomial(method.name), 1j if method is RK4_ON_R else 0.5j
         columns[f"{method.name}, predicted"] = [abs(R(eigenvalue * value)) for value in x]
         columns[f"{method.name}, measured"] = curve(method)
     limits = {"RK4 on q": 4.0 * math.sqrt(2.0), "DOP853 on q": 11.92, "RK4 on R": 2.0 * math.sqrt(2.0)}
-    of_limits = zip((RK4_ON_Q, DOP853, RK4_ON_R), limits.items(), strict=True)
+    of_limits = zip((RK4_ON_Q, dop853.DOP853, RK4_ON_R), limits.items(), strict=True)
     findings = [
         *(finding("growth of Euler", growth(EULER, x), math.sqrt(1.0 + 0.25 * x * x), x=x) for x in (0.1, 1.0, 10.0)),
         *(finding(name, limit_near(partial(growth, method), limit), limit) for method, (name, limit) in of_limits),
@@ -82,7 +79,7 @@ def growth_factors(quick: bool) -> Study:
     return Study("growth_factors", findings, columns, curve)
 
 
-def _matrix_drift(R_ab: Matrix) -> float:
+def _matrix_drift(R_ab: kernels.Matrix) -> float:
     """Return |R^T R - I| in the 2-norm."""
     R = np.array(R_ab)
     return float(np.linalg.norm(R.T @ R - np.eye(3), 2))
@@ -99,7 +96,7 @@ def drift(quick: bool) -> Study:
         columns[f"{column}, predicted"] = [-math.expm1(n * math.log1p(-(x**6) / part)) for n in counts]
     n = 10_000
     after = {name: values[counts.index(n)] for name, values in columns.items()}
-    lag = angle_between(RK4.run(spin(1.0), x, n, _BODY, NO_LOADS).q_ab, attitude_after(spin(1.0), x * n))
+    lag = kernels.angle_between(RK4.run(spin(1.0), x, n, _BODY, NO_LOADS).q_ab, attitude_after(spin(1.0), x * n))
     findings = [
         finding("decay of q", after["q"], after["q, predicted"]),
         finding("lag on q", lag, n * x**5 / 1920.0),
@@ -119,7 +116,7 @@ def passage_error(method: OneStepMethod, ratio: float) -> float:
     """Return the attitude's error after half a turn with h omega / delta = ratio."""
     n = round(math.pi / (ratio * _MISS))
     after = method.run(_PASSAGE, math.pi / n, n, _BODY, NO_LOADS)
-    return angle_between(after.q_ab, attitude_after(_PASSAGE, math.pi))
+    return kernels.angle_between(after.q_ab, attitude_after(_PASSAGE, math.pi))
 
 
 def gimbal_passage(quick: bool) -> Study:
@@ -128,7 +125,8 @@ def gimbal_passage(quick: bool) -> Study:
     curve = partial(_along, passage_error, ratios)
 
     def yaw_rate(t: float) -> float:
-        return abs(euler_rate_b(ZYX, euler_from_quaternion(ZYX, attitude_after(_PASSAGE, t)), _PASSAGE.omega_b)[0])
+        angles = kernels.euler_from_quaternion(kernels.ZYX, attitude_after(_PASSAGE, t))
+        return abs(kernels.euler_rate_b(kernels.ZYX, angles, _PASSAGE.omega_b)[0])
 
     largest = max(map(yaw_rate, np.linspace(0.45 * math.pi, 0.55 * math.pi, 2001).tolist()))
     recorded = ((10.0, 8e-2), (1.0, 3.6e-5), (0.1, 3e-9))
@@ -152,8 +150,8 @@ def _gains(method: OneStepMethod) -> dict[str, float]:
     h, body = 0.05, TUMBLING.body
     M = body.inertia
 
-    def sizes(omega_b: Vec3) -> tuple[float, float]:
-        return kinetic_energy(0.0, M, ZERO, omega_b), norm(angular_momentum(M, omega_b)) ** 2
+    def sizes(omega_b: kernels.Vec3) -> tuple[float, float]:
+        return kernels.kinetic_energy(0.0, M, ZERO, omega_b), kernels.norm(kernels.angular_momentum(M, omega_b)) ** 2
 
     states = [TUMBLING.start, *method.path(TUMBLING.start, h, [1] * 1000, body)]
     gains = np.diff([sizes(y.omega_b) for y in states], axis=0)
@@ -194,7 +192,7 @@ def _decay_of_plan(planned: Plan, x: float) -> float:
 
 
 _MODELS = {
-    "DOP853": Dop853Plan("body under loads", "", 3, substep=1.0),
+    "DOP853": dop853.Dop853Plan("body under loads", "", 3, substep=1.0),
     **{f"Taylor {n}": Plan("body under loads, by series", "", 3, tolerance=math.inf, order=n) for n in (8, 12, 16)},
 }
 _DECAYS = {method.name: partial(decay_factor, method) for method in (EULER, SEMI, RK4, MIDPOINT)} | {
@@ -221,7 +219,7 @@ def damping_limits(quick: bool) -> Study:
 
 def _moser_veselov_error(method: OneStepMethod, x: float) -> float:
     """Return the error in rad of one step of a sphere that turns by x; NaN where there is no solution."""
-    return angle_between(method.run(spin(1.0), x, 1, _BODY, NO_LOADS).q_ab, attitude_after(spin(1.0), x))
+    return kernels.angle_between(method.run(spin(1.0), x, 1, _BODY, NO_LOADS).q_ab, attitude_after(spin(1.0), x))
 
 
 def _last_use(method: OneStepMethod, error: float) -> float:
@@ -254,7 +252,8 @@ def energies(method: OneStepMethod | None, h: float, counts: list[int]) -> list[
         found = rates.tolist()
     else:
         found = [y.omega_b for y in method.path(start, h, np.diff(counts, prepend=0).tolist(), TUMBLING.body)]
-    sizes = [kinetic_energy(0.0, TUMBLING.body.inertia, ZERO, tuple(omega_b)) for omega_b in (start.omega_b, *found)]
+    M = TUMBLING.body.inertia
+    sizes = [kernels.kinetic_energy(0.0, M, ZERO, tuple(omega_b)) for omega_b in (start.omega_b, *found)]
     return [size / sizes[0] - 1.0 for size in sizes[1:]]
 
 
@@ -281,7 +280,7 @@ def energy_drift(quick: bool) -> Study:
 
 
 def _acos_of_trace(theta: float) -> float:
-    R_ab = matrix_from_quaternion(quaternion_from_rotvec((theta, 0.0, 0.0)))
+    R_ab = kernels.matrix_from_quaternion(kernels.quaternion_from_rotvec((theta, 0.0, 0.0)))
     return math.acos(max(-1.0, min(1.0, 0.5 * (R_ab[0][0] + R_ab[1][1] + R_ab[2][2] - 1.0))))
 
 
@@ -295,9 +294,9 @@ def small_angles(quick: bool) -> Study:
         return relative((1.0 - math.cos(theta)) / theta**2, 2.0 * math.sin(0.5 * theta) ** 2 / theta**2)
 
     thetas = np.geomspace(1e-12, 1.0, 37 if quick else 241).tolist()
-    turns = [quaternion_from_rotvec((x, 0.0, 0.0)) for x in thetas]
+    turns = [kernels.quaternion_from_rotvec((x, 0.0, 0.0)) for x in thetas]
     there = [relative(q[1], math.sin(0.5 * x)) for q, x in zip(turns, thetas, strict=True)]
-    back = [relative(rotvec_from_quaternion(q)[0], x) for q, x in zip(turns, thetas, strict=True)]
+    back = [relative(kernels.rotvec_from_quaternion(q)[0], x) for q, x in zip(turns, thetas, strict=True)]
     columns = {
         "theta": thetas,
         "acos of the trace": [relative(_acos_of_trace(x), x) for x in thetas],
@@ -308,7 +307,7 @@ def small_angles(quick: bool) -> Study:
     def at_a_turn(gap: float) -> Finding:
         """Return what is found of the factor of u x (u x omega) in du/dt, as `rotvec_rate_b` computes it."""
         theta = 2.0 * math.pi - gap
-        factor = (1.0 - rotvec_rate_b((theta, 0.0, 0.0), (0.0, 1.0, 0.0))[1]) / (theta * theta)
+        factor = (1.0 - kernels.rotvec_rate_b((theta, 0.0, 0.0), (0.0, 1.0, 0.0))[1]) / (theta * theta)
         return finding("dexp", factor * 2.0 * math.pi * gap, near=2.0 * gap + 1e-15 / gap, gap=gap)
 
     findings = [

@@ -14,10 +14,8 @@ from rbfmu.runs.motion import Steps, substeps_counted
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import SceneError
 from rbfmu.simulation import simulate
-from rbfmu.studies.dop853 import Dop853Plan
-from rbfmu.studies.reference_methods import SPLITTINGS
-from rbfmu.studies.stability import Columns, Finding, Study, exponent, finding, motions
-from rbfmu.studies.stability.method_laws import RK4, SEMI, crossing
+from rbfmu.studies import dop853, reference_methods
+from rbfmu.studies.stability import Columns, Finding, Study, exponent, finding, method_laws, motions
 from rbfmu.studies.stability.motions import BRICK, FLIPPING, HEAVY_TOP, UPRIGHT, scene_of
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.integrators.splitting import resonant_step
@@ -67,7 +65,7 @@ def intermediate_axis(quick: bool) -> Study:
     """Measure law 10: a spin about the middle axis flips again and again, at predicted intervals."""
     time, start = np.arange(0.0, 30.0 if quick else 62.0, 0.25), FLIPPING.start
     columns: Columns = {"time": time.tolist(), "exact": _free_rates(start.omega_b, time)[:, 1].tolist()}
-    for method, h in ((RK4, 0.25), (SEMI, 0.05)):
+    for method, h in ((method_laws.RK4, 0.25), (method_laws.SEMI, 0.05)):
         states = method.path(start, h, [round(0.25 / h)] * (len(time) - 1), FLIPPING.body)
         columns[f"{method.name}, h = {h:g} s"] = [y.omega_b[1] for y in (start, *states)]
     tiny = _free_rates((1e-8, 2.0, 1e-8), np.array([5.0, 8.0]))[:, 0]
@@ -137,7 +135,8 @@ def sleeping_top(quick: bool) -> Study:
 def _energy_error(method: str, h: float) -> float:
     """Return the largest energy error of the fast heavy top over 10 s, in m g l."""
     top = HEAVY_TOP
-    states = [top.start, *SPLITTINGS[method].path(top.start, h, [1] * round(10.0 / h), top.body, top.loads)]
+    path = reference_methods.SPLITTINGS[method].path(top.start, h, [1] * round(10.0 / h), top.body, top.loads)
+    states = [top.start, *path]
     q, omega = (np.array([getattr(y, part) for y in states]) for part in ("q_ab", "omega_b"))
     energy = top.conserved({"quaternion": q, "omega_b": omega})["energy"]
     return float(np.max(np.abs(energy - energy[0])))
@@ -163,14 +162,14 @@ def _largest_substep() -> float:
             return False
         return True
 
-    return crossing(is_taken, 0.1, 0.4)
+    return method_laws.crossing(is_taken, 0.1, 0.4)
 
 
 def splitting_resonance(quick: bool) -> Study:
     """Measure law 12: splitting steps in resonance with the free precession gain energy."""
     resonance = resonant_step(HEAVY_TOP.body.inertia, HEAVY_TOP.start.omega_b)
     steps = np.geomspace(0.03, 0.6, 13 if quick else 121).tolist()
-    columns = {"h": steps} | {name: [_energy_error(name, h) for h in steps] for name in SPLITTINGS}
+    columns = {"h": steps} | {name: [_energy_error(name, h) for h in steps] for name in reference_methods.SPLITTINGS}
     below = (("Strang", 2.0, 0.05), ("RKN4", 4.0, 0.03), ("RKN6", 6.0, 0.1))
     recorded = (("Strang", 0.4189, 10.7), ("Strang", 0.1, 4.5e-4), ("RKN6", 0.1047, 3.54e-10))
     findings = [
@@ -207,7 +206,7 @@ class Case(NamedTuple):
     @property
     def planned(self) -> Plan:
         """Return the plan that `simulate` is given."""
-        kind = Dop853Plan if self.model == LOADED else Plan
+        kind = dop853.Dop853Plan if self.model == LOADED else Plan
         return kind(self.model, "", 0, self.substep, self.tolerance, self.order)
 
 

@@ -14,10 +14,8 @@ from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
+from rbfmu.studies import dop853, one_step, reference_methods
 from rbfmu.studies.chart.cases import CASES
-from rbfmu.studies.dop853 import Dop853Plan
-from rbfmu.studies.one_step import OneStepMethod
-from rbfmu.studies.reference_methods import ALL_INTEGRATORS
 from rbfmu.studies.stability import Finding, finding
 from rbfmu.types import Array
 from rbfmu_kernels import Quaternion, Vec3, diagonal, inverse_inertia, quaternion_from_rotvec, scale
@@ -202,7 +200,7 @@ def _verdict(ratio: float, turn: float, attitudes: Array) -> Verdict:
     return (RIGHT if error <= LARGEST_ERROR else WRONG), error
 
 
-def verdict_of_steps(method: OneStepMethod, h: float, ratio: float) -> Verdict:
+def verdict_of_steps(method: one_step.OneStepMethod, h: float, ratio: float) -> Verdict:
     """Return the verdict on a one-step method with a fixed step."""
     turn, n = steps_of_a_turn(h)
     path = method.path(_START, turn / n, [n // CHECKS] * CHECKS, free_body(moments(ratio)))
@@ -223,10 +221,10 @@ _with_port = partial(verdict_of_product, ("torque_b",))
 OURS: dict[str, Callable[[float, float], Verdict]] = {
     "rbfmu planned": partial(verdict_of_product, (), None),
     "rbfmu, a port": partial(_with_port, None),
-    "rbfmu DOP853": partial(_with_port, Dop853Plan("body under loads", "", 7, tolerance=1e-14)),
+    "rbfmu DOP853": partial(_with_port, dop853.Dop853Plan("body under loads", "", 7, tolerance=1e-14)),
     "rbfmu Taylor 16": partial(_with_port, Plan("body under loads, by series", "", 7, tolerance=1e-14, order=16)),
 }
-METHODS = {name: partial(verdict_of_steps, method) for name, method in ALL_INTEGRATORS.items()} | OURS
+METHODS = {name: partial(verdict_of_steps, method) for name, method in reference_methods.ALL_INTEGRATORS.items()} | OURS
 """The functions that return a verdict for (h, ratio), by the method's name."""
 QUICK_METHODS = ("semi-implicit Euler", "RK4, quaternion", *OURS)
 

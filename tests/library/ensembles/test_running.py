@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble
-from rbfmu.ensembles import running, store as stores
+from rbfmu.ensembles import planning, running, store as stores
 from rbfmu.ensembles.chunks import origin, run_chunk
 from rbfmu.ensembles.lock import store_lock
 from rbfmu.ensembles.zarr_store import ZarrStore
@@ -257,7 +257,7 @@ def unplanned(monkeypatch):
     def planned(*_):
         raise AssertionError
 
-    monkeypatch.setattr(running, "plan_once", planned)
+    monkeypatch.setattr(planning, "plan_once", planned)
 
 
 def test_what_cannot_run_is_refused_before_it_is_planned(scene, tmp_path, monkeypatch, unplanned):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.models.registry import CLOSED_FORMS
 from rbfmu.studies import WIDTH
 from rbfmu.studies.chart import Chart, cases, measure, methods, solvers
 from rbfmu.studies.chart.cases import WHOLE, state_of
@@ -161,7 +162,7 @@ def test_errors_are_measured_at_the_end_and_at_a_few_hundred_points_at_most() ->
 
 
 def test_closed_forms_compete_only_where_ports_leave_them_exact() -> None:
-    closed = {form.name: form for form in map(methods.closed_form, methods.CLOSED_FORMS)}
+    closed = {form.name: form for form in map(methods.closed_form, CLOSED_FORMS)}
     free, driven = gallery("t_handle"), gallery("controlled_satellite")
     assert [name for name, form in closed.items() if not form.why_not(free)] == ["torque-free body"]
     assert not any(not form.why_not(driven) for form in closed.values())
