@@ -171,10 +171,8 @@ def print_ensemble(planned: "rbfmu.Plan", result: "rbfmu.EnsembleResult") -> Non
     click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {redrawn:,} drawn again")
     for index, text in [*result.failed.items()][:MOST_FAILED]:
         click.echo(f"run {index}: {text}")
-    rows = [
-        (name, row.unit, *(" ".join(f"{x: .6g}" for x in values) for values in result.at_end(name)))
-        for name, row in result.rows.items()
-    ]
+    ends = {name: [" ".join(f"{x: .6g}" for x in values) for values in result.at_end(name)] for name in result.rows}
+    rows = [(name, result.rows[name].unit, *words) for name, words in ends.items()]
     print_columns([(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation"), *rows])
     for name in result.counts:
         times = result.first_of(name)

@@ -144,9 +144,8 @@ class Result:
         if not isinstance(stop, Real) or not stop >= self.time[0]:
             raise ValueError(f"stop = {stop!r}: expected a time from {float(self.time[0])!r} s on")
         n = int(np.searchsorted(self.time, stop, side="right"))
-        events, touches = (
-            {name: times[times <= stop] for name, times in of.items()} for of in (self.events, self.touches)
-        )
+        kinds = (self.events, self.touches)
+        events, touches = ({name: times[times <= stop] for name, times in of.items()} for of in kinds)
         quantities = {name: values[:n] for name, values in self.quantities.items()}
         return Result(self.time[:n], quantities, self.rows, events, touches)
 
@@ -160,9 +159,8 @@ class Result:
             raise ValueError("rows = []: expected at least one, as Simulator.values gives them")
         for k, row in enumerate(listed):
             if not isinstance(row, Mapping) or "time" not in row or row.keys() != listed[0].keys():
-                raise ValueError(
-                    f"rows[{k}]: expected time and the same quantities in each, as Simulator.values gives them"
-                )
+                expected = "expected time and the same quantities in each, as Simulator.values gives them"
+                raise ValueError(f"rows[{k}]: {expected}")
         columns = {name: np.array([row[name] for row in listed]) for name in listed[0]}
         return cls(columns.pop("time"), columns, getattr(listed[0], "own", None))
 

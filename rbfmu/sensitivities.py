@@ -210,28 +210,24 @@ def _names_of_numbers(scene: Scene) -> dict[str, tuple[str, list[str]]]:
 
 def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:
     """Return the numbers that a key of an argument names. Raises ValueError."""
-    known = _names_of_numbers(scene)
+    known, expected = _names_of_numbers(scene), f"{argument} = {key!r}: expected"
     whole = key.partition("[")[0] if isinstance(key, str) else ""
     if whole not in known:
-        raise ValueError(f"{argument} = {key!r}: expected one of {', '.join(known)}")
+        raise ValueError(f"{expected} one of {', '.join(known)}")
     block, names = known[whole]
     on_graph = elements(block, len(names))
     found = [Column(name, on_graph[i], i) for i, name in enumerate(names)]
     if whole != key:
         found = [column for column in found if column.name == key]
         if not found:
-            raise ValueError(f"{argument} = {key!r}: expected one of {', '.join(names)}")
+            raise ValueError(f"{expected} one of {', '.join(names)}")
     elif whole == "body.inertia" and scene.body is not None:
         M = scene.body.M_c
         found = found[:3] if not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2))) else found
     if whole in {f"loads.{name}" for name in scene.load_formulas}:
-        raise ValueError(
-            f"{argument} = {key!r}: expected a load of numbers; this one is a formula, whose constants may vary"
-        )
+        raise ValueError(f"{expected} a load of numbers; this one is a formula, whose constants may vary")
     if block in ("inertia", "r_oc_b") and model_buffer.BodyAtStart(scene).principal_axes[0][0] <= 0.0:
-        raise ValueError(
-            f"{argument} = {key!r}: expected another; a slender beam has no inertia about its axis to begin with"
-        )
+        raise ValueError(f"{expected} another; a slender beam has no inertia about its axis to begin with")
     return found
 
 

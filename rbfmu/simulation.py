@@ -73,9 +73,8 @@ def simulate(
     progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
     """
     if progress is not None and not callable(progress):
-        raise TypeError(
-            fault("progress", progress, "a function that wraps step numbers, as rbfmu.progress_bar(name) is")
-        )
+        expected = "a function that wraps step numbers, as rbfmu.progress_bar(name) is"
+        raise TypeError(fault("progress", progress, expected))
     tables = input_tables(scene, inputs, interpolate)
     planned = (given(planned) or _plan(scene, tables, interpolate)).of_scene(scene)
     drive = drive_of(scene, tables, interpolate)
@@ -249,10 +248,8 @@ class Simulator:
         """Return the error that names the first wrong input."""
         for name, value in ports.items():
             if name not in self._ports:
-                known = ", ".join(self._ports)
-                return ValueError(
-                    f"input {name!r}: expected {f'one of {known}' if known else 'none: there are no ports'}"
-                )
+                known = f"one of {', '.join(self._ports)}" if self._ports else "none: there are no ports"
+                return ValueError(f"input {name!r}: expected {known}")
             numbers, own = np.asarray(value, dtype=object), self.scene.inputs.own
             unit = own[name].unit or "1" if name in own else BY_NAME[name].unit
             if size_of(self.scene, name) == 1:

@@ -143,11 +143,9 @@ def describe(scene: Scene, plan: Plan) -> Description:
         for e, (name, event) in enumerate(scene.events.items())
     )  # fmt: skip
     variables = tuple(v for block in shown for v in _variables(block, plan, z, sizes))
-    outputs_end = max(place.stop for place in (*outputs, *(block.place for block in shown)))
+    end = max(place.stop for place in (*outputs, *(block.place for block in shown)))
     start_place = kernels.BLOCKS["series.start_time"].start if plan.formulas else -1
-    return Description(
-        scene, plan, identifier(scene.name), variables, counts, tuple(z.tolist()), outputs_end, start_place
-    )
+    return Description(scene, plan, identifier(scene.name), variables, counts, tuple(z.tolist()), end, start_place)
 
 
 def _without_effect(scene: Scene, plan: Plan) -> dict[str, frozenset[str]]:

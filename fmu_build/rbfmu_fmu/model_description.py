@@ -223,19 +223,17 @@ def _model_structure(version: FmiVersion, d: Description) -> Element:
     """Return outputs with what they depend on."""
     structure, named = Element("ModelStructure"), version.references(d)
     holder = {k: reference for reference, one in enumerate(named) for k in one.elements}
-    key, first = ("index", 1) if version.nested else ("valueReference", 0)
+    firsts = ((reference, d.variables[one.elements[0]]) for reference, one in enumerate(named))
+    outputs = {reference: first for reference, first in firsts if first.causality == "output"}
+    key, begin = ("index", 1) if version.nested else ("valueReference", 0)
     for name, depends in (("Output", depends_on), ("InitialUnknown", depends_initially_on)):
-        known: dict[int, Iterable[int]] = {
-            reference: {holder[k] for k in depends(d, d.variables[one.elements[0]])}
-            for reference, one in enumerate(named)
-            if d.variables[one.elements[0]].causality == "output"
-        }
+        known: dict[int, Iterable[int]] = {r: {holder[k] for k in depends(d, one)} for r, one in outputs.items()}
         known |= dict.fromkeys((version.status_reference(d), *(reference for reference, _ in version.counted(d))), ())
         unknowns = SubElement(structure, f"{name}s") if version.nested else structure
         for reference, others in known.items():
-            listed = " ".join(str(k + first) for k in sorted(others))
+            listed = " ".join(str(k + begin) for k in sorted(others))
             kind = "Unknown" if version.nested else name
-            SubElement(unknowns, kind, {key: str(reference + first), "dependencies": listed})
+            SubElement(unknowns, kind, {key: str(reference + begin), "dependencies": listed})
     return structure
 
 

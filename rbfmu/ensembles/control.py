@@ -112,10 +112,8 @@ def control_of(scene: Scene, plan: Plan, inputs: Any, controller: Any, interpola
     if inputs is None and controller is None:
         return None
     if interpolate != HOLD and not all(f"{port}_rate" in plan.kernels.BLOCKS for port in scene.inputs.ports):
-        text = (
-            f"interpolate = {interpolate!r}: expected {HOLD!r}, as the model {plan.model!r} takes no input derivatives"
-        )
-        raise SceneError(text, scene.name)
+        why = f"as the model {plan.model!r} takes no input derivatives"
+        raise SceneError(f"interpolate = {interpolate!r}: expected {HOLD!r}, {why}", scene.name)
     given = controller if controller is None or isinstance(controller, Controller) else Controller(controller)
     found = Control(tables, given, interpolate)
     found.tables_of(scene, 0)

@@ -224,11 +224,8 @@ _CACHE_LINE = 8
 
 def undriven(steps: Array, members: int) -> tuple[Callable[..., None], Driving]:
     """Return the controller, and what drives so many members, where nothing does."""
-    time, none, table = (
-        np.concatenate([[0.0], np.cumsum(steps)]),
-        np.empty(0, dtype=np.int64),
-        np.empty((len(steps), 0)),
-    )
+    time = np.concatenate([[0.0], np.cumsum(steps)])
+    none, table = np.empty(0, dtype=np.int64), np.empty((len(steps), 0))
     counts, noise = np.arange(len(time))[None, :], np.empty((members, len(steps), 0))
     return _hold(), Driving(none, none, time, steps, counts, table, table, np.empty(0), noise)
 

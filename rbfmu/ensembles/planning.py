@@ -186,9 +186,8 @@ def _of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator
 def _of_growth(scene: Scene, growth: float, wild: bool) -> Iterator[str]:
     """Yield that members may miss the accuracy; wild: whether no tolerance holds for the worst of them."""
     if 4.0 * ROUND_OFF * growth > scene.run.accuracy:
-        yield (
-            f"a pilot member magnifies an error {growth:.1e} times, round-off beyond the accuracy: members may miss it"
-        )
+        said = f"a pilot member magnifies an error {growth:.1e} times, round-off beyond the accuracy"
+        yield f"{said}: members may miss it"
     elif wild:
         yield "nearly equal starts lead apart here: round-off may grow beyond the accuracy in the worst of many members"
 
@@ -202,13 +201,11 @@ def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
         own = _quietly(members.member(scene, samples, 0).replace(step), chosen)
         for key in samples.applied:  # a shape's inertia has its mass
             swapped = [key, "body.inertia"] if key == "body.mass" and shaped else [key]
-            other = replace(
-                samples, applied={**samples.applied, **{one: samples.applied[one][::-1] for one in swapped}}
-            )
+            reverse = {one: samples.applied[one][::-1] for one in swapped}
+            other = replace(samples, applied={**samples.applied, **reverse})
             found = _quietly(members.member(scene, other, 0).replace(step), chosen)
-            if not key.startswith(f"{SHAPE}.") and not any(
-                variables.differ(np.stack([own[name].ravel(), found[name].ravel()])).any() for name in own
-            ):
+            moved = any(variables.differ(np.stack([own[name].ravel(), found[name].ravel()])).any() for name in own)
+            if not moved and not key.startswith(f"{SHAPE}."):
                 yield f"ensemble.vary: {key} varies without effect on any output"
 
 

@@ -105,9 +105,8 @@ class Checkpoint:
             with np.load(path, allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
             head = json.loads(str(arrays.pop(_HEAD)))
-            kept = {
-                name.removeprefix(_STATISTICS): arrays.pop(name) for name in [*arrays] if name.startswith(_STATISTICS)
-            }
+            of_statistics = [name for name in arrays if name.startswith(_STATISTICS)]
+            kept = {name.removeprefix(_STATISTICS): arrays.pop(name) for name in of_statistics}
             statistics = Statistics.from_arrays(kept) if kept else None
             progress = Progress(head["chunks"], statistics, dict(head["failed"]))
             rows = {name: arrays.pop(name) for name in head["rows"]}

@@ -186,10 +186,8 @@ def _of_output(keep: Collection[str], row: Any) -> Iterator[Variable]:
             attributes["frame"] = _AXES["b"]
         twice = (*dims, *(f"{dim}_2" for dim in dims))
         yield Variable(f"{name}_std", (TIMES, *dims), attributes)
-        unit = attributes["units"]
-        yield Variable(
-            f"{name}_covariance", (TIMES, *twice), attributes | {"units": "1" if unit == "1" else f"({unit})2"}
-        )
+        squared = {"units": "1" if attributes["units"] == "1" else f"({attributes['units']})2"}
+        yield Variable(f"{name}_covariance", (TIMES, *twice), attributes | squared)
         yield Variable(f"{name}_quantiles", (PROBABILITY, TIMES, *(() if name == ATTITUDE else dims)), attributes)
 
 

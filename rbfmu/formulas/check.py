@@ -45,9 +45,8 @@ class Texts:
             for name, row in scene.states.items()
         }
         self.events = {name: self._changing(f"events.{name}.when", row.when) for name, row in scene.events.items()}
-        self.own = {
-            name: self._shaped(f"outputs.{name}.value", row.value, None) for name, row in scene.outputs.own.items()
-        }
+        own = scene.outputs.own.items()
+        self.own = {name: self._shaped(f"outputs.{name}.value", row.value, None) for name, row in own}
 
     @property
     def rates(self) -> dict[str, Any]:
@@ -112,11 +111,10 @@ class Texts:
         for table, names in tables.items():
             for name in names:
                 known = len(self.faults)
+                is_energy = table == "outputs" and name in ENERGIES and names[name].value == name
                 if table == "inputs" and name == "h":
                     self.faults.append("inputs.ports: expected another name: h is a simulator's step")
-                elif (name in taken or name in beside.get(table, ())) and not (
-                    table == "outputs" and names[name].value == name and name in ENERGIES
-                ):
+                elif not is_energy and (name in taken or name in beside.get(table, ())):
                     self.faults.append(f"{table}.{name}: expected another name: {name} means something else here")
                 elif name in seen:
                     self.faults.append(f"{table}.{name}: expected another name: there is {seen[name]}.{name}")
@@ -125,9 +123,8 @@ class Texts:
         for name in scene.events:
             for other in (f"{name}_count", f"{name}_time"):
                 if other in seen:
-                    self.faults.append(
-                        f"{seen[other]}.{other}: expected another name: that is an FMU's of events.{name}"
-                    )
+                    why = f"that is an FMU's of events.{name}"
+                    self.faults.append(f"{seen[other]}.{other}: expected another name: {why}")
 
     def _read_formulas(self, texts: Mapping[str, str]) -> None:
         """Take formulas in an order in which each comes after those that it names."""

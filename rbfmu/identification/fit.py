@@ -64,10 +64,8 @@ class Fit:
     measured: Measured
 
     def __repr__(self) -> str:
-        told = ", ".join(
-            f"{name} = {value:.6g} +- {error:.2g}"
-            for name, value, error in zip(self.names, self.values, self.standard_errors, strict=True)
-        )
+        numbers = zip(self.names, self.values, self.standard_errors, strict=True)
+        told = ", ".join(f"{name} = {value:.6g} +- {error:.2g}" for name, value, error in numbers)
         return f"Fit({self.scene.name}: {told})"
 
     @property

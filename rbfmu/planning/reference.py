@@ -179,9 +179,8 @@ def _leads_nowhere(scene: Scene, steps: Sequence[float], rows: Array, said: str)
     """Return the error for a motion that ends; rows: of its outputs, not finite from then on; said: what fails."""
     done = int(np.isfinite(rows).all(axis=1).sum()) - 1
     reached = scene.run.start + sum(steps[: max(done, 0)])
-    return SceneError(
-        f"run.stop = {scene.run.stop!r}: expected one before t = {reached:.6g} s, where {said}", scene.name
-    )
+    expected = f"expected one before t = {reached:.6g} s, where {said}"
+    return SceneError(f"run.stop = {scene.run.stop!r}: {expected}", scene.name)
 
 
 def _exact_values(formulas: FormulaModel, scene: Scene) -> dict[str, Decimal]:

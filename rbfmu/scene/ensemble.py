@@ -152,11 +152,9 @@ class Ensemble(Section, path="ensemble"):
     @property
     def parameters(self) -> tuple[str, ...]:
         """Return the names of the parameters whose values vary, as `inputs.parameters` lists them."""
-        return tuple(
-            dict.fromkeys(
-                parameter_of(v.key) if is_own(v.key) else variations.QUANTITY_OF[v.key].name for v in self.vary
-            )
-        )
+        keys = [variation.key for variation in self.vary]
+        names = (parameter_of(key) if is_own(key) else variations.QUANTITY_OF[key].name for key in keys)
+        return tuple(dict.fromkeys(names))
 
     def _set(self) -> dict[str, object]:
         """Return the fields that are not as by default, tables as in the file."""
@@ -197,10 +195,8 @@ class Ensemble(Section, path="ensemble"):
             yield fault("ensemble.correlation.components", unknown, expected)
         elif correlation.covariance is not None:
             for k, (name, row) in enumerate(zip(correlation.components, correlation.covariance, strict=False)):
-                marginal = known[name]
-                if marginal.kind != variations.NORMAL or not math.isclose(
-                    row[k], marginal.arguments[1] ** 2, rel_tol=1e-6
-                ):
+                is_normal = known[name].kind == variations.NORMAL
+                if not (is_normal and math.isclose(row[k], known[name].arguments[1] ** 2, rel_tol=1e-6)):
                     expected = f"the square of the standard deviation of {name}, which is normal; or the key matrix"
                     yield fault("ensemble.correlation.covariance", row[k], expected)
 

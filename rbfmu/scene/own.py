@@ -246,10 +246,8 @@ def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str
     for table, end in PARAMETER_END.items():
         for name, one in tables[table].items():
             meaning = (one.about or table.removesuffix("s")) + (", at the start" if end else "")
-            block = f"{table}.{name}{end}"
-            found[f"{table}.{name}"] = Parameter(
-                f"{name}{end}", len(one.numbers), one.unit or "1", meaning, own_block=block
-            )
+            block, unit = f"{table}.{name}{end}", one.unit or "1"
+            found[f"{table}.{name}"] = Parameter(f"{name}{end}", len(one.numbers), unit, meaning, own_block=block)
     return found
 
 

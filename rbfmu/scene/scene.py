@@ -151,9 +151,7 @@ class Scene(Section):
         return {name: table for name, table in self.table().items() if table != {} and name not in untold}
 
 
-SECTIONS: Mapping[str, type[Section]] = {
-    name: section for name, section in Scene._rules.items() if isinstance(section, type)
-}
+SECTIONS: Mapping[str, type[Section]] = {name: rule for name, rule in Scene._rules.items() if isinstance(rule, type)}
 
 
 def _ones(rows: Mapping[str, named.Entry], field: str) -> named.Named[named.Entry]:

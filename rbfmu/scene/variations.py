@@ -265,9 +265,7 @@ def _inertia(value: object, path: str) -> Found:
         moments = {key: item for key, item in value.items() if key != AXES}
         axes = checked(_about_zero(f"{INERTIA}.{AXES}", "deg").read, value[AXES], f"{path}.{AXES}", faults)
     if moments or moments is value:
-        matrix = isinstance(moments, Mapping) and any(
-            _nested(moments[kind], 3) for kind in DISTRIBUTIONS if kind in moments
-        )
+        matrix = isinstance(moments, Mapping) and any(_nested(moments.get(kind), 3) for kind in DISTRIBUTIONS)
         if matrix and axes:
             faults.append(fault(path, value, f"principal moments, or no {AXES}: a matrix has its axes"))
         rule = rules.Numbers((3, 3) if matrix else (3,), "kg m2")

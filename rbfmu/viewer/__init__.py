@@ -125,9 +125,8 @@ class Motion:
             return known["quaternion"]
         if "rpy" in known:
             return np.asarray(quaternion_from_euler("xyz", known["rpy"]))
-        raise ValueError(
-            f"quaternion or rpy: expected one of them in the result, which has {', '.join(known) or 'none'}"
-        )
+        shown = ", ".join(known) or "none"
+        raise ValueError(f"quaternion or rpy: expected one of them in the result, which has {shown}")
 
     @cached_property
     def position(self) -> Array:

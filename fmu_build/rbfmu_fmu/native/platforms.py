@@ -145,10 +145,9 @@ def compiler(platform: Platform) -> list[str]:
     own = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
     if own and sys.platform != "win32" and is_this(platform):
         return [own, "-Wl,-z,noseparate-code"] if platform.suffix == ".so" else [own]  # 8 kB less
-    own_remedy = ", or a C compiler on PATH (cc, gcc or clang)" if is_this(platform) else ""
-    raise NoLinkerError(
-        f"a native FMU for {platform.name} needs {remedy('native')} (ziglang, compiles for every platform){own_remedy}"
-    )
+    needed = f"{remedy('native')} (ziglang, compiles for every platform)"
+    needed += ", or a C compiler on PATH (cc, gcc or clang)" if is_this(platform) else ""
+    raise NoLinkerError(f"a native FMU for {platform.name} needs {needed}")
 
 
 def takes_minutes(platform: Platform) -> bool:

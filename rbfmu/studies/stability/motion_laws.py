@@ -211,9 +211,7 @@ class Case(NamedTuple):
 
 
 _TABLES = tomllib.loads(Path(__file__).with_name("models.toml").read_text(encoding="utf-8"))
-CASES = [
-    Case(motion=motion, **{"name": row["model"]} | row) for row in _TABLES["models"] for motion in row.pop("motions")
-]
+CASES = [Case(motion=one, **{"name": row["model"]} | row) for row in _TABLES["models"] for one in row.pop("motions")]
 _ORDERS = [(row.pop("power"), row.pop("step"), Case(**row)) for row in _TABLES["orders"]]
 _CONTROLLED = [(row.pop("root"), row.pop("ratio"), Case(**row)) for row in _TABLES["controlled"]]
 
