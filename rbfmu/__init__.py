@@ -21,12 +21,7 @@ if TYPE_CHECKING:
     from rbfmu.runs.plan import Plan as Plan
     from rbfmu.scene import *  # noqa: F403
     from rbfmu.sensitivities import Sensitivity as Sensitivity, sensitivity as sensitivity
-    from rbfmu.simulation import (
-        Simulator as Simulator,
-        compiled_step as compiled_step,
-        plan as plan,
-        simulate as simulate,
-    )
+    from rbfmu.simulation import *  # noqa: F403
     from rbfmu.studies.chart import Chart as Chart, chart as chart
     from rbfmu.viewer import view as view
 

@@ -159,28 +159,25 @@ def ensemble(
 
     A run has the same numbers on any number of workers, in one go or resumed.
     """
-    from rbfmu.ensembles.members import with_runs
-    from rbfmu.ensembles.planning import plan_ensemble
-    from rbfmu.ensembles.result import kept_runs
-    from rbfmu.ensembles.running import check_store, dask_client
+    from rbfmu.ensembles import members, planning, result, running
 
     if workers and scheduler:
         raise click.UsageError("--workers: expected no --scheduler with it, which has workers of its own")
     if resume and output is None:
         raise click.UsageError("--resume: expected --output with the store to go on with")
     with asked.opened() as loaded, common.usage_errors():
-        check_store(output, resume)
+        running.check_store(output, resume)
         if plot:
             needed("scipy.stats", "ensemble")  # known to be there before anything runs
-        scene = with_runs(loaded, runs)
-        with dask_client(scheduler) if scheduler else nullcontext(workers) as executor:
+        scene = members.with_runs(loaded, runs)
+        with running.dask_client(scheduler) if scheduler else nullcontext(workers) as executor:
             with bar(f"planning {scene.name}") as tell:
-                planned = plan_ensemble(scene, tell)
+                planned = planning.plan_ensemble(scene, tell)
             try:
                 found = rbfmu.run_ensemble(scene, output, executor, resume=resume, planned=planned, **asked.driven)
             except KeyboardInterrupt:
                 if output:
-                    done, of_runs = kept_runs(output)
+                    done, of_runs = result.kept_runs(output)
                     kept = f"{done:,}{f' of {of_runs:,}' if of_runs else ''} runs are kept"
                     click.echo(f"\n{output}: {kept}{'; --resume goes on with them' * bool(done)}", err=True)
                 raise

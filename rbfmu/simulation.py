@@ -23,6 +23,8 @@ from rbfmu_kernels.buffer import OK, PAST_STOP
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import BY_NAME, OUTPUTS, Output
 
+__all__ = ["Simulator", "compiled_step", "plan", "simulate"]
+
 
 @of_scene_or_path
 def plan(

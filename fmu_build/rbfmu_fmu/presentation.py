@@ -20,7 +20,6 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 import rbfmu
-from rbfmu import Scene
 from rbfmu.types import Array
 from rbfmu.viewer import Shape, shape_of
 from rbfmu_fmu.description import AXES, Description, Variable, blocks, scalars
@@ -82,7 +81,7 @@ def page(d: Description, version: FmiVersion, needs_python: bool) -> str:
     return _text("page.html").substitute({key: escape(text) for key, text in said.items()} | made)
 
 
-def _formulas(scene: Scene) -> str:
+def _formulas(scene: rbfmu.Scene) -> str:
     """Return the scene's formulas as they stand in it, or that no load depends on the position."""
     if not scene.load_formulas:
         return "<p>No load depends on the position.</p>\n"
@@ -159,7 +158,7 @@ AXIS = 0.8
 """The length of an axis beyond the box, in halves of its diagonal."""
 
 
-def picture(scene: Scene) -> bytes:
+def picture(scene: rbfmu.Scene) -> bytes:
     """Return a PNG of 200 by 200 points, the same bytes for the same scene and the same matplotlib."""
     from matplotlib.figure import Figure
 

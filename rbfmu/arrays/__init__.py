@@ -9,11 +9,7 @@ from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.rotations import euler_angles as _euler, matrix as _rotation, rotation_vector as _rotvec
 
 if TYPE_CHECKING:
-    from rbfmu.arrays.bodies import (
-        check_inertia as check_inertia,
-        free_rotation as free_rotation,
-        inertia_of_points as inertia_of_points,
-    )
+    from rbfmu.arrays.bodies import *  # noqa: F403
 
 REFLECTION = "some of these matrices are no rotations (det <= 0, as of a reflection), which gives NaN"
 NO_DIRECTION = "some of these axes have no direction (zero, or beyond 1e150), which gives NaN"
