@@ -169,5 +169,4 @@ def _made_of(
         found = [math.nan]
     if not np.isfinite(found).all():
         raise ValueError(f"{name}: a formula has no finite derivative at t = {known['t']!r} s")
-    slopes: Array = np.reshape(found, (len(rows), len(leaves))) @ by_error
-    return slopes
+    return np.asarray(np.reshape(found, (len(rows), len(leaves))) @ by_error)

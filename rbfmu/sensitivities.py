@@ -267,8 +267,7 @@ class _Run:
         of_event = self._model.slopes_at(when, self._errors[last], self._slopes[last], self._count)[0, 0]
         shift = -of_event / self._model.rates_at(when, self._slopes[-1])[0]
         for name, rows in found.items():
-            rates = self._rates_of(name)
-            rows[-1] += rates[:, None] * shift
+            rows[-1] += self._rates_of(name)[:, None] * shift
         return found
 
     def _rates_of(self, name: str) -> Array:
@@ -277,13 +276,11 @@ class _Run:
         if name != "rpy":
             return rates
         angles = arrays.euler_from_quaternion("ZYX", self.values["quaternion"][-1])
-        of_angles: Array = arrays.euler_rate_b("ZYX", angles, rates)
-        return of_angles[::-1]
+        return np.asarray(arrays.euler_rate_b("ZYX", angles, rates))[::-1]
 
     def _attitude(self) -> Array:
         at = [self._model.errors.index(name) for name in TURN]
-        turns: Array = self._errors[:, at, : self._count]
-        return turns
+        return np.asarray(self._errors[:, at, : self._count])
 
     def _roll_pitch_yaw(self) -> Array:
         angles = arrays.euler_from_quaternion("ZYX", self.values["quaternion"])

@@ -79,8 +79,7 @@ def simulate(
         raise TypeError(fault("progress", progress, expected))
     tables = input_tables(scene, inputs, interpolate)
     planned = (given(planned) or _plan(scene, tables, interpolate)).of_scene(scene)
-    drive = drive_of(scene, tables, interpolate)
-    run = Driven(scene, planned, drive)
+    run = Driven(scene, planned, drive_of(scene, tables, interpolate))
     time, shown = run.course(scene.outputs.names, progress)
     quantities = {name: (rows[:, 0] if rows.shape[1] == 1 else rows).copy() for name, rows in shown.items()}
     happened = [run.events.times(run.events.taken, touched) for touched in (False, True)] if run.events else ()

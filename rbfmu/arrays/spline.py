@@ -24,8 +24,7 @@ class AttitudeSpline:
 
     def __call__(self, t: ArrayLike) -> Array:
         """Return q_ab (..., 4)."""
-        q: Array = normalize(self._derivative(t, 0))
-        return q
+        return np.asarray(normalize(self._derivative(t, 0)))
 
     def omega_b(self, t: ArrayLike) -> Array:
         """Return omega_ab_b (..., 3), rad/s."""
@@ -36,22 +35,19 @@ class AttitudeSpline:
         """Return the angular acceleration d omega_ab_b / dt (..., 3), rad/s^2; between two times it is smooth."""
         s, ds, dds = (self._derivative(t, order) for order in (0, 1, 2))
         growth = 2.0 * np.sum(s * ds, axis=-1, keepdims=True) / np.sum(s * s, axis=-1, keepdims=True)
-        alpha: Array = self._turning(s, dds) - growth * self._turning(s, ds)
-        return alpha
+        return np.asarray(self._turning(s, dds) - growth * self._turning(s, ds))
 
     @staticmethod
     def _turning(s: Array, ds: Array) -> Array:
         """Return the angular velocity of s / |s|: what changes the length of s drops out of the formula for unit q."""
-        omega: Array = omega_b_from_quaternion_rate(s, ds) / np.sum(s * s, axis=-1, keepdims=True)
-        return omega
+        return np.asarray(omega_b_from_quaternion_rate(s, ds) / np.sum(s * s, axis=-1, keepdims=True))
 
     def _derivative(self, t: ArrayLike, order: int) -> Array:
         t = np.asarray(t, dtype=np.float64)
         first, last = self.times[0], self.times[-1]
         if not np.all((t >= first) & (t <= last)):
             raise ValueError(f"attitude_spline: t must be times from {first:g} to {last:g} s, those that it is made of")
-        found: Array = self._spline(t, order)
-        return found
+        return np.asarray(self._spline(t, order))
 
 
 def attitude_spline(times: ArrayLike, q_ab: ArrayLike) -> AttitudeSpline:

@@ -331,8 +331,7 @@ def thin_rows(M: Array) -> Indices:
     rows: Indices = _near_a_border(M)
     finite = np.all(np.isfinite(M[rows]), axis=(1, 2))
     moments = np.linalg.eigvalsh(np.where(finite[:, None, None], M[rows], np.eye(3)))
-    found: Indices = rows[~finite | (moments[:, 0] <= NEAR * np.abs(moments).sum(axis=1))]
-    return found
+    return np.asarray(rows[~finite | (moments[:, 0] <= NEAR * np.abs(moments).sum(axis=1))])
 
 
 def _near_a_border(M: Array) -> Indices:

@@ -55,8 +55,7 @@ class Table(NamedTuple):
         """Return the value at a number; the row is chosen by on which side of each knot it is."""
         total: graph.Number = 0.0
         sides = [graph.side(x - knot) for knot in self.knots]
-        starts = (self.knots[0], *self.knots)
-        beyond = x - self._chosen(sides, starts)
+        beyond = x - self._chosen(sides, (self.knots[0], *self.knots))
         for power in (3, 2, 1, 0):
             total = total * beyond + self._chosen(sides, [row[power] for row in self.rows])
         return total

@@ -236,8 +236,7 @@ def largest_size(rows: Array) -> float:
 
 def sizes(rows: Array, unit: float) -> Array:
     """Return the lengths of rows, in units of one."""
-    lengths: Array = np.linalg.norm(rows / unit, axis=-1)
-    return lengths
+    return np.asarray(np.linalg.norm(rows / unit, axis=-1))
 
 
 def largest_error(

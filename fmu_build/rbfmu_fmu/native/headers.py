@@ -102,15 +102,12 @@ def _references(d: Description, version: FmiVersion) -> list[str]:
 def _variables(d: Description) -> list[str]:
     """Return three tables of the Real variables: their places, those of their derivatives, their names."""
     missing = ["NOT_PROVIDED"] * MAX_DERIVATIVE_ORDER
-    rates = [(_row([*v.rates, *missing][:MAX_DERIVATIVE_ORDER]), v.name) for v in d.variables]
+    rates = (f"{_row([*v.rates, *missing][:MAX_DERIVATIVE_ORDER])}, /* {v.name} */" for v in d.variables)
     said = (f"{_row((_c(v.name), _c(v.block), int(v.pinned)))}," for v in d.variables)
     return [
         *_table("static const short OFFSETS[REALS]", (f"{v.offset}, /* {v.name} */" for v in d.variables)),
         f"enum {{ MAX_DERIVATIVE_ORDER = {MAX_DERIVATIVE_ORDER}, NOT_PROVIDED = -1 }};",
-        *_table(
-            "static const short DERIVATIVES[REALS][MAX_DERIVATIVE_ORDER]",
-            (f"{row}, /* {name} */" for row, name in rates),
-        ),
+        *_table("static const short DERIVATIVES[REALS][MAX_DERIVATIVE_ORDER]", rates),
         *_table("static const struct { const char *name, *block; int pinned; } VARIABLES[REALS]", said),
     ]
 
