@@ -263,8 +263,7 @@ def incomplete(names: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Yield what is missing of quantities, of which some columns have the names, and a line that says so."""
     for name in dict.fromkeys(name.partition("[")[0] for name in names):
         wanted = elements(name, OUTPUT[name].size) if name in OUTPUT else []
-        missing = [one for one in wanted if one not in names]
-        if missing:
+        if missing := [one for one in wanted if one not in names]:
             yield missing[0], f"{missing[0]} is missing: expected all of {', '.join(wanted)}"
 
 

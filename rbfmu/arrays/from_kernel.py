@@ -212,14 +212,11 @@ def in_order(kernel: Function, args: Arguments, kwargs: Keywords) -> tuple[Argum
     if kwargs.keys() <= _NUMPY_KEYWORDS:
         return args, kwargs
     name, names = python_function(kernel).__name__, list(core_shapes(kernel)[0])
-    unknown = [key for key in kwargs if key not in names and key not in _NUMPY_KEYWORDS]
-    if unknown:
+    if unknown := [key for key in kwargs if key not in names and key not in _NUMPY_KEYWORDS]:
         raise TypeError(f"{name}: unexpected keyword {unknown[0]!r}; arguments are {', '.join(names)}, out")
-    twice = [key for key in names[: len(args)] if key in kwargs]
-    if twice:
+    if twice := [key for key in names[: len(args)] if key in kwargs]:
         raise TypeError(f"{name}: {twice[0]} is given twice, by position and by name")
-    missing = [key for key in names[len(args) :] if key not in kwargs]
-    if missing:
+    if missing := [key for key in names[len(args) :] if key not in kwargs]:
         raise TypeError(f"{name}: {' and '.join(missing)} missing; arguments are {', '.join(names)}, out")
     by_name = [kwargs[key] for key in names[len(args) :]]
     return (*args, *by_name), {key: value for key, value in kwargs.items() if key in _NUMPY_KEYWORDS}

@@ -223,13 +223,12 @@ class EnsembleResult:
     def load(cls, path: str | Path) -> "EnsembleResult":
         """Read a finished store, .npz or .zarr. Raises ValueError where it is none, or where runs are missing."""
         path = Path(path)
-        is_file = path.suffix == ".npz"
         known = Checkpoint.read(_checkpoint(path))
         scene = Scene.from_dict(known.identity["scene"], str(path))
         if known.runs == 0:
             done, runs = kept_runs(path)
             raise ValueError(f"{path}: has {done} of {runs} runs: expected all, resume it")
-        if is_file:
+        if path.suffix == ".npz":
             return cls(scene, {**known.rows, **known.results}, known.progress.failed)
         from rbfmu.ensembles.zarr_store import arrays_of_folder
 

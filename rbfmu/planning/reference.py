@@ -152,8 +152,7 @@ class Listed:
     def keys_at_fault(self, work: Array, sides: Array) -> str:
         """Return what is wrong where a motion ends; work, sides: of `kernels.formula_motion` there."""
         finite = np.isfinite(work[0].reshape(-1, kernels.LENGTH)).all(axis=1)
-        lost = [i for n, i in enumerate(self.found) if not finite[n] and self.graph.operations[i].kind != "state"]
-        if lost:
+        if lost := [i for n, i in enumerate(self.found) if not finite[n] and self.graph.operations[i].kind != "state"]:
             named = " or ".join(self.formulas.keys_of(lost[0])) or "the motion"
             return f"{named} is not finite"
         sliding = [int(n) for n, begun, _ in sides if begun == kernels.SLIDES]

@@ -160,8 +160,7 @@ def rows(findings: Iterable[Finding]) -> Iterator[tuple[str, str, str, str]]:
     for finding in findings:
         together.setdefault(finding.what, []).append(finding)
     for what, members in together.items():
-        good = [f for f in members if f.holds]
-        if good:
+        if good := [f for f in members if f.holds]:
             places = f" ({len(good)} of {len(members)})" if len(members) > 1 else ""
             yield _row(max(good, key=lambda f: f.measured), what + places)
         yield from (_row(f, f"{what} ({f.place})" if f.place else what) for f in members if not f.holds)
