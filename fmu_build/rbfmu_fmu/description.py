@@ -18,9 +18,8 @@ from rbfmu.models.question import Question
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.plan import filled_buffer
 from rbfmu.types import Buffer
-from rbfmu_kernels import quantities
+from rbfmu_kernels import buffer, quantities
 from rbfmu_kernels.body.shell import Model
-from rbfmu_kernels.buffer import CHANGED, FAULTS, OK
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import BY_NAME, FORCES, OUTPUT, PORTS, TORQUES, Output, Parameter, Quantity, own_output
 
@@ -122,7 +121,7 @@ class Description:
         known |= {name: getattr(self.scene.run, name) for name in ("start", "stop", "step", "accuracy")}
         known |= {name: getattr(self, name) for name in _AS_IT_IS}
         variables = [{k: x for k, x in asdict(v).items() if k not in _OF_XML} for v in self.variables]
-        return known | {"variables": variables, "faults": FAULTS, "changed": CHANGED}
+        return known | {"variables": variables, "faults": buffer.FAULTS, "changed": buffer.CHANGED}
 
 
 def blocks(d: Description, *causalities: str) -> dict[str, list[Variable]]:
@@ -304,7 +303,7 @@ def nominal_sizes(scene: Scene, kernels: Model, filled: Buffer) -> Mapping[str, 
     """
     z = filled.copy()
     sizes: dict[str, float] = {}
-    if int(tiered(kernels.initialize)(z)) == OK:
+    if int(tiered(kernels.initialize)(z)) == buffer.OK:
         sized = {n for n, row in OUTPUT.items() if row.error != quantities.ANGLE and not row.judged_by}
         sized -= {n for n, row in OUTPUT.items() if row.cancels and not row.conserved}
         for name, place in kernels.BLOCKS.items():

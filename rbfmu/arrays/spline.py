@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from rbfmu.arrays import normalize, omega_b_from_quaternion_rate
-from rbfmu.arrays.from_kernel import as_floats
+from rbfmu.arrays import from_kernel, normalize, omega_b_from_quaternion_rate
 from rbfmu.extras import needed
 from rbfmu.types import Array, ArrayLike
 
@@ -76,7 +75,7 @@ def attitude_spline(times: ArrayLike, q_ab: ArrayLike) -> AttitudeSpline:
 
 
 def _numbers(argument: str, value: ArrayLike) -> Array:
-    array = as_floats("attitude_spline", argument, value)
+    array = from_kernel.as_floats("attitude_spline", argument, value)
     if not np.all(np.isfinite(array)):
         raise ValueError(f"attitude_spline: {argument} must be finite numbers")
     return array

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.ensembles import attitudes, variables as names
-from rbfmu.ensembles.members import ensemble_of
+from rbfmu.ensembles import attitudes, members, variables as names
 from rbfmu.ensembles.store import Checkpoint
 from rbfmu.ensembles.variables import coordinates, differ, flat, output_rows, variables_of, varied_rows
 from rbfmu.extras import needed
@@ -32,7 +31,7 @@ def kept_runs(store: Path) -> tuple[int, int]:
     if not _checkpoint(store).exists():
         return 0, 0
     known = Checkpoint.read(_checkpoint(store))
-    runs = ensemble_of(Scene.from_dict(known.identity["scene"], str(store))).runs
+    runs = members.ensemble_of(Scene.from_dict(known.identity["scene"], str(store))).runs
     return known.runs or known.progress.chunks * known.identity["members of a chunk"], runs
 
 

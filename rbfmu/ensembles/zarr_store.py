@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.ensembles import store, variables as names
-from rbfmu.ensembles.chunks import Chunk, Work
+from rbfmu.ensembles import chunks, store, variables as names
 from rbfmu.extras import needed
 
 ROWS = 16384
@@ -66,7 +65,7 @@ def _layout(arrays: Mapping[str, Any]) -> str:
 class ZarrStore(store.Store):
     """A folder of zarr, version 3 of the format; rows that do not yet fill chunks of zarr are in the checkpoint."""
 
-    def __init__(self, work: Work, path: Path) -> None:
+    def __init__(self, work: chunks.Work, path: Path) -> None:
         super().__init__(work, path, path / RESUME / "checkpoint.npz")
         self._zarr, self._folder = needed("zarr", "ensemble"), path
         self._length = work.size * max(1, ROWS // work.size)
@@ -99,7 +98,7 @@ class ZarrStore(store.Store):
             if (array.metadata.dimension_names or ())[:1] == ("run",) and array.shape[0] != self._work.runs:
                 array.resize((self._work.runs, *array.shape[1:]))
 
-    def _keep(self, chunk: Chunk, arrays: Mapping[str, Any]) -> None:
+    def _keep(self, chunk: chunks.Chunk, arrays: Mapping[str, Any]) -> None:
         if chunk.first == 0:
             self._create(arrays)
         for name, values in arrays.items():

@@ -11,8 +11,7 @@ from rbfmu.models.model_buffer import BodyAtStart
 from rbfmu.models.question import Question
 from rbfmu.types import Array
 from rbfmu_kernels import quantities
-from rbfmu_kernels.body.principal import exact_frame, rates_along
-from rbfmu_kernels.body.shell import Model
+from rbfmu_kernels.body import principal, shell
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.exact.free_rotation_setup import polhode_axes
 from rbfmu_kernels.models import model_named
@@ -75,7 +74,7 @@ class ModelSpec:
     reason: Callable[[Question], str] = lambda asked: ""
 
     @property
-    def kernels(self) -> Model:
+    def kernels(self) -> shell.Model:
         """Return the kernels that run it."""
         return model_named(self.module)
 
@@ -139,8 +138,8 @@ def lost_near_separatrix(asked: Question) -> float:
         return 0.0
     from rbfmu_kernels.exact.free_rotation import free_rotation_of  # large, and few scenes need it
 
-    moments, axes = interpreted(exact_frame)(asked.start.z)
-    rates = interpreted(rates_along)(axes, asked.scene.initial.omega_b)
+    moments, axes = interpreted(principal.exact_frame)(asked.start.z)
+    rates = interpreted(principal.rates_along)(axes, asked.scene.initial.omega_b)
     motion = interpreted(free_rotation_of)(moments, (1.0, 0.0, 0.0, 0.0), rates)
     half_turns = 2.0 * float(abs(motion.unit * motion.phase_rate[0])) * asked.span
     return half_turns * _lost_distance(moments, rates, asked.scene.initial.omega_b)
@@ -155,13 +154,13 @@ def lost_by_symmetry(asked: Question) -> float:
     M, omega, span = asked.body.M, asked.scene.initial.omega_b, asked.span
     if not _is_full(asked) and len({M[0][0], M[1][1], M[2][2]}) < 3:
         return 0.0
-    moments, axes = interpreted(exact_frame)(asked.start.z)
+    moments, axes = interpreted(principal.exact_frame)(asked.start.z)
     low, middle, high = sorted(range(3), key=lambda k: moments[k])
     below, above = _difference(moments[middle], moments[low]), _difference(moments[high], moments[middle])
     gap, s = (below, high) if below <= above else (above, low)
     if gap == 0.0 or moments[low][0] <= 0.0:
         return gap * math.inf if gap else 0.0
-    rate = interpreted(rates_along)(axes, omega)[s][0]
+    rate = interpreted(principal.rates_along)(axes, omega)[s][0]
     own = abs(rate * _difference(moments[s], moments[middle])) / moments[middle][0]
     speed = _speed(omega)
     return gap / moments[low][0] * speed * span * (1.0 + speed * min(span, 1.0 / own if own else math.inf))

@@ -15,8 +15,7 @@ import numpy as np
 from rbfmu.formulas.graph import Number, Symbol, changes_of, numbers_of
 from rbfmu.formulas.motion import CHANGE, MADE, Start, by_element, inertia_of
 from rbfmu.formulas.program import WIDTH, Program
-from rbfmu.models.formulas import FormulaModel, texts_of
-from rbfmu.models.model_buffer import BLOCKS, BodyAtStart
+from rbfmu.models import formulas, model_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import interpreted
@@ -51,7 +50,7 @@ class VariedStart:
 
     def __init__(self, scene: Scene, columns: Sequence[Column]) -> None:
         names = [column.element for column in columns]
-        motion = texts_of(scene, (*MADE, *names)).motion
+        motion = formulas.texts_of(scene, (*MADE, *names)).motion
         start = Start(motion.graph, names)
         turned = np.array(start.of(start.leaves("rotvec_b", 3)), object)
         start.set(motion.q, turned @ np.array([*motion.turns()], object))
@@ -62,7 +61,7 @@ class VariedStart:
 
     def at(self, z: Array) -> dict[str, Array]:
         """Return rows (columns,) by names, without those that are zero; z: the numbers of the body's blocks."""
-        known = dict(by_element({name: z[block] for name, block in BLOCKS.items()})) | self._by_column
+        known = dict(by_element({name: z[block] for name, block in model_buffer.BLOCKS.items()})) | self._by_column
         M = np.reshape(numbers_of(self._graph, self._inertia, known), (3, 3))
         known |= by_element({"M_inverse": np.linalg.pinv(M, rcond=INERTIA_TOLERANCE)})  # of M, as z need not be set
         rows = numbers_of(self._graph, [*self._changes.values()], known)
@@ -71,10 +70,10 @@ class VariedStart:
 
 def _generic(scene: Scene, columns: Sequence[Column]) -> Array:
     """Return the body's numbers with those that vary changed a little: what is zero there, is so whatever they are."""
-    z = BodyAtStart(scene).z.copy()
+    z = model_buffer.BodyAtStart(scene).z.copy()
     for n, column in enumerate(columns):
-        if column.block in BLOCKS:
-            at = BLOCKS[column.block].start + column.at
+        if column.block in model_buffer.BLOCKS:
+            at = model_buffer.BLOCKS[column.block].start + column.at
             z[at] += 1e-3 * math.sqrt(n + 2.0) * (abs(z[at]) or 1.0)
     return z
 
@@ -83,13 +82,13 @@ Slopes = dict[int, Number]
 """The derivatives of a number, by the row of errors, or -1 - column; those that are zero are left out."""
 
 
-class VariedModel(FormulaModel):
+class VariedModel(formulas.FormulaModel):
     """The model of a motion and its errors."""
 
     def __init__(self, scene: Scene, columns: Sequence[Column]) -> None:
         self._start = VariedStart(scene, columns)
         varied = self._start.at(_generic(scene, columns))
-        super().__init__(texts_of(scene, varied))
+        super().__init__(formulas.texts_of(scene, varied))
         motion = self.motion
         graph, plain = motion.graph, [name for name in self.rates if name != "t" and not name.startswith("q[")]
         self.columns = -(-len(columns) // WIDTH) * WIDTH

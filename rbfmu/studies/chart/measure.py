@@ -13,18 +13,16 @@ from time import thread_time
 from typing import NamedTuple
 
 from rbfmu.extras import remedy
-from rbfmu.models.question import Question
-from rbfmu.models.registry import ANGULAR_MOMENTUM, MODELS, ONE_AXIS_TAYLOR, SPIN_UP, ModelSpec
+from rbfmu.models import question, registry
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import Steps, record
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError
-from rbfmu.studies import Progress
+from rbfmu.studies import Progress, one_step
 from rbfmu.studies.chart import simulators, solvers
 from rbfmu.studies.chart.cases import FLOOR, Case, few_and_many
 from rbfmu.studies.chart.methods import MOST_RADIANS, Method, NotFeasibleError, Run, fixed_steps, own_methods, planned
 from rbfmu.studies.chart.result import STOPPED, TAKES_NO, YOURS, Chart, End, Row, TooSmall, kind_of
-from rbfmu.studies.one_step import OneStepMethod, method_of_file
 from rbfmu_kernels.models.one_axis import ORDERS
 
 LARGEST_ERROR = 1.0
@@ -119,7 +117,7 @@ class Extent:
     shortest: float = 1e-3
     quick: bool = False
     only: tuple[str, ...] = ()
-    own: OneStepMethod | None = None
+    own: one_step.OneStepMethod | None = None
 
 
 QUICK = Extent(0.02, 2, 2e-4, True, QUICK_METHODS)
@@ -127,7 +125,7 @@ QUICK = Extent(0.02, 2, 2e-4, True, QUICK_METHODS)
 
 def extent(quick: bool, method: str | Path | None) -> Extent:
     """Return what is measured, with the method of a file, if one is given; ValueError says what is wrong with that."""
-    own = None if method is None else method_of_file(method)
+    own = None if method is None else one_step.method_of_file(method)
     return replace(QUICK if quick else Extent(), own=own)
 
 
@@ -271,16 +269,16 @@ def too_small(case: Case, chosen: Plan) -> list[TooSmall]:
     """Return the models that stand before the plan's and miss the accuracy, from the smallest."""
     if case.scene.body is None or case.scene.has_formulas:
         return []
-    before = takewhile(lambda spec: spec.key != chosen.model, MODELS.values())
-    smaller = [spec for spec in before if spec.closed_form or spec is ONE_AXIS_TAYLOR]
+    before = takewhile(lambda spec: spec.key != chosen.model, registry.MODELS.values())
+    smaller = [spec for spec in before if spec.closed_form or spec is registry.ONE_AXIS_TAYLOR]
     found = [TooSmall(spec.key, *_error_of(case, spec)) for spec in smaller]
     return [model for model in found if model.why or not model.error <= case.scene.run.accuracy]
 
 
-def _error_of(case: Case, spec: ModelSpec) -> tuple[float, str]:
+def _error_of(case: Case, spec: registry.ModelSpec) -> tuple[float, str]:
     """Return the error of a model that leaves something out, or why it has none."""
-    scene, asked = case.asked, Question(case.asked)
-    hidden = {ANGULAR_MOMENTUM.key: asked.attitude or asked.rotation, SPIN_UP.key: asked.attitude}
+    scene, asked = case.asked, question.Question(case.asked)
+    hidden = {registry.ANGULAR_MOMENTUM.key: asked.attitude or asked.rotation, registry.SPIN_UP.key: asked.attitude}
     if hidden.get(spec.key) and not spec.accepts(asked):
         return math.inf, "shows no attitude" if asked.attitude else "shows no rates in b"
     order = 0 if spec.closed_form else max(ORDERS)

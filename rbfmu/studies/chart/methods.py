@@ -19,9 +19,8 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.studies import short
+from rbfmu.studies import dop853, short
 from rbfmu.studies.chart.cases import Case, Found
-from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu.studies.one_step import Form, OneStepMethod, Steps, compiled
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
 from rbfmu.types import Array, Indices
@@ -213,7 +212,7 @@ def substeps(order: int, controlled: bool = True) -> Method:
 
     def run(case: Case, value: float) -> Run:
         substep, tolerance = (math.inf, value) if controlled else (value, 0.0)
-        chosen: Plan = Dop853Plan("body under loads", name, 13, substep, tolerance)
+        chosen: Plan = dop853.Dop853Plan("body under loads", name, 13, substep, tolerance)
         if order:
             chosen = replace(whole_series(case.asked, order, value), method=name)
         fixed = 0.0 if controlled else float(case.outputs * round(case.interval / value))

@@ -21,8 +21,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from rbfmu.exceptions import SceneWarning
-from rbfmu.studies import WIDTH, write_rows
-from rbfmu.studies.one_step import OneStepMethod, method_of_file
+from rbfmu.studies import WIDTH, one_step, write_rows
 
 _TABLES = tomllib.loads(Path(__file__).with_name("laws.toml").read_text(encoding="utf-8"))
 LAWS: dict[int, dict[str, Any]] = {int(number): law for number, law in _TABLES.items()}
@@ -95,7 +94,7 @@ class Study:
     name: str
     findings: list[Finding]
     columns: Columns = field(default_factory=dict)
-    curve: Callable[[OneStepMethod], list[float]] | None = None
+    curve: Callable[[one_step.OneStepMethod], list[float]] | None = None
 
 
 _NUMBERS = {"law": int, "predicted": float, "measured": float, "tolerance": float}
@@ -204,7 +203,7 @@ def run_stability(
     from rbfmu.studies.stability.method_laws import own_laws
     from rbfmu.studies.stability.pictures import draw, draw_maps
 
-    own = None if method is None else method_of_file(method)
+    own = None if method is None else one_step.method_of_file(method)
     folder.mkdir(parents=True, exist_ok=True)
     studies, found, cells, paths = all_studies(), list[Study](), list[motions.Row](), list[Path]()
     judged = [(name, motions.METHODS[name]) for name in (motions.QUICK_METHODS if quick else motions.METHODS)]
