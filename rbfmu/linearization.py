@@ -44,10 +44,9 @@ class Linearization:
     def __repr__(self) -> str:
         n, m, p = len(self.states), len(self.inputs), len(self.outputs)
         shapes = f"A {(n, n)}, B {(n, m)}, C {(p, n)}, D {(p, m)}"
-        named = "; ".join(
-            f"{what} {', '.join(dict.fromkeys(name.partition('[')[0] for name in names)) or 'none'}"
-            for what, names in (("states", self.states), ("inputs", self.inputs), ("outputs", self.outputs))
-        )
+        of = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
+        known = {what: dict.fromkeys(name.partition("[")[0] for name in names) for what, names in of.items()}
+        named = "; ".join(f"{what} {', '.join(names) or 'none'}" for what, names in known.items())
         return f"Linearization(t = {self.time:g} s: {shapes}; {named})"
 
     def __iter__(self) -> Iterator[Array]:

@@ -120,12 +120,10 @@ class EnsembleResult:
         self.samples = Arrays({n: a for n, a in arrays.items() if n in varied_rows(scene)}, "no key that varies")
         self.final = self._of(shown, "_final", "the end of the runs is not kept")
         self.all = self._of(shown, "", "not all of the runs is kept")
-        self.mean, self.std, self.covariance, self.quantiles = (
-            self._of(shown, end, "statistics are not kept") for end in ("_mean", "_std", "_covariance", "_quantiles")
-        )
-        self.counts, self.first = (
-            self._of((*scene.events,), end, "no event of that name") for end in (names.COUNT, names.FIRST)
-        )
+        ends, missing = ("_mean", "_std", "_covariance", "_quantiles"), "statistics are not kept"
+        self.mean, self.std, self.covariance, self.quantiles = (self._of(shown, end, missing) for end in ends)
+        events, missing = (*scene.events,), "no event of that name"
+        self.counts, self.first = (self._of(events, end, missing) for end in (names.COUNT, names.FIRST))
 
     def _of(self, shown: tuple[str, ...], end: str, missing: str) -> Arrays:
         return Arrays({n: self._arrays[n + end] for n in shown if n + end in self._arrays}, missing)

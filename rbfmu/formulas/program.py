@@ -94,10 +94,8 @@ class Program:
         self.sums: list[Sum] = []
         for i in reached:
             self._take(i)
-        self.levels = [
-            tuple(i for i in reached if self.level_of.get(i) == n)
-            for n in range(max(self.level_of.values(), default=0) + 1)
-        ]
+        count = max(self.level_of.values(), default=0) + 1
+        self.levels = [tuple(i for i in reached if self.level_of.get(i) == n) for n in range(count)]
         kinds = {i: graph.operations[i] for i in reached}
         self.sides = tuple(i for i, x in kinds.items() if x.kind == "side" and x.of[0] in self.level_of)
         self.touching = tuple(i for i, x in kinds.items() if x.kind in ("sqrt", "atan2") and x.of[-1] in self.level_of)

@@ -91,10 +91,9 @@ class FormulaModel:
     @property
     def own_rows(self) -> dict[str, Output]:
         """Return the rows of the outputs of one's own by name, each with its formula in its meaning."""
-        return {
-            name: own_output(name, self.own_outputs[name], one.unit, " = ".join(filter(None, (one.about, one.value))))
-            for name, one in self.scene.outputs.own.items()
-        }
+        own = self.scene.outputs.own.items()
+        meanings = {name: " = ".join(filter(None, (one.about, one.value))) for name, one in own}
+        return {name: own_output(name, self.own_outputs[name], one.unit, meanings[name]) for name, one in own}
 
     def keys_of(self, operation: int) -> list[str]:
         """Return the keys of the formulas that an operation is part of."""
@@ -144,9 +143,8 @@ class FormulaModel:
         found: dict[int, dict[int, Any]] = {}
         for element, x in by_element({name: value for name, value in self.shown.items() if self.follows(name)}):
             slopes = zip(inputs, gradient(x, leaves), strict=True)
-            found[self.place(element)] = {
-                self.place(name): dx for name, dx in slopes if isinstance(dx, Symbol) or dx != 0.0
-            }
+            known = ((self.place(name), dx) for name, dx in slopes if isinstance(dx, Symbol) or dx != 0.0)
+            found[self.place(element)] = dict(known)
         return found
 
     @cached_property

@@ -107,10 +107,8 @@ def _spins_unseen(start: BodyAtStart) -> bool:
     M, arm = np.array(body.inertia), np.array(body.arm_b)
     axial = M - interpreted(splitting.transverse_moment)(body.inertia) * np.eye(3)  # (I_s - I_t) s s^T
     torque = np.array(loads.torque_b) + np.cross(arm, loads.force_b)
-    return all(
-        np.linalg.norm(axial @ v) >= (1.0 - 1e-12) * np.linalg.norm(axial) * np.linalg.norm(v)
-        for v in (arm, torque, np.array(loads.force_b))
-    )
+    norm = np.linalg.norm
+    return all(norm(axial @ v) >= (1.0 - 1e-12) * norm(axial) * norm(v) for v in (arm, torque, np.array(loads.force_b)))
 
 
 # Settings, one after another

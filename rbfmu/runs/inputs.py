@@ -150,10 +150,8 @@ def _read(path: Path, scene: Scene, faults: list[str]) -> InputTables:
         faults.append("no rows: expected a header, and a row of numbers a time")
         return {}
     ports = dict.fromkeys(known[name] for name in flat if name != "time")
-    return {
-        port: InputTable(flat["time"], np.stack([flat[name] for name in known if known[name] == port], axis=1))
-        for port in ports
-    }
+    columns = {port: [flat[name] for name in known if known[name] == port] for port in ports}
+    return {port: InputTable(flat["time"], np.stack(own, axis=1)) for port, own in columns.items()}
 
 
 def _faults_of_names(known: Mapping[str, str], names: Sequence[str]) -> Iterator[tuple[str, str]]:
