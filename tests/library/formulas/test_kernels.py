@@ -43,9 +43,12 @@ def test_a_plan_of_another_scene_runs_what_the_scene_says(change):
         np.testing.assert_allclose(found[name], rows, atol=1e-7)
 
 
-@pytest.mark.parametrize("change", [{"initial.omega_b": [0.3, 0.0, 0.1]}, {"body.mass": 2.0}, {"run.step": 0.1}])
+@pytest.mark.parametrize("change", [
+    {"initial.omega_b": [0.3, 0.0, 0.1]}, {"body.mass": 2.0}, {"run.step": 0.1},
+    {"constants.c": 0.2}, {"constants.c": 0.0},
+])  # fmt: skip
 def test_kernels_hold_for_other_numbers(change):
-    one = rbfmu.Scene.from_dict(TABLES)
+    one = rbfmu.Scene.from_dict(TABLES | {"constants": {"c": 0.1}, "formulas": {"gain": "c"}})
     planned = rbfmu.plan(one)
     assert planned.of_scene(one.replace(change)) is planned
 
