@@ -114,8 +114,8 @@ def mrp_shadow(sigma: Vec3) -> Vec3:
     """
     s = scale_for_squares(vec3.largest_component(sigma))
     v = vec3.scale(s, sigma)
-    factor = math.nan if mrp_is_singular(sigma) else -s / vec3.dot(v, v)
-    return vec3.scale(factor, v)
+    factor = math.nan if mrp_is_singular(sigma) else -1.0 / vec3.dot(v, v)
+    return vec3.scale(s, vec3.scale(factor, v))
 
 
 @kernel

@@ -176,7 +176,8 @@ def test_no_rotation_has_no_shadow_and_half_a_turn_is_no_trouble():
     with pytest.warns(RuntimeWarning, match="mrp_shadow: some of these parameters are 0"):
         assert np.isnan(rbfmu.mrp_shadow([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])).all(axis=1).tolist() == [True, False]
     assert rodrigues.mrp_from_quaternion((0.0, 0.0, 3.0, 0.0)) == (0.0, 1.0, 0.0)
-    assert rodrigues.mrp_shadow((1e-200, 0.0, 0.0)) == pytest.approx((-1e200, 0.0, 0.0), rel=4.0 * EPS)
+    for size in (1e-299, 1e-250, 1e-200, 1e200, 1e300):
+        assert rodrigues.mrp_shadow((size, 0.0, 0.0)) == pytest.approx((-1 / size, 0.0, 0.0), rel=4.0 * EPS, abs=0.0)
     assert np.isnan(rodrigues.mrp_from_quaternion((0.0, 0.0, 0.0, 0.0))).all()
 
 
