@@ -24,7 +24,7 @@ def vector_rate(R_ab: Matrix, omega_ab_b: Vec3, u_b: Vec3, du_b: Vec3) -> Vec3:
 
     Units: u_b any; du_b and the result that unit per s; omega_ab_b in rad/s.
     Frames: u_b, its rate du_b as seen from b, and omega_ab_b in b; the result in a.
-    Error <= 2 eps (|du| + |omega| |u|).  Singular: nowhere.  Source: E&G 6.8.6.
+    Error <= 3 eps (|du| + |omega| |u|).  Singular: nowhere.  Source: E&G 6.8.6.
     """
     return transform(R_ab, add(du_b, cross(omega_ab_b, u_b)))
 

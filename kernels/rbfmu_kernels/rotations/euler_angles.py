@@ -82,8 +82,8 @@ def quaternion_from_euler(seq: int, angles: Vec3) -> Quaternion:
     """Return q_ab = q_i(angle 1) q_j(angle 2) q_k(angle 3).
 
     seq is a sequence's constant, for array functions its name.
-    Units: angles in rad, of any size; q_ab is dimensionless.  Frames: q_ab takes coordinates in b to a.
-    Error <= 1.5 eps.  Singular: nowhere.  Source: E&G 6.5.
+    Units: angles in rad; q_ab is dimensionless.  Frames: q_ab takes coordinates in b to a.
+    Error <= 2 eps to angles of 4e5, then that of `sincos`.  Singular: nowhere.  Source: E&G 6.5.
     """
     i, j, k, _ = _axes(seq)
     a1, a2, a3 = _order(seq, angles)
@@ -105,8 +105,8 @@ def matrix_from_euler(seq: int, angles: Vec3) -> Matrix:
     """Return R_ab = R_i(angle 1) R_j(angle 2) R_k(angle 3).
 
     seq is a sequence's constant, for array functions its name.
-    Units: angles in rad, of any size; R_ab is dimensionless.  Frames: R_ab takes coordinates in b to a.
-    Error <= 3 eps.  Singular: nowhere.  Source: E&G 6.5.
+    Units: angles in rad; R_ab is dimensionless.  Frames: R_ab takes coordinates in b to a.
+    Error <= 4 eps to angles of 4e5, then that of `sincos`.  Singular: nowhere.  Source: E&G 6.5.
     """
     return matrix_from_quaternion(quaternion_from_euler(seq, angles))
 
@@ -118,7 +118,7 @@ def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
     seq is a sequence's constant, for array functions its name.
     Units: angles in rad; q_ab has either sign and any length from 1e-75 to 1e75.
     Frames: q_ab takes coordinates in b to a.
-    Error <= 4 eps in the rotation, 2 eps in the middle angle.
+    Error <= 5 eps in the rotation, 3 eps in the middle angle.
     Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0.
     Source: Bernardes & Viollet 2022; E&G 6.5.
     """
@@ -186,7 +186,7 @@ def euler_from_matrix(seq: int, R_ab: Matrix) -> Vec3:
 
     seq is a sequence's constant, for array functions its name.
     Units: angles in rad; R_ab is a rotation to round-off.  Frames: R_ab takes coordinates in b to a.
-    Error <= 4 eps in the rotation, 2 eps in the middle angle.
+    Error <= 5 eps in the rotation, 4 eps in the middle angle.
     Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0; where det R_ab <= 0, as of
     a reflection, NaN.
     Source: Bernardes & Viollet 2022; E&G 6.5.
@@ -228,7 +228,8 @@ def euler_rate_matrix_a(seq: int, angles: Vec3) -> Matrix:
 
     seq is a sequence's constant, for array functions its name.
     Units: angles in rad; E_a is dimensionless.  Frames: the columns in a.
-    Error <= 1 eps.  Singular: nowhere; E_a has no inverse in gimbal lock.  Source: E&G 6.9.
+    Error <= 1 eps to angles of 2e5, then that of `sincos`.
+    Singular: nowhere; E_a has no inverse in gimbal lock.  Source: E&G 6.9.
     """
     i, j, k, _ = _axes(seq)
     a1, a2, _ = _order(seq, angles)
@@ -242,7 +243,8 @@ def euler_rate_matrix_b(seq: int, angles: Vec3) -> Matrix:
 
     seq is a sequence's constant, for array functions its name.
     Units: angles in rad; E_b is dimensionless.  Frames: the columns in b.
-    Error <= 1 eps.  Singular: nowhere; E_b has no inverse in gimbal lock.  Source: E&G 6.9.
+    Error <= 1 eps to angles of 2e5, then that of `sincos`.
+    Singular: nowhere; E_b has no inverse in gimbal lock.  Source: E&G 6.9.
     """
     i, j, k, _ = _axes(seq)
     _, a2, a3 = _order(seq, angles)
@@ -265,7 +267,7 @@ def euler_rate_a(seq: int, angles: Vec3, omega_ab_a: Vec3) -> Vec3:
 
     seq is a sequence's constant, for array functions its name.
     Units: angles in rad, omega_ab_a and the result in rad/s.  Frames: omega_ab_a in a.
-    Error <= 2 eps |omega| / |det E|.
+    Error <= 4 eps |omega| / |det E|.
     Singular: in gimbal lock, |det E| < 4 eps; not finite only where det E is 0 in floating point.  Source: E&G 6.9.
     """
     i, j, k, _ = _axes(seq)
@@ -279,7 +281,7 @@ def euler_rate_b(seq: int, angles: Vec3, omega_ab_b: Vec3) -> Vec3:
 
     seq is a sequence's constant, for array functions its name.
     Units: angles in rad, omega_ab_b and the result in rad/s.  Frames: omega_ab_b in b.
-    Error <= 2 eps |omega| / |det E|.
+    Error <= 4 eps |omega| / |det E|.
     Singular: in gimbal lock, |det E| < 4 eps; not finite only where det E is 0 in floating point.  Source: E&G 6.9.
     """
     i, j, k, _ = _axes(seq)

@@ -40,7 +40,7 @@ def quaternion_from_gibbs(g: Vec3) -> Quaternion:
     """Return q_ab = (1, g) / sqrt(1 + |g|^2), with eta > 0.
 
     Units: dimensionless.  Frames: g is the same in a and b; q_ab takes coordinates in b to a.
-    Error <= 1.2 eps.  Singular: nowhere; half a turn has no finite g.  Source: E&G 6.7.
+    Error <= 1.8 eps.  Singular: nowhere; half a turn has no finite g.  Source: E&G 6.7.
     """
     return normalize((1.0, *g))
 
@@ -51,7 +51,7 @@ def gibbs_rate_a(g: Vec3, omega_ab_a: Vec3) -> Vec3:
 
     Units: g is dimensionless, omega_ab_a in rad/s, the result in 1/s.  Frames: omega_ab_a in a; g is the same in a
     and b.
-    Error <= 1 eps |omega| (1 + |g|^2).  Singular: nowhere; half a turn has no finite g.  Source: E&G 6.9.
+    Error <= 1.5 eps |omega| (1 + |g|^2).  Singular: nowhere; half a turn has no finite g.  Source: E&G 6.9.
     """
     return _gibbs_rate(g, vec3.cross(omega_ab_a, g), omega_ab_a)
 
@@ -62,7 +62,7 @@ def gibbs_rate_b(g: Vec3, omega_ab_b: Vec3) -> Vec3:
 
     Units: g is dimensionless, omega_ab_b in rad/s, the result in 1/s.  Frames: omega_ab_b in b; g is the same in a
     and b.
-    Error <= 1 eps |omega| (1 + |g|^2).  Singular: nowhere; half a turn has no finite g.  Source: E&G 6.9.
+    Error <= 1.5 eps |omega| (1 + |g|^2).  Singular: nowhere; half a turn has no finite g.  Source: E&G 6.9.
     """
     return _gibbs_rate(g, vec3.cross(g, omega_ab_b), omega_ab_b)
 
@@ -79,7 +79,7 @@ def mrp_from_quaternion(q_ab: Quaternion) -> Vec3:
 
     Units: dimensionless; q_ab has either sign and any length from 1e-150 to 1e150.  Frames: sigma is the same in a
     and b.
-    Error <= 1.5 eps |sigma|.  Singular: at half a turn sigma is one of two; the zero quaternion gives NaN.
+    Error <= 2.3 eps |sigma|.  Singular: at half a turn sigma is one of two; the zero quaternion gives NaN.
     Source: H. Schaub, J. L. Junkins, Analytical Mechanics of Space Systems, 3.6.
     """
     s = scale_for_squares(largest_of(q_ab))
@@ -95,7 +95,7 @@ def quaternion_from_mrp(sigma: Vec3) -> Quaternion:
 
     Units: dimensionless; |sigma| is up to 1e150.  Frames: sigma is the same in a and b; q_ab takes coordinates in b
     to a.
-    Error <= 1.5 eps.  Singular: nowhere; a full turn has no finite sigma.  Source: Schaub and Junkins 3.6.
+    Error <= 2.4 eps.  Singular: nowhere; a full turn has no finite sigma.  Source: Schaub and Junkins 3.6.
     """
     square = vec3.dot(sigma, sigma)
     s = 1.0 / (1.0 + square)
@@ -108,7 +108,7 @@ def mrp_shadow(sigma: Vec3) -> Vec3:
 
     In a motion whose sigma passes |sigma| = 1, it goes on from the shadow, so that |sigma| stays below 1.
     Units: dimensionless.  Frames: sigma and the result are the same in a and b.
-    Error <= 2 eps of the result's length.
+    Error <= 2.5 eps of the result's length.
     Singular: of no rotation, |sigma| < 1e-300, the shadow is a full turn and gives NaN.
     Source: Schaub and Junkins 3.6.
     """
@@ -130,7 +130,7 @@ def mrp_rate_a(sigma: Vec3, omega_ab_a: Vec3) -> Vec3:
 
     Units: sigma is dimensionless, omega_ab_a in rad/s, the result in 1/s.  Frames: omega_ab_a in a; sigma is the same
     in a and b.
-    Error <= 1 eps |omega| (1 + |sigma|^2).  Singular: nowhere; a full turn has no finite sigma.
+    Error <= 2 eps |omega| (1 + |sigma|^2).  Singular: nowhere; a full turn has no finite sigma.
     Source: Schaub and Junkins 3.6.
     """
     return _mrp_rate(sigma, vec3.cross(omega_ab_a, sigma), omega_ab_a)
@@ -142,7 +142,7 @@ def mrp_rate_b(sigma: Vec3, omega_ab_b: Vec3) -> Vec3:
 
     Units: sigma is dimensionless, omega_ab_b in rad/s, the result in 1/s.  Frames: omega_ab_b in b; sigma is the same
     in a and b.
-    Error <= 1 eps |omega| (1 + |sigma|^2).  Singular: nowhere; a full turn has no finite sigma.
+    Error <= 2 eps |omega| (1 + |sigma|^2).  Singular: nowhere; a full turn has no finite sigma.
     Source: Schaub and Junkins 3.6.
     """
     return _mrp_rate(sigma, vec3.cross(sigma, omega_ab_b), omega_ab_b)

@@ -65,7 +65,7 @@ def largest_component(v: Vec3) -> float:
 def norm(v: Vec3) -> float:
     """Return the length |v|.
 
-    Units: any; v may have any size.  Error <= 1 eps.
+    Units: any; v may have any size.  Error <= 1.3 eps.
     """
     s = scale_for_squares(largest_component(v))
     scaled = scale(s, v)

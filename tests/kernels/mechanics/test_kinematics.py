@@ -44,7 +44,7 @@ LAWS = [
     Law(kinematics.compose_omega, lambda w, R, v: exact.add(w, exact.apply(R, v)), rows(A, MATRICES, B), 2.0,
         lambda w, R, v: sizes(w, v)),
     Law(kinematics.vector_rate, lambda R, w, u, du: exact.apply(R, exact.add(du, exact.cross(w, u))),
-        rows(MATRICES, A, B, C), 2.0, lambda R, w, u, du: sizes(du) + exact.norm(w) * exact.norm(u)),
+        rows(MATRICES, A, B, C), 3.0, lambda R, w, u, du: sizes(du) + exact.norm(w) * exact.norm(u)),
     Law(kinematics.point_velocity, lambda v, w, r, dr: exact.add(v, exact.cross(w, r), dr), rows(A, B, C, D), 1.5,
         lambda v, w, r, dr: sizes(v, dr) + exact.norm(w) * exact.norm(r)),
     Law(kinematics.point_acceleration, point_acceleration, rows(A, B, C, D, E, F), 3.0, size_of_acceleration),

@@ -27,7 +27,7 @@ def rate(q_db, omega_ad_d, omega_ab_b):
 
 LAWS = [
     Law(quaternion.attitude_error, error, lambda: list(zip(DESIRED, ACTUAL, strict=True)), 1.2, measure=up_to_sign),
-    Law(quaternion.attitude_error_rate, rate, lambda: list(zip(DESIRED, OF_DESIRED, OF_BODY, strict=True)), 3.0,
+    Law(quaternion.attitude_error_rate, rate, lambda: list(zip(DESIRED, OF_DESIRED, OF_BODY, strict=True)), 6.0,
         lambda q, omega_ad, omega_ab: exact.norm(omega_ad) + exact.norm(omega_ab)),
 ]  # fmt: skip
 

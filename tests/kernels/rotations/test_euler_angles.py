@@ -82,17 +82,17 @@ def rebuilt(value, truth, scale):
 
 
 LAWS = [
-    Law(euler.quaternion_from_euler, exact_matrix, all_cases, 1.5,
+    Law(euler.quaternion_from_euler, exact_matrix, all_cases, 2.0,
         measure=lambda q, matrix, _: exact.error(exact.matrix_from_quaternion(exact.exact(q)), matrix, 2)),
-    Law(euler.matrix_from_euler, exact_matrix, all_cases, 3.0),
-    Law(euler.euler_from_quaternion, lambda seq, q: (seq, exact.matrix_from_quaternion(q)), with_quaternions, 4.0,
+    Law(euler.matrix_from_euler, exact_matrix, all_cases, 4.0),
+    Law(euler.euler_from_quaternion, lambda seq, q: (seq, exact.matrix_from_quaternion(q)), with_quaternions, 5.0,
         measure=rebuilt),
-    Law(euler.euler_from_matrix, lambda seq, R: (seq, R), with_rotations, 4.0, measure=rebuilt),
+    Law(euler.euler_from_matrix, lambda seq, R: (seq, R), with_rotations, 5.0, measure=rebuilt),
     Law(euler.euler_rate_matrix_a, lambda seq, a: exact.euler_rate_matrix_a(NAME[seq], a), all_cases, 1.0),
     Law(euler.euler_rate_matrix_b, lambda seq, a: exact.euler_rate_matrix_b(NAME[seq], a), all_cases, 1.0),
-    Law(euler.euler_rate_a, lambda seq, a, w: exact.solve(exact.euler_rate_matrix_a(NAME[seq], a), w), with_omegas, 2.0,
+    Law(euler.euler_rate_a, lambda seq, a, w: exact.solve(exact.euler_rate_matrix_a(NAME[seq], a), w), with_omegas, 4.0,
         omega_over_determinant),
-    Law(euler.euler_rate_b, lambda seq, a, w: exact.solve(exact.euler_rate_matrix_b(NAME[seq], a), w), with_omegas, 2.0,
+    Law(euler.euler_rate_b, lambda seq, a, w: exact.solve(exact.euler_rate_matrix_b(NAME[seq], a), w), with_omegas, 4.0,
         omega_over_determinant),
 ]  # fmt: skip
 

@@ -59,22 +59,22 @@ def scaled():
 
 ALONG = (0.0, 0.2, 0.5, 0.8, 1.0)
 LAWS = [
-    Law(quaternion.compose_quaternions, exact.compose_quaternions, lambda: PAIRS, 1.2),
+    Law(quaternion.compose_quaternions, exact.compose_quaternions, lambda: PAIRS, 2.0),
     Law(quaternion.invert_quaternion, conjugate, lambda: [(q,) for q in QUATERNIONS], 0.0),
-    Law(quaternion.normalize, exact.unit, scaled, 1.2),
-    Law(quaternion.rotate, lambda q, v: exact.apply(exact.matrix_from_quaternion(q), v), lambda: WITH_VECTORS, 3.0,
+    Law(quaternion.normalize, exact.unit, scaled, 1.8),
+    Law(quaternion.rotate, lambda q, v: exact.apply(exact.matrix_from_quaternion(q), v), lambda: WITH_VECTORS, 5.0,
         norm_of_second),
-    Law(quaternion.slerp, exact.slerp, lambda: [(*pair, s) for pair in apart() for s in ALONG], 3.0),
+    Law(quaternion.slerp, exact.slerp, lambda: [(*pair, s) for pair in apart() for s in ALONG], 4.0),
     Law(quaternion.angle_between, exact.angle_between, lambda: [pair for pair in apart() if far_enough(*pair)], 2.5,
         exact.angle_between),
-    Law(quaternion.quaternion_rate_a, lambda q, w: exact.compose_quaternions(half_of(w), q), lambda: WITH_VECTORS, 0.7,
+    Law(quaternion.quaternion_rate_a, lambda q, w: exact.compose_quaternions(half_of(w), q), lambda: WITH_VECTORS, 0.75,
         norm_of_second),
-    Law(quaternion.quaternion_rate_b, lambda q, w: exact.compose_quaternions(q, half_of(w)), lambda: WITH_VECTORS, 0.7,
+    Law(quaternion.quaternion_rate_b, lambda q, w: exact.compose_quaternions(q, half_of(w)), lambda: WITH_VECTORS, 0.75,
         norm_of_second),
     Law(quaternion.omega_a_from_quaternion_rate,
-        lambda q, dq: exact.scaled(2, exact.compose_quaternions(dq, conjugate(q))[1:]), lambda: PAIRS, 2.0),
+        lambda q, dq: exact.scaled(2, exact.compose_quaternions(dq, conjugate(q))[1:]), lambda: PAIRS, 3.0),
     Law(quaternion.omega_b_from_quaternion_rate,
-        lambda q, dq: exact.scaled(2, exact.compose_quaternions(conjugate(q), dq)[1:]), lambda: PAIRS, 2.0),
+        lambda q, dq: exact.scaled(2, exact.compose_quaternions(conjugate(q), dq)[1:]), lambda: PAIRS, 3.0),
 ]  # fmt: skip
 
 

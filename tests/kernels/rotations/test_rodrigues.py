@@ -93,16 +93,16 @@ def each(cases):
 TURNED = [p for p in PARAMETERS if any(p)]
 LAWS = [
     Law(rodrigues.gibbs_from_quaternion, gibbs, each(NOT_HALF_TURNS), 0.5, lambda q: length(gibbs(q))),
-    Law(rodrigues.quaternion_from_gibbs, quaternion_from_gibbs, each(PARAMETERS), 1.2),
-    Law(rodrigues.gibbs_rate_a, rate_of(gibbs_of_rate, quaternion_from_gibbs, from_left), lambda: MOVING, 1.0,
+    Law(rodrigues.quaternion_from_gibbs, quaternion_from_gibbs, each(PARAMETERS), 1.8),
+    Law(rodrigues.gibbs_rate_a, rate_of(gibbs_of_rate, quaternion_from_gibbs, from_left), lambda: MOVING, 1.5,
         size_of_rate),
     Law(rodrigues.gibbs_rate_b, rate_of(gibbs_of_rate, quaternion_from_gibbs, exact.compose_quaternions),
-        lambda: MOVING, 1.0, size_of_rate),
-    Law(rodrigues.mrp_from_quaternion, mrp, each(QUATERNIONS), 1.5, lambda q: length(mrp(q))),
-    Law(rodrigues.quaternion_from_mrp, quaternion_from_mrp, each(PARAMETERS), 1.5),
-    Law(rodrigues.mrp_shadow, shadow, each(TURNED), 2.0, lambda sigma: 1 / exact.norm(sigma)),
-    Law(rodrigues.mrp_rate_a, rate_of(mrp_of_rate, quaternion_from_mrp, from_left), lambda: MOVING, 1.0, size_of_rate),
-    Law(rodrigues.mrp_rate_b, rate_of(mrp_of_rate, quaternion_from_mrp, exact.compose_quaternions), lambda: MOVING, 1.0,
+        lambda: MOVING, 1.5, size_of_rate),
+    Law(rodrigues.mrp_from_quaternion, mrp, each(QUATERNIONS), 2.3, lambda q: length(mrp(q))),
+    Law(rodrigues.quaternion_from_mrp, quaternion_from_mrp, each(PARAMETERS), 2.4),
+    Law(rodrigues.mrp_shadow, shadow, each(TURNED), 2.5, lambda sigma: 1 / exact.norm(sigma)),
+    Law(rodrigues.mrp_rate_a, rate_of(mrp_of_rate, quaternion_from_mrp, from_left), lambda: MOVING, 2.0, size_of_rate),
+    Law(rodrigues.mrp_rate_b, rate_of(mrp_of_rate, quaternion_from_mrp, exact.compose_quaternions), lambda: MOVING, 2.0,
         size_of_rate),
 ]  # fmt: skip
 

@@ -89,21 +89,21 @@ def rate_b(u, omega):
 
 
 LAWS = [
-    Law(rotation_vector.quaternion_from_rotvec, exact.quaternion_from_rotvec, lambda: [(u,) for u in VECTORS], 1.5),
-    Law(rotation_vector.rotvec_from_quaternion, exact.rotvec_from_quaternion, lambda: [(q,) for q in QUATERNIONS], 2.0,
+    Law(rotation_vector.quaternion_from_rotvec, exact.quaternion_from_rotvec, lambda: [(u,) for u in VECTORS], 2.0),
+    Law(rotation_vector.rotvec_from_quaternion, exact.rotvec_from_quaternion, lambda: [(q,) for q in QUATERNIONS], 2.5,
         lambda q: length(exact.rotvec_from_quaternion(q))),
     Law(rotation_vector.matrix_from_rotvec, lambda u: exact.matrix_from_quaternion(exact.quaternion_from_rotvec(u)),
-        lambda: [(u,) for u in VECTORS], 3.0),
-    Law(rotation_vector.rotvec_from_matrix, before_rounding, lambda: [(R,) for R in MATRICES], 2.5, length_of_vector,
+        lambda: [(u,) for u in VECTORS], 4.0),
+    Law(rotation_vector.rotvec_from_matrix, before_rounding, lambda: [(R,) for R in MATRICES], 4.0, length_of_vector,
         measure=up_to_sign),
     Law(rotation_vector.quaternion_from_axis_angle, quaternion_from_axis_angle, lambda: AXIS_AND_ANGLE, 1.0),
-    Law(rotation_vector.matrix_from_axis_angle, matrix_from_axis_angle, lambda: AXIS_AND_ANGLE, 2.5),
+    Law(rotation_vector.matrix_from_axis_angle, matrix_from_axis_angle, lambda: AXIS_AND_ANGLE, 3.0),
     Law(rotation_vector.axis_angle_from_quaternion, lambda q: axis_and_angle(exact.rotvec_from_quaternion(q)),
-        lambda: [(q,) for q in TURNING], 2.0, measure=in_axis_and_angle),
+        lambda: [(q,) for q in TURNING], 2.5, measure=in_axis_and_angle),
     Law(rotation_vector.axis_angle_from_matrix, lambda R: axis_and_angle(before_rounding(R)),
-        lambda: [(R,) for R, u in zip(MATRICES, VECTORS, strict=True) if any(u)], 3.0, measure=in_axis_and_angle),
-    Law(rotation_vector.rotvec_rate_a, rate_a, lambda: list(zip(VECTORS, OMEGAS, strict=True)), 3.0, norm_of_second),
-    Law(rotation_vector.rotvec_rate_b, rate_b, lambda: list(zip(VECTORS, OMEGAS, strict=True)), 3.0, norm_of_second),
+        lambda: [(R,) for R, u in zip(MATRICES, VECTORS, strict=True) if any(u)], 3.5, measure=in_axis_and_angle),
+    Law(rotation_vector.rotvec_rate_a, rate_a, lambda: list(zip(VECTORS, OMEGAS, strict=True)), 4.0, norm_of_second),
+    Law(rotation_vector.rotvec_rate_b, rate_b, lambda: list(zip(VECTORS, OMEGAS, strict=True)), 4.0, norm_of_second),
 ]  # fmt: skip
 
 
@@ -113,12 +113,13 @@ def test_error_is_as_stated(law):
 
 
 @pytest.mark.parametrize(("kernel", "truth", "bound"), [
-    (rotation_vector.quaternion_from_axis_angle, quaternion_from_axis_angle, 2.0),
-    (rotation_vector.matrix_from_axis_angle, matrix_from_axis_angle, 4.0),
+    (rotation_vector.quaternion_from_axis_angle, quaternion_from_axis_angle, 3.0),
+    (rotation_vector.matrix_from_axis_angle, matrix_from_axis_angle, 5.0),
 ])  # fmt: skip
 def test_an_axis_of_any_length_is_a_direction(kernel, truth, bound):
     sizes = 10.0 ** rng(59).uniform(-140, 140, len(AXIS_AND_ANGLE))
     cases = [(vec3.scale(float(size), k), a) for size, (k, a) in zip(sizes, AXIS_AND_ANGLE, strict=True)]
+    cases.append(((9.683108800683478e-09, -4.1481184077252e-09, 1.0000000000000004), 2.4201851487990953))
     law = Law(kernel, lambda k, a: truth(exact.unit(k), a), lambda: cases, bound)
     assert bound / 3.0 < law.worst()[0] <= bound
 

@@ -6,11 +6,12 @@ from functools import cache
 from typing import Any
 
 from tests.support.references import exact
+from tests.support.references.worst_cases import WORST
 
 
 @dataclass(frozen=True)
 class Law:
-    """`kernel(*case)` is `truth(*case)` within `bound` eps of `scale(*case)`, for every case."""
+    """`kernel(*case)` is `truth(*case)` within `bound` eps of `scale(*case)`, for every case and the worst known."""
 
     kernel: Callable[..., Any]
     truth: Callable[..., Any]
@@ -27,7 +28,7 @@ class Law:
     def worst(self) -> tuple[float, tuple[Any, ...]]:
         """The largest error in eps, and its case."""
         worst, where = -1.0, ()
-        for case in self.cases():
+        for case in [*self.cases(), *([WORST[self.name]] if self.name in WORST else [])]:
             numbers = exact.exact(case)
             error = self.measure(self.kernel(*case), self.truth(*numbers), self.scale(*numbers))
             assert error == error, f"{self.name}{case} is not a number"
