@@ -212,16 +212,20 @@ def _arguments(kind: str, rule: rules.Numbers) -> rules.Rule:
     return rules.Rule(f"{expected}, each {each[0].words}", made)
 
 
+MOST_POINTS = 1_000_000
+"""Of one number, in a grid."""
+
+
 def _points(count: int) -> rules.Rule:
     """Return the rule of the numbers of points of a key with so many components."""
 
     def made(value: object) -> list[int] | None:
         each = list(value) if isinstance(value, list | tuple) else [value] * count
-        found = [n for n in each if isinstance(n, int) and not isinstance(n, bool) and 0 <= n <= 10**6]
+        found = [n for n in each if isinstance(n, int) and not isinstance(n, bool) and 0 <= n <= MOST_POINTS]
         return found if len(found) == len(each) == count else None
 
     several = f", or {count} of them" if count > 1 else ""
-    return rules.Rule(f"a number of points of the grid{several}", made)
+    return rules.Rule(f"a number of points of the grid, at most {MOST_POINTS}{several}", made)
 
 
 def _about_zero(name: str, unit: str) -> rules.Numbers:

@@ -246,7 +246,11 @@ FAULTS = [
     ({"vary": {"body.mass": {"normal": [50, 1], "points": 3}}}, 'expected points in a grid alone: design = "grid"'),
     (
         {"vary": {"body.mass": {"normal": [50, 1], "points": 2.5}}},
-        ".points = 2.5: expected a number of points of the grid",
+        ".points = 2.5: expected a number of points of the grid, at most 1000000",
+    ),
+    (
+        {"vary": {"body.mass": {"normal": [50, 1], "points": 2000000}}},
+        ".points = 2000000: expected a number of points of the grid, at most 1000000",
     ),
     (
         {"vary": {"body.mass": {"normal": [50, 1], "points": 3}}, "ensemble": {"design": "grid", "runs": 7}},
