@@ -46,7 +46,7 @@ class Equations(NamedTuple):
     operations (n, 5): kind, what it is of, and whether it changes. states (m, 3): which operation it is and that of its
     rate, and its group. least: of each group, the least size that its errors are relative to, negative where that alone
     counts. sides (n, 3): operation, whether a series began and ends at its corner. touching (n, 2): what may come down
-    to zero, and the root or angle of it. wanted: operations.
+    to zero, and the root or angle of it. wanted: operations. time: that which is the time, or -1.
     """
 
     operations: Indices
@@ -55,6 +55,7 @@ class Equations(NamedTuple):
     sides: Array
     touching: Indices
     wanted: Indices
+    time: int
 
 
 @kernel
@@ -240,7 +241,8 @@ def _to_corner(equations: Equations, s: Array, longest: float) -> float:
             longest = polynomials.known_until(s[0], touching[m, of] * LENGTH, 1, ORDER, longest, polynomials.ROUGHLY)
     reach = longest
     for i in range(sides.shape[0]):
-        at, skipped = operations[int(sides[i, 0]), 1] * LENGTH, 1 if sides[i, 1] != 0.0 else 0
+        at = operations[int(sides[i, 0]), 1] * LENGTH
+        skipped = 1 if sides[i, 1] != 0.0 or s[0, at] == 0.0 else 0  # the root at the beginning is left out
         root = polynomials.first_root(s[0], at + skipped, 1, ORDER - skipped, 0.0, longest)
         if root < reach:
             reach, corner = root, at
@@ -272,6 +274,21 @@ def _put_states(states: Indices, s: Array, at: dd.DoubleDouble, found: Array) ->
 
 
 @kernel(inline=False)
+def _evaluate_at_row(operations: Indices, time: int, here: Array) -> None:
+    """Set the values of all operations where a row is shown.
+
+    Whoever reads its time reads a double, as conditions do here: five times 0.1 s is not more than 0.5.
+    """
+    exact = here[1, time] if time >= 0 else 0.0
+    if exact != 0.0:
+        here[1, time] = 0.0
+    evaluate(operations, here, 1, True)
+    if exact != 0.0:
+        here[1, time] = exact
+        evaluate(operations, here, 1, False)
+
+
+@kernel(inline=False)
 def formula_motion(
     equations: Equations, times: Array, rows: Array, most: int, s: Array, here: Array, sizes: Array, in_a_hurry: bool
 ) -> tuple[int, float]:
@@ -284,7 +301,7 @@ def formula_motion(
     here: (2, n) values at the start, of numbers and leaves; s: room for their series, (2, n LENGTH); sizes: one for
     each group.
     """
-    operations, states, _, sides, _, wanted = equations
+    operations, states, _, sides, _, wanted, _ = equations
     now, steps, k, end = (times[0, 0], times[1, 0]), 0, 0, times.shape[1]
     half, span, tenth, shortened = now[0], times[0, end - 1] - times[0, 0], 0.0, 0
     unit = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
@@ -312,7 +329,7 @@ def formula_motion(
             if at[0] > longest:
                 break
             _put_states(states, s, at, here)
-            evaluate(operations, here, 1, True)
+            _evaluate_at_row(operations, equations.time, here)
             for m in range(wanted.shape[0]):
                 rows[k, m] = here[0, wanted[m]]
             k += 1

@@ -43,3 +43,21 @@ def test_a_comparison_of_equal_numbers_is_strict_or_not(sign):
     found, holds = rbfmu.simulate(scene), {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
     np.testing.assert_array_equal(found.o, holds[sign](found.time, 1.0))
     np.testing.assert_array_equal(found.not_o, 1.0 - found.o)
+
+
+def test_a_switch_at_a_communication_point_is_that_of_the_time_shown():
+    """Five times 0.1, added up in double-double numbers, is more than 0.5: the plan was refused for round-off."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["alpha_b"]},
+              "loads": {"torque_b": "[where(t > 0.5, 1, 0), 0, 0]"}, "run": {"stop": 1.0, "step": 0.1}}  # fmt: skip
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+    np.testing.assert_array_equal(found.alpha_b[:, 0], found.time > 0.5)
+
+
+def test_a_body_at_rest_is_driven_by_a_table_from_its_first_point_on():
+    """Its norm and the table both have a corner at the start: the motion was said not to be finite."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "tables": {"drive": {"x": [0.0, 2.0], "y": [0.0, 2.0]}},
+              "loads": {"torque_b": "[table(drive, t), 0, 0] - 1e-9*norm(omega_b)*omega_b"},
+              "run": {"stop": 1.0, "step": 0.1, "accuracy": 1e-6}}  # fmt: skip
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+    np.testing.assert_allclose(found.omega_b[:, 0], 0.5 * found.time**2, rtol=0, atol=1e-7)
