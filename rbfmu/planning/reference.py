@@ -66,7 +66,7 @@ def reference_motion(
             equations, times[:, chunk], rows[chunk], most, work, here, sizes, not scene.has_formulas
         )
         if taken == kernels.NOWHERE and scene.has_formulas:
-            raise _leads_nowhere(scene, steps, rows, listed.keys_at_fault(work, sides))
+            raise _leads_nowhere(scene, lately, listed.keys_at_fault(work, sides))
         starts = scene.has_formulas and np.isfinite(rows[0]).all()  # else a start in doubles says what is wrong
         if taken >= 0 and starts and not np.isfinite(rows[chunk]).all():
             raise _not_finite(scene, steps, rows, listed.columns)
@@ -177,12 +177,10 @@ def _not_finite(scene: Scene, steps: Sequence[float], rows: Array, columns: Sequ
     return SceneError(f"run.stop = {scene.run.stop!r}: {said}", scene.name)
 
 
-def _leads_nowhere(scene: Scene, steps: Sequence[float], rows: Array, said: str) -> SceneError:
-    """Return the error for a motion that ends; rows: of its outputs, not finite from then on; said: what fails."""
-    done = int(np.isfinite(rows).all(axis=1).sum()) - 1
-    reached = scene.run.start + sum(steps[: max(done, 0)])
-    expected = f"expected one before t = {reached:.6g} s, where {said}"
-    return SceneError(f"run.stop = {scene.run.stop!r}: {expected}", scene.name)
+def _leads_nowhere(scene: Scene, done: float, said: str) -> SceneError:
+    """Return the error for a motion that ends a time after its start; said: what fails there."""
+    reached = f"t = {scene.run.start + done:.6g} s"
+    return SceneError(f"run.stop = {scene.run.stop!r}: expected one before {reached}, where {said}", scene.name)
 
 
 def _exact_values(formulas: FormulaModel, scene: Scene) -> dict[str, Decimal]:

@@ -295,8 +295,8 @@ def formula_motion(
     """Set rows of what is wanted at increasing times (s, pairs) after the start; return the steps, and how far the
     last of them went: those after half of `most`.
 
-    The steps are -1 beyond `most`, and NOWHERE where numbers are not finite or slide along a corner; in a hurry -1
-    after a fifth of them as well, where these did too little, and the later ones no more than those before.
+    The steps are -1 beyond `most`, and NOWHERE with the time where numbers are not finite or slide along a corner; in a
+    hurry -1 after a fifth of them as well, where these did too little, and the later ones no more than those before.
 
     here: (2, n) values at the start, of numbers and leaves; s: room for their series, (2, n LENGTH); sizes: one for
     each group.
@@ -310,7 +310,7 @@ def formula_motion(
         dd.put(s, n * LENGTH, dd.at(here, n))
     while k < end:
         if not _settled(equations, s, unit):
-            return NOWHERE, 0.0
+            return NOWHERE, now[0]
         longest = min(_longest(equations, sizes, s), 2.0 * span / unit)
         if math.isnan(longest) and sides.shape[0] == 0 and shortened < MOST_SHORTENED:
             unit, shortened = SHORTER * unit, shortened + 1
@@ -319,7 +319,7 @@ def formula_motion(
         steps += 1
         done = now[0] - times[0, 0]
         if not longest > 0.0:
-            return NOWHERE, 0.0
+            return NOWHERE, now[0]
         half = now[0] if steps == most // 2 else half
         tenth = done if steps == most // 10 else tenth
         if steps > most or (in_a_hurry and steps == most // 5 and done < min(ENOUGH * span, STEADY * tenth)):

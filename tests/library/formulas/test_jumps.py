@@ -61,3 +61,18 @@ def test_a_body_at_rest_is_driven_by_a_table_from_its_first_point_on():
               "run": {"stop": 1.0, "step": 0.1, "accuracy": 1e-6}}  # fmt: skip
     found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
     np.testing.assert_allclose(found.omega_b[:, 0], 0.5 * found.time**2, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("load", "at", "why"),
+    [
+        ("abs(t - 2.5)**0.5*[1, 0, 0]", "2.5", "is not finite"),
+        ("[where(omega_b[1] > 0, -1, 1), 0, 0]", "2.1", "slides along a corner"),
+    ],
+)
+def test_where_a_motion_ends_is_said_to_the_time(load, at, why):
+    """It was the last communication point, or point between them, before."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "initial": {"omega_b": [0.1, 0.0, 0.0]},
+              "loads": {"torque_b": load}, "run": {"start": 2.0, "stop": 3.0, "step": 0.5}}  # fmt: skip
+    with pytest.raises(rbfmu.SceneError, match=rf"expected one before t = {at} s, where loads\.torque_b {why}"):
+        rbfmu.simulate(rbfmu.Scene.from_dict(tables))
