@@ -94,4 +94,4 @@ def test_error_is_as_stated_for_many_rotations(name):
     args, truth, scale = CASES[name]
     ours = getattr(rbfmu, name)(*args).reshape(N, -1)
     worst = np.max(np.abs(ours - truth().reshape(N, -1)).max(axis=1) / scale) / EPS
-    assert 0.5 * LAWS[name].bound <= worst <= LAWS[name].bound
+    assert 0.4 * LAWS[name].bound <= worst <= LAWS[name].bound
