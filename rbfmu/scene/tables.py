@@ -119,7 +119,8 @@ _PORTS = rules.names(PORTS).means(
 )
 _KNOWN = rules.names(PARAMETERS)
 _PARAMETERS = rules.Rule(_KNOWN.words, rules.texts, _KNOWN.choice).means(
-    "FMU parameters that an importer will change, so that the plan holds for every value"
+    "FMU parameters that an importer will change, so that the plan holds for every value, constants and NAME_0 of "
+    "states too"
 )
 _ACCURACY = rules.Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
     "largest error over the run: attitude in rad, rates relative to their largest, position and velocity relative to "
