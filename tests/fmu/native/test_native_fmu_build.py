@@ -171,11 +171,15 @@ def test_object_code_is_compiled_once_and_anew_where_the_kept_file_is_damaged(tm
     assert code() == b"first anew"
 
 
-@pytest.mark.parametrize("changed", ["SOURCES", "COMPILER"])
-def test_object_code_of_other_sources_is_not_taken(changed, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("module", "changed", "other"),
+    [(object_code.code_cache, "SOURCES", "others"), (object_code, "COMPILER", Path(__file__))],
+    ids=["sources", "compiler"],
+)
+def test_object_code_of_other_sources_is_not_taken(module, changed, other, tmp_path, monkeypatch):
     monkeypatch.setattr(object_code.numba.config, "CACHE_DIR", str(tmp_path))
     assert object_code.keep_or_compile("a model", lambda: b"first") == b"first"
-    monkeypatch.setattr(object_code, changed, Path(__file__) if changed == "COMPILER" else "others")
+    monkeypatch.setattr(module, changed, other)
     assert object_code.keep_or_compile("a model", lambda: b"second") == b"second"
 
 
