@@ -1,9 +1,6 @@
 """`verify` passes what is right and finds what is wrong: a changed kernel, parameter, step or description."""
 
 import json
-import os
-import subprocess
-import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +11,7 @@ import pytest
 import rbfmu
 import rbfmu_fmu
 from rbfmu_fmu import VerificationError, verify
-from tests.support.paths import ROOT
+from tests.support.command_line import call_by_count
 
 SCENE = {
     "body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.1, 0.2, -0.1]},
@@ -56,9 +53,7 @@ def test_a_seed_is_a_whole_number(seed: Any, fmu: Path) -> None:
 @pytest.mark.thorough
 def test_few_steps_are_verified_without_compiling_them(fmu: Path, tmp_path: Path) -> None:
     """Compiling the step took five seconds, and twenty steps in plain Python take a hundredth of one."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    command = [sys.executable, "-m", "rbfmu", "verify", str(fmu)]
-    subprocess.run(command, env=environment, check=True, capture_output=True, cwd=ROOT)
+    call_by_count(tmp_path, "verify", fmu)
     assert not [*tmp_path.rglob("*.step-*.nbi")]
 
 

@@ -1,9 +1,6 @@
 """Kernels that are plain Python until compiling pays: the same bits before and after, and nothing compiled too soon."""
 
 import math
-import os
-import subprocess
-import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from time import sleep
@@ -21,6 +18,7 @@ from rbfmu_kernels.mechanics.inertia import principal_axes
 from rbfmu_kernels.models.free import FREE_TRIAXIAL
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from rbfmu_kernels.rotations.euler_angles import quaternion_from_euler, zyx
+from tests.support.command_line import call_by_count
 from tests.support.paths import ROOT
 
 M = ((1.0, 0.1, 0.0), (0.1, 2.0, 0.3), (0.0, 0.3, 2.5))
@@ -137,9 +135,7 @@ def test_what_is_kept_is_not_interpreted():
 
 def test_a_run_of_a_closed_form_compiles_nothing(tmp_path):
     """The first run of NASA's brick took 13 s of CPU, nearly all of it for code that ran for a millisecond."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    command = [sys.executable, "-m", "rbfmu", "run", str(SCENE)]
-    subprocess.run(command, env=environment, check=True, capture_output=True, cwd=ROOT)
+    call_by_count(tmp_path, "run", SCENE)
     assert not [*tmp_path.rglob("*.nbi")]
 
 

@@ -26,6 +26,8 @@ def many_quaternions(n, seed):
 N = 200_000
 Q, P = many_quaternions(N, 81), many_quaternions(N, 82)
 V = rng(83).standard_normal((N, 3))
+LONG_Q, LONG_P = (q * rng(seed).uniform(0.5, 2.0, (N, 1)) for q, seed in ((Q, 84), (P, 85)))
+"""The same of any lengths."""
 
 
 def unit(q):
@@ -73,12 +75,12 @@ LENGTHS = length(V)
 R = matrix(Q).astype(float)
 S = matrix(P).astype(float)
 CASES = {
-    "rotate": ((Q, V), lambda: matrix(Q) @ V[..., np.newaxis].astype(Long), LENGTHS),
+    "rotate": ((LONG_Q, V), lambda: matrix(LONG_Q) @ V[..., np.newaxis].astype(Long), LENGTHS),
     "transform": ((R, V), lambda: R.astype(Long) @ V[..., np.newaxis].astype(Long), LENGTHS),
-    "compose_quaternions": ((Q, P), lambda: product(Q, P), 1.0),
+    "compose_quaternions": ((LONG_Q, LONG_P), lambda: product(LONG_Q, LONG_P), length(LONG_Q) * length(LONG_P)),
     "compose_matrices": ((R, S), lambda: R.astype(Long) @ S.astype(Long), 1.0),
-    "normalize": ((7.3 * Q,), lambda: unit(7.3 * Q), 1.0),
-    "matrix_from_quaternion": ((Q,), lambda: matrix(Q), 1.0),
+    "normalize": ((LONG_Q,), lambda: unit(LONG_Q), 1.0),
+    "matrix_from_quaternion": ((LONG_Q,), lambda: matrix(LONG_Q), 1.0),
     "quaternion_from_matrix": ((R,), lambda: with_eta_above_zero(unit(Q)), 1.0),
     "gibbs_from_quaternion": ((Q,), lambda: Q[:, 1:].astype(Long) / Q[:, :1], length(Q[:, 1:] / Q[:, :1])),
     "quaternion_from_gibbs": ((V,), lambda: unit(np.column_stack([np.ones(N), V])), 1.0),
@@ -89,9 +91,24 @@ CASES = {
 }
 
 
+OF_UNIT = {
+    "compose_quaternions": ((Q, P), lambda: product(Q, P), 1.2, "of unit ones 1.2 eps"),
+    "matrix_from_quaternion": ((Q,), lambda: matrix(Q), 2.0, "of a unit q_ab 2 eps"),
+}
+
+
+def worst_of(name, args, truth, scale=1.0):
+    ours = getattr(rbfmu, name)(*args).reshape(N, -1)
+    return np.max(np.abs(ours - truth().reshape(N, -1)).max(axis=1) / scale) / EPS
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_error_is_as_stated_for_many_rotations(name):
-    args, truth, scale = CASES[name]
-    ours = getattr(rbfmu, name)(*args).reshape(N, -1)
-    worst = np.max(np.abs(ours - truth().reshape(N, -1)).max(axis=1) / scale) / EPS
-    assert 0.4 * LAWS[name].bound <= worst <= LAWS[name].bound
+    assert 0.5 * LAWS[name].bound <= worst_of(name, *CASES[name]) <= LAWS[name].bound
+
+
+@pytest.mark.parametrize("name", OF_UNIT)
+def test_error_is_as_stated_for_many_unit_quaternions(name):
+    args, truth, bound, stated = OF_UNIT[name]
+    assert 0.5 * bound <= worst_of(name, args, truth) <= bound
+    assert stated in LAWS[name].kernel.__doc__

@@ -103,7 +103,6 @@ def test_xarray_names_components_whatever_is_kept(keep):
     assert data["parameter"].values.tolist() == ["η", "ε₁", "ε₂", "ε₃"]
 
 
-@pytest.mark.filterwarnings("ignore::UserWarning")
 def test_others_read_the_store(found, tmp_path):
     kept = run(satellite().replace({"ensemble.keep": ["final", "statistics", "all"]}), tmp_path / "store.zarr")
     data = xarray.open_zarr(tmp_path / "store.zarr", consolidated=False)
