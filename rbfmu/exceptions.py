@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 NOT_THE_CALLER = ("rbfmu", "rbfmu_kernels", "rbfmu_fmu", "functools", "contextlib")
 """Packages at whose lines nobody is warned: our own, and what calls functions of ours for us."""
@@ -46,6 +47,13 @@ def warn_caller(message: str, category: type[Warning]) -> None:
     while frame and frame.f_globals.get("__name__", "").partition(".")[0] in NOT_THE_CALLER:
         level, frame = level + 1, frame.f_back
     warnings.warn(message, category, stacklevel=level)
+
+
+def path_of(path: Any, name: str = "path") -> Path:
+    """Return a path as given; raise TypeError where it is none, such as a number of runs."""
+    if not isinstance(path, str | Path):
+        raise TypeError(f"{f'{name} = {path!r}':.120}: expected a path")
+    return Path(path)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rbfmu.exceptions import named
+from rbfmu.exceptions import named, path_of
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import OUTPUT, Output
 
@@ -110,7 +110,7 @@ def with_file(figure: Figure, path: str | Path | None) -> Figure:
     """Return the figure, written to a file where a path is given; its ending (.png, .svg, .pdf) sets the format."""
     if path is not None:
         with named(path):
-            figure.savefig(path, dpi=130)
+            figure.savefig(path_of(path), dpi=130)
     return figure
 
 

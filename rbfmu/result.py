@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from rbfmu.csv_table import read_columns
-from rbfmu.exceptions import named
+from rbfmu.exceptions import named, path_of
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.types import Array, ArrayLike
@@ -170,7 +170,7 @@ class Result:
 
         Raises ValueError where the file has no time, an incomplete quantity or a number that is not finite.
         """
-        path = Path(path)
+        path = path_of(path)
         if path.suffix not in FORMATS:
             raise ValueError(f"{str(path)!r}: expected a name that ends in {ENDINGS}")
         from rbfmu.aem import read_aem  # a run does without
@@ -205,7 +205,7 @@ class Result:
         name, unit and meaning, so that the first keeps one header and serves as an FMU's input in FMPy. Events, if the
         scene has some, stand in a third, `run.events.csv`, a line each in the order of time.
         """
-        path = Path(path)
+        path = path_of(path)
         if path.suffix == ".npz":
             kinds = {EVENTS: self.events, TOUCHES: self.touches}
             events = {f"{kind}{name}": times for kind, found in kinds.items() for name, times in found.items()}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.exceptions import SceneError, named
+from rbfmu.exceptions import SceneError, named, path_of
 from rbfmu.models import formulas, model_buffer, question
 from rbfmu.models.registry import FORMULAS
 from rbfmu.models.varied import TURN, Column, VariedModel
@@ -72,7 +72,7 @@ class Sensitivity:
 
     def save(self, path: str | Path) -> None:
         """Write `.npz` (time, and derivatives by output) or `.csv` (a column `omega_b[1] by constants.k` each)."""
-        path = Path(path)
+        path = path_of(path)
         if path.suffix not in ENDINGS:
             raise ValueError(f"cannot save to {str(path)!r}: the name must end in {' or '.join(ENDINGS)}")
         with named(path):

@@ -5,6 +5,7 @@ import json
 import math
 import struct
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from numbers import Real
 from typing import Any
 from zlib import crc32
@@ -305,10 +306,10 @@ class Simulator:
 
 def _seconds(h: Any) -> float:
     """Return a step as Python's float: the clock would take on the precision of another."""
-    try:
-        return math.ldexp(h, 0)  # unlike float(), takes no text
-    except (TypeError, OverflowError):
-        raise TypeError(fault("h", h, "a number (s); inputs are given by name")) from None
+    with suppress(TypeError, OverflowError):
+        if not isinstance(h, bool | np.bool_):
+            return math.ldexp(h, 0)  # unlike float(), takes no text
+    raise TypeError(fault("h", h, "a number (s); inputs are given by name"))
 
 
 def _reader(row: Output) -> property:

@@ -18,6 +18,7 @@ import pythonfmu
 
 import rbfmu_kernels
 from rbfmu import Plan, Scene
+from rbfmu.exceptions import path_of
 from rbfmu.on_disk import write_whole
 from rbfmu.planning.select import plan
 from rbfmu.scene.scene import of_scene_or_path
@@ -62,14 +63,14 @@ def build(
     freedom; fmi: 2, or 3 of a native FMU; scalars: of FMI 3, no arrays; terminals: list terminals
     in FMI 2 as well, at which some importers fail.
     """
-    version = version_of(fmi, scalars)
+    version, path = version_of(fmi, scalars), path_of(path)
     if kind not in ("python", "pythonfmu", "native"):
         raise ValueError(f'kind = {kind!r}: expected "python" or "native"')
     if kind == "native":
-        return build_native_fmu(scene, plan(scene, full), Path(path), platforms, version, terminals)
+        return build_native_fmu(scene, plan(scene, full), path, platforms, version, terminals)
     if fmi != 2:
         raise ValueError(f'fmi = {fmi}: expected kind = "native" with it, as pythonfmu makes FMUs of FMI 2')
-    return build_python_fmu(scene, plan(scene, full), Path(path), terminals)
+    return build_python_fmu(scene, plan(scene, full), path, terminals)
 
 
 def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], parts: dict[str, bytes]) -> Element:

@@ -16,6 +16,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
 from rbfmu import Plan, Scene, SceneError
+from rbfmu.exceptions import path_of
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import initialize
@@ -70,7 +71,7 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     any difference is a fault of the packing (a wrong place, unit or order of calls) and not one of arithmetic. Inputs
     are random and of about 1 m/s2 and 1 rad/s2, as a port that is wired wrongly shows only where it moves the body.
     """
-    path, seed = Path(path), whole(0, 2**63).read(seed, "seed")
+    path, seed = path_of(path), whole(0, 2**63).read(seed, "seed")
     d, problems = _inside(path)
     run = d.scene.run
     _check_runs_here(path)

@@ -10,6 +10,7 @@ import numpy as np
 from rbfmu.ensembles import attitudes, members, variables as names
 from rbfmu.ensembles.store import Checkpoint
 from rbfmu.ensembles.variables import coordinates, differ, flat, output_rows, variables_of, varied_rows
+from rbfmu.exceptions import path_of
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
@@ -219,7 +220,7 @@ class EnsembleResult:
     @classmethod
     def load(cls, path: str | Path) -> "EnsembleResult":
         """Read a finished store, .npz or .zarr. Raises ValueError where it is none, or where runs are missing."""
-        path = Path(path)
+        path = path_of(path)
         known = Checkpoint.read(_checkpoint(path))
         scene = Scene.from_dict(known.identity["scene"], str(path))
         if known.runs == 0:

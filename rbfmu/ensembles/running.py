@@ -18,7 +18,7 @@ from rbfmu.ensembles import lock, members, planning, result
 from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk, origin, run_chunk
 from rbfmu.ensembles.control import control_of
 from rbfmu.ensembles.store import Store, refuse_existing
-from rbfmu.exceptions import SimulationError, named
+from rbfmu.exceptions import SimulationError, named, path_of
 from rbfmu.extras import needed
 from rbfmu.progress import bar
 from rbfmu.runs.plan import Plan, given
@@ -83,11 +83,12 @@ def check_store(store: str | Path | None, resume: bool) -> None:
     """
     if store is None:
         return
-    if Path(store).suffix not in (".npz", ".zarr"):
+    path = path_of(store, "store")
+    if path.suffix not in (".npz", ".zarr"):
         raise ValueError(f"store = {str(store)!r}: expected a name that ends in .npz or .zarr")
-    if Path(store).suffix == ".zarr":
+    if path.suffix == ".zarr":
         needed("zarr", "ensemble")
-    refuse_existing(Path(store), resume)
+    refuse_existing(path, resume)
 
 
 def _store(work: Work, path: str | Path | None) -> Store:

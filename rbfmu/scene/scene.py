@@ -12,7 +12,7 @@ from typing import Annotated, Any, Concatenate, ParamSpec, Self, TypeVar
 
 import numpy as np
 
-from rbfmu.exceptions import SceneWarning, warn_caller
+from rbfmu.exceptions import SceneWarning, path_of, warn_caller
 from rbfmu.notebook import table
 from rbfmu.scene import own as named
 from rbfmu.scene.body import ZERO, Body
@@ -189,8 +189,8 @@ def _merged(tables: Mapping[str, Any], changes: Mapping[str, Any], dotted: bool 
 
 
 def load_scene(path: str | Path) -> Scene:
-    """Read a scene file (TOML). Raises SceneError with all that is wrong with it."""
-    path = Path(path)
+    """Read a scene file (TOML). Raises SceneError with all that is wrong with it, TypeError for no path."""
+    path = path_of(path)
     return Scene.from_dict(with_description(*read_file(path), path.name), source=str(path))
 
 

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from numba import NumbaError, njit
 
+from rbfmu.exceptions import path_of
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
 from rbfmu_kernels.rotations.quaternion import normalize
 
@@ -79,7 +80,7 @@ _TRIED = (1.0, 0.0, 0.0, 0.0), (0.3, 1.0, 0.2)
 
 def method_of_file(path: str | Path) -> OneStepMethod:
     """Return the method of a file, named as the file is; ValueError says what is wrong with it."""
-    path = Path(path)
+    path = path_of(path)
     try:
         step = runpy.run_path(str(path)).get("step")
         step = getattr(step, "py_func", step)  # compiled as all others are

@@ -19,6 +19,7 @@ from rbfmu.arrays import angle_between, quaternion_from_euler, rotate
 from rbfmu.exceptions import SceneWarning, named
 from rbfmu.extras import needed
 from rbfmu.result import FORMATS, Result
+from rbfmu.runs.inputs import input_tables
 from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, faults_of, load_scene
 from rbfmu.scene.section import fault
 from rbfmu.scene.toml_file import read_file
@@ -313,6 +314,7 @@ def view(
         name = source.name if isinstance(source, Scene) else str(source)
         with faults_of(name if stop is None else f"{name} with stop {stop!r}"):
             shown = loaded if stop is None else loaded.replace(run={"stop": stop})
+            input_tables(shown, inputs, interpolate)  # refused before anything is planned
             motion = motion_of_scene(shown, shape, progress, ghosts, driven)
     if path is not None:
         page = motion.page

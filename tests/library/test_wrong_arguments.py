@@ -48,6 +48,13 @@ WRONG = [
     (lambda: rbfmu.Result.of_rows([{}]), ValueError, "rows[0]: expected time and the same quantities in each"),
     (lambda: rbfmu.Result.of_rows([{"time": 0.0}, {"x": 1}]), ValueError, "rows[1]: expected time and the same"),
     (lambda: RESULT.until("x"), ValueError, "stop = 'x': expected a time from 0.0 s on"),
+    (lambda: rbfmu.run_ensemble(SCENE, 4), TypeError, "store = 4: expected a path"),
+    (lambda: rbfmu.load_scene(4), TypeError, "path = 4: expected a path"),
+    (lambda: RESULT.save(4), TypeError, "path = 4: expected a path"),
+    (lambda: RESULT.plot(4), TypeError, "path = 4: expected a path"),
+    (lambda: rbfmu.Result.load(None), TypeError, "path = None: expected a path"),
+    (lambda: rbfmu.EnsembleResult.load(RESULT), TypeError, "path = Result("),
+    (lambda: rbfmu.Simulator(SCENE).step(True), TypeError, "h = true: expected a number (s)"),
     (lambda: SCENE.replace(3), rbfmu.SceneError, "scene: changes = 3: expected a mapping from keys to their values"),
 ]
 
@@ -69,6 +76,7 @@ SEEN = [
         rbfmu.SceneError,
         "scene with stop 'x': run.stop = \"x\": expected a number (s)",
     ),
+    (lambda: rbfmu.view(SCENE, interpolate="x"), rbfmu.SceneError, "interpolate = \"x\": expected 'hold' or 'linear'"),
 ]
 
 
