@@ -154,10 +154,12 @@ class Listed:
 
     def keys_at_fault(self, work: Array, sides: Array) -> str:
         """Return what is wrong where a motion ends; work, sides: of `kernels.formula_motion` there."""
-        finite = np.isfinite(work[0].reshape(-1, kernels.LENGTH)).all(axis=1)
-        if lost := [i for n, i in enumerate(self.found) if not finite[n] and self.graph.operations[i].kind != "state"]:
-            named = " or ".join(self.formulas.keys_of(lost[0])) or "the motion"
-            return f"{named} is not finite"
+        lost = ~np.isfinite(work[0].reshape(-1, kernels.LENGTH))
+        lost[[self.graph.operations[i].kind == "state" for i in self.found]] = False
+        if lost.any():
+            n = np.argwhere(lost.T)[0, 1]  # of the lowest order; what else is lost may follow from it
+            named = " or ".join(self.formulas.keys_of(self.found[n])) or "the motion"
+            return f"{named} is not finite, or has no finite derivatives"
         sliding = [int(n) for n, begun, _ in sides if begun == kernels.SLIDES]
         if not sliding:
             return "the motion changes ever faster"
