@@ -149,7 +149,7 @@ class Texts:
         try:
             found = self.motion.value(text)
             if shape is not None and shape_of(found) != shape:
-                raise FormulaError(text, 0, "a scalar" if shape == () else "a vector of 3 numbers")
+                raise FormulaError(text, 0, "a scalar" if shape == () else "a vector of 3 numbers, such as [0, 0, t]")
             if shape is None and not key.startswith("formulas") and shape_of(found) not in ((), (3,)):
                 raise FormulaError(text, 0, "a scalar or a vector of 3 numbers")
         except FormulaError as error:

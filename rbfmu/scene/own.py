@@ -226,7 +226,8 @@ EVENTS = NamedTable(
     "stop = true ends the run there",
 )
 PORTS = NamedTable(Port, "a table of inputs", "inputs of one's own, as they stand in `ports`")
-LOAD_FORMULAS = NamedTable(TEXT, "a table of formulas", "loads that are formulas")
+LOAD = Text("a formula in one text, such as [0, 0, 2*k*sin(t)], or a list of those that add up", _text)
+LOAD_FORMULAS = NamedTable(LOAD, "a table of formulas", "loads that are formulas")
 
 
 def is_own(key: str) -> bool:
@@ -252,5 +253,6 @@ def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str
 
 
 def is_formula(name: str, value: object) -> bool:
-    """Return whether a load is given as a formula, or as several that add up."""
-    return name in LOADS and (isinstance(value, str) or bool(rules.texts(value)))
+    """Return whether a load is given as a formula, or as several that add up; it may be wrong as well."""
+    items = value if isinstance(value, list | tuple) else [value]
+    return name in LOADS and any(isinstance(item, str) for item in items)

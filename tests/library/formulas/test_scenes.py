@@ -236,7 +236,8 @@ def test_time_may_begin_at_any_date():
      r"events\.far\.when: expected one of .* in place of off\n.*\n +\^\n"
      r"off is an output: give its formula a name in \[form"),
     ({"loads.torque_b": "3*n*cross(u_c, u_b)"}, r"loads\.torque_b: expected one of .* in place of u_c\n.*\n +\^"),
-    ({"loads.torque_b": "n"}, r"loads\.torque_b: expected a vector of 3 numbers"),
+    ({"loads.torque_b": "n"}, r"loads\.torque_b: expected a vector of 3 numbers, such as \[0, 0, t\]"),
+    ({"loads.torque_b": [0, 0, "n"]}, r'loads\.torque_b = \[0, 0, "n"\]: expected a formula in one text, such as'),
     ({"loads.force_a": 3.0}, r"loads\.force_a = 3\.0"),
     ({"formulas": {"u_b": "v", "v": "2*u_b"}}, r"formulas\.u_b: .* without a circle, not u_b -> v -> u_b"),
     ({"constants": {"n": 1.0, "mass": 1.0}}, r"constants\.mass: expected another name"),
