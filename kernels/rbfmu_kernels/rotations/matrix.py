@@ -215,10 +215,9 @@ def nearest_rotation(R: Matrix) -> Matrix:
         p, spread = _square(p)
         count += 1
     (p00, p01, p02, p03), (p11, p12, p13), (p22, p23), p33 = p
-    q = (p00, p01, p02, p03)
-    q = (p01, p11, p12, p13) if p11 > max(p00, max(p22, p33)) else q
-    q = (p02, p12, p22, p23) if p22 > max(p00, max(p11, p33)) else q
-    q = (p03, p13, p23, p33) if p33 > max(p00, max(p11, p22)) else q
+    first = (p01, p11, p12, p13) if p11 > p00 else (p00, p01, p02, p03)
+    second = (p03, p13, p23, p33) if p33 > p22 else (p02, p12, p22, p23)
+    q = second if max(p22, p33) > max(p00, p11) else first  # of equal ones any, but none that is smaller
     q = _toward_symmetry(normalize(q), M)
     return matrix_from_quaternion(_toward_symmetry(q, M))
 

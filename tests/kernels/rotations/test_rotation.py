@@ -1,5 +1,6 @@
 """Laws of rotation matrices."""
 
+import itertools
 import math
 
 import numpy as np
@@ -113,6 +114,15 @@ def test_nearest_rotation_of_any_size(size):
     for R in MATRICES[::10]:
         scaled = tuple(vec3.scale(size, row) for row in R)
         assert exact.error(matrix.nearest_rotation(scaled), exact.exact(matrix.nearest_rotation(R))) <= 4.0
+
+
+def test_nearest_rotation_of_all_that_take_axes_to_axes():
+    """Half turns such as NED to ENU have equal components of q; reflections have several nearest rotations."""
+    for order, signs in itertools.product(itertools.permutations(range(3)), itertools.product((1.0, -1.0), repeat=3)):
+        M = np.diag(signs)[:, order]
+        R = np.array(matrix.nearest_rotation(exact.rounded(M.tolist())))
+        assert np.trace(R.T @ M) == pytest.approx(3.0 if np.linalg.det(M) > 0.0 else 1.0, abs=8.0 * EPS)
+        assert np.linalg.det(R) == pytest.approx(1.0, abs=4.0 * EPS)
 
 
 def test_nearest_rotation_of_nothing_is_no_rotation():
