@@ -119,7 +119,8 @@ def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
     Units: angles in rad; q_ab has either sign and any length from 1e-75 to 1e75.
     Frames: q_ab takes coordinates in b to a.
     Error <= 5 eps in the rotation, 3 eps in the middle angle.
-    Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0.
+    Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0; the zero quaternion gives
+    NaN.
     Source: Bernardes & Viollet 2022; E&G 6.5.
     """
     i, j, k, _ = _axes(seq)
@@ -129,6 +130,7 @@ def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
     c, d, a, b = _sums(seq, q_ab)
     h_cd, h_ab = c * c + d * d, a * a + b * b
     at_ab, at_cd = h_ab <= _POLE * h_cd, h_cd <= _POLE * h_ab
+    c = math.nan if at_ab and at_cd else c  # of the zero quaternion
     free = -1.0 if seq >= 64 else 1.0  # at a pole: which of the outer angles is zero
     h_ab, a, b = (0.0 if at_ab else h_ab), (c if at_ab else a), (free * d if at_ab else b)
     h_cd, c, d = (0.0 if at_cd else h_cd), (a if at_cd else c), (free * b if at_cd else d)
@@ -136,6 +138,7 @@ def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
         middle = 2.0 * atan2(math.sqrt(h_ab), math.sqrt(h_cd))
     else:
         middle = atan2(2.0 * (q0 * qj + qi * qn), math.sqrt(h_ab * h_cd))
+    middle = math.nan if at_ab and at_cd else middle
     first = atan2(c * b + d * a, c * a - d * b)
     third = atan2(d * a - c * b, c * a + d * b)
     return _order(seq, (_outer(first), middle, _outer(third if proper else p * third)))
@@ -165,7 +168,7 @@ def quaternion_is_at_pole(seq: int, q_ab: Quaternion) -> bool:
     """Return whether the Euler angles of q_ab are at a pole: only a sum or difference of the outer ones counts."""
     c, d, a, b = _sums(seq, q_ab)
     h_cd, h_ab = c * c + d * d, a * a + b * b
-    return h_ab <= _POLE * h_cd or h_cd <= _POLE * h_ab
+    return (h_ab <= _POLE * h_cd) != (h_cd <= _POLE * h_ab)  # both hold of the zero quaternion
 
 
 @kernel

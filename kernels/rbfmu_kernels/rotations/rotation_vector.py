@@ -122,14 +122,16 @@ def axis_angle_from_quaternion(q_ab: Quaternion) -> tuple[Vec3, float]:
 
     Units: theta in rad; q_ab has either sign and any length from 1e-150 to 1e150.  Frames: k is the same in a and b.
     Error <= 2.5 eps in k and relative in theta.
-    Singular: where nothing turns k is (1, 0, 0); at half a turn it is one of two.  Source: E&G 6.7.
+    Singular: where nothing turns k is (1, 0, 0); at half a turn it is one of two; the zero quaternion gives NaN.
+    Source: E&G 6.7.
     """
     s = scale_for_squares(vec3.largest_component(q_ab[1:]))
     eps = vec3.scale(s, q_ab[1:])
     length = math.sqrt(vec3.dot(eps, eps))
     signed = math.copysign(length, q_ab[0])
     x, y, z = vec3.scale(1.0 / signed if length != 0.0 else 0.0, eps)
-    return ((x if length != 0.0 else 1.0, y, z), 2.0 * atan2(length / s, abs(q_ab[0])))
+    one = math.nan if length == 0.0 and q_ab[0] == 0.0 else 1.0
+    return ((x if length != 0.0 else one, one * y, one * z), one * (2.0 * atan2(length / s, abs(q_ab[0]))))
 
 
 @kernel

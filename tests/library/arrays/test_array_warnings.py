@@ -20,6 +20,21 @@ def test_nan_stays_where_it_is_and_nothing_warns():
             assert np.flatnonzero(bad).tolist() == [3]
 
 
+@pytest.mark.parametrize("to", ["matrix", "rotvec", "axis_angle", "mrp", "euler ZYX", "euler zxz"])
+def test_the_zero_quaternion_gives_nan_and_nothing_warns(to):
+    """Not the identity, as which Euler angles and an axis with its angle had it."""
+    name, *seq = to.split()
+    function = getattr(rbfmu, f"{name}_from_quaternion")
+    spoiled = Q.copy()
+    spoiled[60] = 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found, expected = function(*seq, spoiled), function(*seq, Q)
+    for ours, theirs in zip(*(r if isinstance(r, tuple) else (r,) for r in (found, expected)), strict=True):
+        assert np.isnan(ours[60]).all()
+        assert (np.delete(ours, 60, axis=0) == np.delete(theirs, 60, axis=0)).all()
+
+
 @pytest.mark.parametrize(("rate", "omega"), [("euler_rate_a", V), ("euler_rate_b", V[0])])
 def test_singular_euler_rates_warn_of_gimbal_lock(rate, omega):
     angles = np.full((100, 3), 0.3)
