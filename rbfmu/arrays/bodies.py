@@ -10,7 +10,15 @@ from typing import Any
 import numpy as np
 from numba import config
 
-from rbfmu.arrays.from_kernel import array_function, as_floats, clear_error, documented_by, in_order, warn_of_singular
+from rbfmu.arrays.from_kernel import (
+    array_function,
+    as_floats,
+    clear_error,
+    documented_by,
+    in_order,
+    plain_arrays,
+    warn_of_singular,
+)
 from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.exact import free_rotation as _free
 from rbfmu_kernels.mechanics import inertia as _inertia
@@ -87,6 +95,7 @@ _at = array_function(_free.free_rotation_at)
 def free_rotation(*args: Any, **kwargs: Any) -> Any:
     args, kwargs = in_order(_free.free_rotation, args, kwargs)
     try:
+        args = plain_arrays(args, 4)
         if not kwargs and (found := _in_lanes(*args)):
             return found
         if len(args) < 4 or np.ndim(args[3]) == 0 or not _times_exceed_bodies(*args[:4]):
@@ -101,9 +110,8 @@ def _times_exceed_bodies(moments: ArrayLike, q_0: ArrayLike, omega_b_0: ArrayLik
     return math.prod(np.broadcast_shapes(bodies, np.shape(t))) > math.prod(bodies)
 
 
-def _in_lanes(*args: ArrayLike) -> tuple[Array, Array] | None:
+def _in_lanes(*arrays: Array) -> tuple[Array, Array] | None:
     """Return the motions (..., n, 4) and (..., n, 3) of bodies (..., 1) at n times; None where they are not such."""
-    arrays = [np.asarray(a) for a in args]
     if config.DISABLE_JIT or len(arrays) != 4 or any(a.dtype.kind not in "iuf" for a in arrays):
         return None
     if any(a.shape[-1:] != (n,) for a, n in zip(arrays, (3, 4, 3), strict=False)):

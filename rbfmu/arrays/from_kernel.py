@@ -3,6 +3,7 @@
 import inspect
 import itertools
 import math
+import reprlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
@@ -63,12 +64,13 @@ def array_function(kernel: Function, *constants: int, singular: Singular | None 
         if loops is None:
             loops = gufuncs(Item(kernel, constants, singular))
         pool = _pool  # another thread may set it meanwhile
-        few = pool is None or _are_few(args, limits)
         try:
+            given = plain_arrays(args, len(limits))
+            few = pool is None or _are_few(given, limits)
             if report is None:
-                return loops[0](*args, **kwargs) if few else _in_threads(pool, loops, kernel, args, kwargs)
+                return loops[0](*given, **kwargs) if few else _in_threads(pool, loops, kernel, given, kwargs)
             mark = np.zeros(())
-            result = loops[0](mark, *args, **kwargs) if few else _in_threads(pool, loops, kernel, args, kwargs, mark)
+            result = loops[0](mark, *given, **kwargs) if few else _in_threads(pool, loops, kernel, given, kwargs, mark)
             if mark:
                 report()
             return result
@@ -103,6 +105,24 @@ def sequence_function(kernel: Function, singular: Singular | None = None, warnin
         return function(*args, **kwargs)
 
     return call
+
+
+def plain_arrays(args: Arguments, count: int) -> Arguments:
+    """Return arguments with the first `count` as NumPy's own arrays.
+
+    Tables of pandas and xarray would make the call themselves: they align labels, and name shapes that nobody gave.
+    """
+    given = [a if type(a) is np.ndarray else _plain_array(a) for a in args[:count]]
+    return (*given, *args[count:])
+
+
+def _plain_array(value: object) -> Array:
+    if isinstance(value, np.ma.MaskedArray):
+        raise ValueError(MASKED)
+    return np.asarray(value)
+
+
+MASKED = "must have no mask; x.filled(np.nan) of such an array x gives NaN where it is masked"
 
 
 def _are_few(args: Arguments, limits: list[tuple[int, int]]) -> bool:
@@ -207,17 +227,23 @@ def _in_brackets(shape: Shape) -> str:
     return f"({', '.join(map(str, shape))})"
 
 
+def _names(kernel: Function) -> list[str]:
+    """Return the names of all arguments, that of a sequence of Euler angles among them."""
+    return [*inspect.signature(python_function(kernel)).parameters]
+
+
 def in_order(kernel: Function, args: Arguments, kwargs: Keywords) -> tuple[Arguments, Keywords]:
     """Put arguments given by name in their places. What is left of the keywords is NumPy's, such as `out`."""
     if kwargs.keys() <= _NUMPY_KEYWORDS:
         return args, kwargs
     name, names = python_function(kernel).__name__, list(core_shapes(kernel)[0])
+    known = f"arguments are {', '.join(_names(kernel))}, out"
     if unknown := [key for key in kwargs if key not in names and key not in _NUMPY_KEYWORDS]:
-        raise TypeError(f"{name}: unexpected keyword {unknown[0]!r}; arguments are {', '.join(names)}, out")
+        raise TypeError(f"{name}: unexpected keyword {unknown[0]!r}; {known}")
     if twice := [key for key in names[: len(args)] if key in kwargs]:
         raise TypeError(f"{name}: {twice[0]} is given twice, by position and by name")
     if missing := [key for key in names[len(args) :] if key not in kwargs]:
-        raise TypeError(f"{name}: {' and '.join(missing)} missing; arguments are {', '.join(names)}, out")
+        raise TypeError(f"{name}: {' and '.join(missing)} missing; {known}")
     by_name = [kwargs[key] for key in names[len(args) :]]
     return (*args, *by_name), {key: value for key, value in kwargs.items() if key in _NUMPY_KEYWORDS}
 
@@ -230,7 +256,9 @@ def clear_error(kernel: Function, args: Arguments, kwargs: Keywords, refused: Ex
     shapes, results = core_shapes(kernel)
     name = python_function(kernel).__name__
     if not len(shapes) <= len(args) <= len(shapes) + len(results):
-        return TypeError(f"{name} takes {len(shapes)} arguments ({', '.join(shapes)}), got {len(args)}")
+        names = _names(kernel)
+        got = len(args) + len(names) - len(shapes)
+        return TypeError(f"{name} takes {len(names)} arguments ({', '.join(names)}), got {got}")
     if error := _of_arguments(name, shapes, args) or _of_keywords(name, next(iter(shapes)), kwargs):
         return error
     leading = {n: np.shape(v)[: np.ndim(v) - len(s)] for (n, s), v in zip(shapes.items(), args, strict=False)}
@@ -246,17 +274,32 @@ def clear_error(kernel: Function, args: Arguments, kwargs: Keywords, refused: Ex
 
 def _of_arguments(name: str, shapes: dict[str, Shape], args: Arguments) -> Exception | None:
     for (argument, shape), value in zip(shapes.items(), args, strict=False):
-        try:
-            array = np.asarray(value)
-        except ValueError:
-            return ValueError(f"{name}: {argument} must be a regular array of numbers, got {value!r}")
-        if array.dtype.kind not in "biuf":
-            return ValueError(f"{name}: {argument} must be real numbers, got {value!r}")
+        if wrong := _no_numbers(value):
+            return ValueError(f"{name}: {argument} {wrong}")
+        array = np.asarray(value)
+        if not np.can_cast(array.dtype, np.float64):
+            return ValueError(f"{name}: {argument} must fit into float64, got {_brief(array)}; .astype rounds")
         if array.shape[array.ndim - len(shape) :] != shape or array.ndim < len(shape):
             are_moments = argument.partition("_")[0] == "M" and array.shape == (3,)  # of an inertia such as M_c
             hint = "; of principal moments give np.diag(moments)" if are_moments else ""
             return ValueError(f"{name}: {argument} must have trailing shape {shape}, got {array.shape}{hint}")
     return None
+
+
+def _no_numbers(value: object) -> str:
+    """Return what is wrong with a value that has to be real numbers; nothing if it is such."""
+    if isinstance(value, np.ma.MaskedArray):
+        return MASKED
+    try:
+        kind = np.asarray(value).dtype.kind
+    except ValueError:
+        return f"must be a regular array of numbers, got {_brief(value)}"
+    return "" if kind in "biuf" else f"must be real numbers, got {_brief(value)}"
+
+
+def _brief(value: object) -> str:
+    """Return a value as text that is short, however many numbers it has."""
+    return f"an array of {value.dtype}" if isinstance(value, np.ndarray) else reprlib.repr(value)
 
 
 def _of_keywords(name: str, first: str, kwargs: Keywords) -> Exception | None:
@@ -279,7 +322,7 @@ def _of_out(name: str, results: list[Shape], leading: tuple[int, ...], out: obje
         if array is None:
             continue
         if not isinstance(array, np.ndarray):
-            return TypeError(f"{label} must be an array, got {array!r}")
+            return TypeError(f"{label} must be an array, got {_brief(array)}")
         if not _holds(array.shape, leading, core):
             return ValueError(f"{label} must have shape {leading + core}, got {array.shape}")
         if not np.can_cast(np.float64, array.dtype, "same_kind"):
@@ -300,10 +343,9 @@ def _holds(shape: tuple[int, ...], leading: tuple[int, ...], core: Shape) -> boo
 
 def as_floats(function: str, argument: str, value: object) -> Array:
     """Return an argument as an array of floats. Raises ValueError."""
-    try:
-        return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{function}: {argument} must be numbers, got {value!r}") from None
+    if wrong := _no_numbers(value):
+        raise ValueError(f"{function}: {argument} {wrong}")
+    return np.asarray(value, dtype=np.float64)
 
 
 # Warnings at singular arguments, in the functions' own words: NumPy would speak of a division by zero

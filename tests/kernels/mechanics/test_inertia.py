@@ -211,7 +211,7 @@ def test_check_inertia_looks_past_the_diagonal_for_negative_moments():
         (np.diag([1, 3, 1]), r"M breaks the triangle inequality: 3 kg m2 is above 1 \+ 1"),
         ([[np.eye(3)], [np.diag([1, 3, 1])]], r"M\[1, 0\] breaks the triangle inequality"),
         (np.eye(2), r"M must have trailing shape \(3, 3\), got \(2, 2\)"),
-        ("brick", "M must be numbers, got 'brick'"),
+        ("brick", "M must be real numbers, got 'brick'"),
     ],
 )
 def test_check_inertia_says_why(M, message):

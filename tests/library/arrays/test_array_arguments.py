@@ -45,12 +45,13 @@ def test_what_does_not_fit_is_a_value_error_that_names_the_argument(call, messag
         (lambda: rbfmu.rotate(Q, V, v_b=V), "rotate: v_b is given twice, by position and by name"),
         (
             lambda: rbfmu.matrix_from_euler("ZYX", rpy=V),
-            "matrix_from_euler: unexpected keyword 'rpy'; arguments are angles",
+            "matrix_from_euler: unexpected keyword 'rpy'; arguments are seq, angles, out",
         ),
         (
             lambda: rbfmu.matrix_from_euler("ZYX", V, seq="XYZ"),
             "matrix_from_euler.* multiple values for argument 'seq'",
         ),
+        (lambda: rbfmu.matrix_from_euler("ZYX", 0.1, 0.2, 0.3), r"takes 2 arguments \(seq, angles\), got 4"),
         (lambda: rbfmu.matrix_from_euler(angles=V), "matrix_from_euler.* missing .* 'seq'"),
         (lambda: rbfmu.free_rotation(V[0], Q[0], omega_b_0=V[0]), "free_rotation: t missing"),
         (lambda: rbfmu.free_rotation(V[0], Q[0], V[0], 1.0, t=2.0), "free_rotation: t is given twice"),
@@ -59,6 +60,62 @@ def test_what_does_not_fit_is_a_value_error_that_names_the_argument(call, messag
 def test_a_call_that_does_not_fit_is_a_type_error_that_names_the_argument(call, message):
     for _ in range(2):  # before and after compilation
         with pytest.raises(TypeError, match=message):
+            call()
+
+
+@pytest.mark.parametrize("spoil", [list, np.array], ids=["list", "array"])
+@pytest.mark.parametrize("number", ["a", 1j, None])
+def test_what_is_no_number_is_told_in_short_among_many(number, spoil):
+    rows = [[0.0, 0.0, number]] * 999
+    calls = {
+        "v_b": lambda: rbfmu.rotate(Q[0], spoil(rows)),
+        "angles": lambda: rbfmu.matrix_from_euler("ZYX", spoil(rows)),
+        "positions": lambda: rbfmu.inertia_of_points(np.ones(999), spoil(rows)),
+        "sequence": lambda: rbfmu.matrix_from_euler(spoil(rows), "ZYX"),
+    }
+    for argument, call in calls.items():
+        with pytest.raises(ValueError, match=argument) as raised:
+            call()
+        assert len(str(raised.value)) < 400
+
+
+def test_numbers_beyond_float64_are_named():
+    if np.can_cast(np.longdouble, float):
+        pytest.skip("long doubles are doubles here")
+    with pytest.raises(ValueError, match="rotate: v_b must fit into float64, got an array of float"):
+        rbfmu.rotate(Q, V.astype(np.longdouble))
+
+
+def test_tables_of_others_give_their_numbers():
+    """By their places: whatever their labels, and without what these packages make of results."""
+    pandas, xarray = pytest.importorskip("pandas"), pytest.importorskip("xarray")
+    q, v = pandas.DataFrame(Q, columns=list("wxyz"), index=range(7, 107)), pandas.DataFrame(V, columns=list("zyx"))
+    calls = [
+        (rbfmu.rotate(q, v), rbfmu.rotate(Q, V)),
+        (rbfmu.cross(v, v[["x", "z", "y"]]), rbfmu.cross(V, V[:, [2, 0, 1]])),
+        (rbfmu.matrix_from_quaternion(xarray.DataArray(Q, dims=("time", "q"))), rbfmu.matrix_from_quaternion(Q)),
+        (rbfmu.euler_from_quaternion("ZYX", q), rbfmu.euler_from_quaternion("ZYX", Q)),
+        (rbfmu.rotvec_rate_a(v, V), rbfmu.rotvec_rate_a(V, V)),
+        (rbfmu.rotation_z(v["z"]), rbfmu.rotation_z(V[:, 0])),
+        (rbfmu.free_rotation([1, 2, 3], q.iloc[0], v.iloc[0], v["z"])[0],
+         rbfmu.free_rotation([1, 2, 3], Q[0], V[0], V[:, 0])[0]),
+    ]  # fmt: skip
+    for found, expected in calls:
+        assert type(found) is np.ndarray
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_masked_items_are_refused():
+    """NumPy would mask single components of results that all components of an argument make."""
+    masked = np.ma.masked_array(V, mask=V > 1.0)
+    calls = {
+        "rotate: v_b": lambda: rbfmu.rotate(Q, masked),
+        "rotvec_rate_a: u": lambda: rbfmu.rotvec_rate_a(masked, V),
+        "inertia_of_points: positions": lambda: rbfmu.inertia_of_points(np.ones(100), masked),
+        "free_rotation: omega_b_0": lambda: rbfmu.free_rotation([1, 2, 3], Q[0], masked, 1.0),
+    }
+    for where, call in calls.items():
+        with pytest.raises(ValueError, match=f"{where} must have no mask"):
             call()
 
 

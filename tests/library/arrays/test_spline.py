@@ -91,7 +91,7 @@ def test_one_time_and_any_shape_of_times():
     ([0.0, 1.0, 2.0, 3.0], np.ones((4, 3)), r"q_ab must have shape \(4, 4\), one for each time, got \(4, 3\)"),
     ([0.0, 1.0, 2.0, 3.0], np.diag([1.0, 1.0, 0.0, 1.0]), r"q_ab\[2\] must be finite and not zero"),
     ([0.0, 1.0, 2.0, np.nan], np.ones((4, 4)), "times must be finite numbers"),
-    (["now", 1.0, 2.0, 3.0], np.ones((4, 4)), "times must be numbers"),
+    (["now", 1.0, 2.0, 3.0], np.ones((4, 4)), "times must be real numbers"),
 ])  # fmt: skip
 def test_a_wrong_argument_is_named(times, q_ab, said):
     with pytest.raises(ValueError, match=f"^attitude_spline: {said}"):
