@@ -23,8 +23,13 @@ def transform_from_matrix(R_ab: Matrix, r_ab_a: Vec3) -> Transform:
     of a to that of b; T_ab takes coordinates of a point in b to a.
     Exact for every argument.  Singular: nowhere.  Source: E&G 6.4.
     """
-    (a, b, c), (x, y, z) = R_ab, r_ab_a
-    return ((*a, x), (*b, y), (*c, z), (0.0, 0.0, 0.0, 1.0))
+    a, b, c = R_ab[0], R_ab[1], R_ab[2]
+    return (
+        (a[0], a[1], a[2], r_ab_a[0]),
+        (b[0], b[1], b[2], r_ab_a[1]),
+        (c[0], c[1], c[2], r_ab_a[2]),
+        (0.0, 0.0, 0.0, 1.0),
+    )
 
 
 @kernel
@@ -77,7 +82,7 @@ def twist_at(twist_o: Vec6, r_op: Vec3) -> Vec6:
     Source: K. M. Lynch, F. C. Park, Modern Robotics, 3.3.
     """
     omega, v_o = twist_o[:3], twist_o[3:]
-    return (*omega, *add(v_o, cross(omega, r_op)))
+    return (omega[0], omega[1], omega[2], *add(v_o, cross(omega, r_op)))
 
 
 @kernel
@@ -89,7 +94,7 @@ def wrench_at(wrench_o: Vec6, r_op: Vec3) -> Vec6:
     Source: Lynch and Park 3.4.
     """
     torque, force = wrench_o[:3], wrench_o[3:]
-    return (*subtract(torque, cross(r_op, force)), *force)
+    return (*subtract(torque, cross(r_op, force)), force[0], force[1], force[2])
 
 
 @kernel

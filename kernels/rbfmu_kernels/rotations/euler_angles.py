@@ -53,7 +53,7 @@ def _axes(seq: int) -> tuple[int, int, int, int]:
 @kernel
 def _order(seq: int, v: Vec3) -> Vec3:
     """Return the angles of the intrinsic sequence: extrinsic ones are these in reverse."""
-    return (v[2], v[1], v[0]) if seq >= 64 else v
+    return (v[2], v[1], v[0]) if seq >= 64 else (v[0], v[1], v[2])
 
 
 @kernel

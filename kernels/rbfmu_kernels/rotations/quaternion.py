@@ -125,8 +125,9 @@ def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
     t = 1.0 - s if from_end else s
     sign = -1.0 if dot < 0.0 else 1.0
     end = scale_quaternion(sign, q1)
-    p = end if from_end else q0
-    step, difference, total = _sum_and_difference(p, q0 if from_end else end)
+    start = scale_quaternion(1.0, q0)  # a tuple, as `end` is, also of an array
+    p = end if from_end else start
+    step, difference, total = _sum_and_difference(p, start if from_end else end)
     sine, cosine = sincos(2.0 * t * atan2(difference, total))
     product = difference * total
     g = 2.0 * sine / (product if product > 0.0 else 1.0)

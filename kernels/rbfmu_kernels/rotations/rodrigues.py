@@ -42,7 +42,7 @@ def quaternion_from_gibbs(g: Vec3) -> Quaternion:
     Units: dimensionless.  Frames: g is the same in a and b; q_ab takes coordinates in b to a.
     Error <= 1.8 eps.  Singular: nowhere; half a turn has no finite g.  Source: E&G 6.7.
     """
-    return normalize((1.0, *g))
+    return normalize((1.0, g[0], g[1], g[2]))
 
 
 @kernel

@@ -79,6 +79,7 @@ def test_what_is_no_number_is_told_in_short_among_many(number, spoil):
         assert len(str(raised.value)) < 400
 
 
+@compiled_only
 def test_numbers_beyond_float64_are_named():
     if np.can_cast(np.longdouble, float):
         pytest.skip("long doubles are doubles here")

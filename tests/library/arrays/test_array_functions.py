@@ -161,6 +161,14 @@ def test_no_kernel_raises(name, number):
     LAWS[name].kernel(*sequence, *(exact.rounded(np.full(shape, number).tolist()) for shape in arguments.values()))
 
 
+@pytest.mark.parametrize("name", some_of([*LAWS], 30))
+def test_kernels_take_arrays_for_tuples(name):
+    case = LAWS[name].cases()[-1]
+    arrays = [np.array(argument) if isinstance(argument, tuple) else argument for argument in case]
+    found, expected = (exact.flat(LAWS[name].kernel(*arguments)) for arguments in (arrays, case))
+    assert repr([*map(float, found)]) == repr([*map(float, expected)])  # a NaN equals none
+
+
 @compiled_only
 @pytest.mark.parametrize(
     "kernel", [quaternion.rotate, quaternion.angle_between, rotation_vector.axis_angle_from_quaternion]
