@@ -206,7 +206,8 @@ def documented_by(kernel: Function) -> Callable[[Function], Function]:
     parameters.append(inspect.Parameter("out", _KEYWORD, default=None))
 
     def decorate(call: Function) -> Function:
-        named: Any = wraps(function, assigned=("__module__", "__name__", "__qualname__"))(call)
+        named: Any = wraps(function, assigned=("__name__", "__qualname__"))(call)
+        named.__module__ = "rbfmu"  # where pickle looks for it, to send it to another process
         named.__signature__ = inspect.Signature(parameters)
         named.__doc__ = _with_shapes(inspect.getdoc(function) or "", kernel)
         return named  # type: ignore[no-any-return]

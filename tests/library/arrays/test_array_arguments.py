@@ -1,6 +1,7 @@
 """How array functions take their arguments: by name, with `out` and NumPy's keywords; what does not fit is named."""
 
 import inspect
+import pickle
 
 import numpy as np
 import pytest
@@ -171,6 +172,12 @@ def test_array_functions_are_documented():
     for name, function in ARRAY_FUNCTIONS.items():
         assert function.__name__ == name
         assert function.__doc__
+
+
+@pytest.mark.parametrize("name", [*ARRAY_FUNCTIONS, "check_inertia", "inertia_of_points"])
+def test_array_functions_go_to_other_processes(name):
+    function = getattr(rbfmu, name)
+    assert pickle.loads(pickle.dumps(function)) is function
 
 
 def arguments_of(name):
