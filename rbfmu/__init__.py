@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rbfmu.arrays import *  # noqa: F403
+    from rbfmu.arrays.from_kernel import set_threads as set_threads
     from rbfmu.arrays.spline import attitude_spline as attitude_spline
     from rbfmu.ensembles.control import Controller as Controller
     from rbfmu.ensembles.result import EnsembleResult as EnsembleResult
@@ -47,17 +48,19 @@ _MODULES = {
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 
-def __getattr__(name: str) -> Any:
-    """Load a name's module when it is first used; what is no scene's is an array function."""
-    if name == "__all__":  # `help(rbfmu)` lists it
-        return sorted([*_HOMES, *(n for n in import_module("rbfmu.arrays").__all__ if n not in _HOMES)])
-    if name.startswith("__"):
-        raise AttributeError(name)
-    module = import_module(f"rbfmu.{_HOMES.get(name, 'arrays')}")
-    if name not in (_HOMES if name in _HOMES else module.__all__):
-        raise AttributeError(f"module 'rbfmu' has no attribute {name!r}")
-    value = globals()[name] = getattr(module, name)
-    return value
+if not TYPE_CHECKING:  # to type checkers any name would be one of these
+
+    def __getattr__(name: str) -> Any:
+        """Load a name's module when it is first used; what is no scene's is an array function."""
+        if name == "__all__":  # `help(rbfmu)` lists it
+            return sorted([*_HOMES, *(n for n in import_module("rbfmu.arrays").__all__ if n not in _HOMES)])
+        if name.startswith("__"):
+            raise AttributeError(name)
+        module = import_module(f"rbfmu.{_HOMES.get(name, 'arrays')}")
+        if name not in (_HOMES if name in _HOMES else module.__all__):
+            raise AttributeError(f"module 'rbfmu' has no attribute {name!r}")
+        value = globals()[name] = getattr(module, name)
+        return value
 
 
 def __dir__() -> list[str]:

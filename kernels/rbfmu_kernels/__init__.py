@@ -31,17 +31,18 @@ _MODULES = (
 """Those with public names, which their `__all__` lists; what is seldom needed, and takes long to load, stands last."""
 
 
-def __getattr__(name: str) -> Any:
-    """Load modules until one has the name; `__all__` is that of all."""
-    loaded = (import_module(f".{module}", __name__) for module in _MODULES)
-    if name == "__all__":
-        return sorted(public for module in loaded for public in module.__all__)
-    found = None if name.startswith("__") else next((module for module in loaded if name in module.__all__), None)
-    if found is None:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = getattr(found, name)
-    return value
+if not TYPE_CHECKING:  # to type checkers any name would be one of these
 
+    def __getattr__(name: str) -> Any:
+        """Load modules until one has the name; `__all__` is that of all."""
+        loaded = (import_module(f".{module}", __name__) for module in _MODULES)
+        if name == "__all__":
+            return sorted(public for module in loaded for public in module.__all__)
+        found = None if name.startswith("__") else next((module for module in loaded if name in module.__all__), None)
+        if found is None:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = globals()[name] = getattr(found, name)
+        return value
 
-def __dir__() -> list[str]:
-    return [*globals(), *__getattr__("__all__")]
+    def __dir__() -> list[str]:
+        return [*globals(), *__getattr__("__all__")]

@@ -132,13 +132,13 @@ spatial_inertia = array_function(_kernels.spatial_inertia)
 
 _LATER = ("check_inertia", "free_rotation", "inertia_of_points")
 
-__all__ = ["set_threads", *_LATER]
-__all__ += [name for name, value in globals().items() if hasattr(value, "__wrapped__")]
+if not TYPE_CHECKING:  # type checkers see all names above; to them any other would be one of these
+    __all__ = ["set_threads", *_LATER]
+    __all__ += [name for name, value in globals().items() if hasattr(value, "__wrapped__")]
 
-
-def __getattr__(name: str) -> Any:
-    """Load what is more than a kernel when it is first used: free rotation alone takes as long as all others."""
-    if name not in _LATER:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module("rbfmu.arrays.bodies"), name)
-    return value
+    def __getattr__(name: str) -> Any:
+        """Load what is more than a kernel when it is first used: free rotation alone takes as long as all others."""
+        if name not in _LATER:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = globals()[name] = getattr(import_module("rbfmu.arrays.bodies"), name)
+        return value

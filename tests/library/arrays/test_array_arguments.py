@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import rbfmu
+import rbfmu_kernels
 from rbfmu_kernels.compile.gufunc import core_shapes
 from tests.support.array_arguments import ARRAY_FUNCTIONS, Q, R, V, compiled_only
 from tests.support.covering import some_of
@@ -178,6 +179,17 @@ def test_array_functions_are_documented():
 def test_array_functions_go_to_other_processes(name):
     function = getattr(rbfmu, name)
     assert pickle.loads(pickle.dumps(function)) is function
+
+
+@pytest.mark.thorough
+def test_type_checkers_know_the_names_and_no_others(tmp_path):
+    program = tmp_path / "uses.py"
+    known = [f"{m.__name__}.{name}" for m in (rbfmu, rbfmu_kernels) for name in m.__all__]
+    program.write_text("\n".join(["import rbfmu, rbfmu_kernels", "rbfmu.roatte", "rbfmu_kernels.roatte", *known]))
+    said, _, _ = pytest.importorskip("mypy.api").run(["--strict", f"--cache-dir={tmp_path}", str(program)])
+    faults = [line.removeprefix(f"{program}:") for line in said.splitlines() if line.startswith(str(program))]
+    assert [fault.split(":")[0] for fault in faults] == ["2", "3"]
+    assert all('no attribute "roatte"' in fault for fault in faults)
 
 
 def arguments_of(name):
