@@ -42,7 +42,7 @@ class AttitudeSpline:
         return np.asarray(omega_b_from_quaternion_rate(s, ds) / np.sum(s * s, axis=-1, keepdims=True))
 
     def _derivative(self, t: ArrayLike, order: int) -> Array:
-        t = np.asarray(t, dtype=np.float64)
+        t = from_kernel.as_floats("attitude_spline", "t", t)
         first, last = self.times[0], self.times[-1]
         if not np.all((t >= first) & (t <= last)):
             raise ValueError(f"attitude_spline: t must be times from {first:g} to {last:g} s, those that it is made of")

@@ -168,7 +168,7 @@ def inverse_inertia(M: Matrix) -> Matrix:
     M = scale_matrix(p, M)
     A = adjugate_symmetric(M)
     t, d, det = trace(M), trace(A), dot(M[0], A[0])
-    d = d if d > 0.0 else math.nan
+    d = d if d > 0.0 and t > 0.0 else math.nan
     regular = det > INERTIA_TOLERANCE * t * d
     # Singular: adj(M) = d n n^T, n the beam's axis, and M^2 - t M + d (I - n n^T) = 0 (Cayley & Hamilton).
     N = add_scaled_matrix(diagonal((d, d, d)), -1.0, A)

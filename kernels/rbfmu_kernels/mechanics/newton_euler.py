@@ -1,5 +1,7 @@
 """Newton-Euler equations of one rigid body, momentum and energy."""
 
+import math
+
 from ..compile.decorator import kernel
 from ..rotations.matrix import transform
 from ..rotations.vec3 import add, cross, dot, scale, subtract
@@ -91,7 +93,8 @@ def newton_euler_c(mass: float, M_c: Matrix, omega: Vec3, force: Vec3, torque_c:
     Error <= 1 eps of |a_c|, of alpha that of `euler_equation`.  Singular: at mass 0, and where `euler_equation` is.
     Source: E&G (7.52), (7.53).
     """
-    return scale(1.0 / mass, force), euler_equation(M_c, omega, torque_c)
+    inverse = 1.0 / mass if mass != 0.0 else math.inf  # as compiled code has it, Python too
+    return scale(inverse, force), euler_equation(M_c, omega, torque_c)
 
 
 @kernel

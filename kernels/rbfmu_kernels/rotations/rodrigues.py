@@ -22,7 +22,7 @@ def gibbs_from_quaternion(q_ab: Quaternion) -> Vec3:
     Error <= 0.5 eps |g|.
     Singular: within round-off of half a turn, |eta| < 4 eps |q_ab|, g has no digits left and is NaN.  Source: E&G 6.7.
     """
-    eta = math.nan if gibbs_is_singular(q_ab) else q_ab[0]
+    eta = math.nan if gibbs_is_singular(q_ab) or q_ab[0] == 0.0 else q_ab[0]  # the last of NaN
     return (q_ab[1] / eta, q_ab[2] / eta, q_ab[3] / eta)
 
 

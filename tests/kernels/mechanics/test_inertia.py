@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu_kernels.compile import tiered
 from rbfmu_kernels.mechanics import inertia
 from tests.support.references.hard_inertia import HARD_MOMENTS, SCALES, hard_matrices, random_rotation
 from tests.support.references.rational_matrices import (
@@ -149,6 +150,11 @@ def test_inverse_inertia_of_a_beam_is_exactly_zero_along_it(zero, scale):
     found = inertia.inverse_inertia(inertia.diagonal(tuple(d)))
     for i in range(3):
         assert found[i][i] == 0.0 if i == zero else abs(found[i][i] * d[i] - 1.0) <= 3 * EPS
+
+
+def test_inverse_inertia_of_negative_moments_is_nan_also_in_plain_python():
+    for kernel in (inertia.inverse_inertia, tiered.interpreted(inertia.inverse_inertia)):
+        assert np.isnan(kernel(inertia.diagonal((-1.0, -1.0, 0.0)))).all()
 
 
 def test_inverse_inertia_of_a_turned_beam_is_its_pseudo_inverse():

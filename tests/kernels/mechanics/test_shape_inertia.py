@@ -169,7 +169,7 @@ def test_inertia_of_points_broadcasts_and_keeps_to_one_cloud_at_a_time():
         (1.0, [[0, 0, 0]], r"masses must have trailing shape \(1,\), got \(\)"),
         ([1.0], [0, 0, 0], r"positions must have trailing shape \(n, 3\), got \(3,\)"),
         ([1.0], [[0, 0]], r"positions must have trailing shape \(n, 3\), got \(1, 2\)"),
-        (["x"], [[0, 0, 0]], "masses must be numbers"),
+        (["x"], [[0, 0, 0]], "masses must be real numbers"),
         ([0.0, 0.0], [[0, 0, 0], [1, 1, 1]], "masses must have a sum above 0"),
         (np.zeros(0), np.zeros((0, 3)), "masses must have a sum above 0"),
     ],

@@ -1,5 +1,6 @@
 """Array functions: the kernels' bits under NumPy's rules, and torque-free motion in use."""
 
+import inspect
 import math
 import os
 import re
@@ -11,7 +12,9 @@ import pytest
 from numba import njit
 
 import rbfmu
+import rbfmu_kernels
 from rbfmu_kernels import free_rotation as body_at
+from rbfmu_kernels.compile import tiered
 from rbfmu_kernels.compile.gufunc import Item, core_shapes, gufuncs, interpreted
 from rbfmu_kernels.exact.free_rotation import free_rotation_at, free_rotation_setup
 from rbfmu_kernels.exact.free_rotation_setup import FREE_ROTATION_SIZE
@@ -178,6 +181,18 @@ def test_interpreted_functions_have_the_same_bits(kernel):
     ours, theirs = interpreted(Item(kernel))(*args), gufuncs(Item(kernel))[0](*args)
     for a, b in zip(ours, theirs, strict=True):
         assert (a == b).all()
+
+
+@pytest.mark.parametrize("name", [name for name in ARRAY_FUNCTIONS if name != "free_rotation"])
+def test_plain_python_divides_by_zero_as_compiled_code_does(name):
+    """Whatever the numbers, it raises nothing and gives the same; `repr`, since a NaN equals none."""
+    kernel, random = getattr(rbfmu_kernels, name), rng(76)
+    shapes = core_shapes(kernel)[0]
+    sequence = [euler_angles.ZXZ] * (len(inspect.signature(kernel).parameters) - len(shapes))
+    for _ in range(60):
+        drawn = [random.choice([0.0, 1.0, -1.0, math.nan], s, p=[0.55, 0.2, 0.2, 0.05]) for s in shapes.values()]
+        numbers = [exact.rounded(argument.tolist()) for argument in drawn]
+        assert repr(tiered.interpreted(kernel)(*sequence, *numbers)) == repr(kernel(*sequence, *numbers))
 
 
 @pytest.mark.thorough

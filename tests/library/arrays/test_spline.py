@@ -98,6 +98,11 @@ def test_a_wrong_argument_is_named(times, q_ab, said):
         rbfmu.attitude_spline(times, q_ab)
 
 
+def test_times_that_are_no_numbers_are_named():
+    with pytest.raises(ValueError, match="attitude_spline: t must be real numbers, got 'now'"):
+        spline_of(9)("now")
+
+
 @pytest.mark.parametrize("t", [-1e-9, 16.1, np.nan])
 def test_times_outside_are_refused(t):
     with pytest.raises(ValueError, match="t must be times from 0 to 16 s"):
