@@ -144,7 +144,7 @@ def model_description(version: FmiVersion, d: Description, co_simulation: dict[s
         "modelIdentifier": d.identifier, "canHandleVariableCommunicationStepSize": "true", **version.abilities,
         **co_simulation,
     })  # fmt: skip
-    root.append(_unit_definitions(_units(d) | ({TIME.unit} if version.has_time else set())))
+    root.append(_unit_definitions(_units(d) | ({fmi_name(TIME.unit)} if version.has_time else set())))
     root.extend(_type_definitions(version, d))
     categories = (Element("Category", name=name, description=says) for name, says in call_rules.LOG_CATEGORIES.items())
     SubElement(root, "LogCategories").extend(categories)
@@ -172,7 +172,7 @@ def _element(version: FmiVersion, outer: str, kind: str, said: dict[str, str], t
 def _type_definitions(version: FmiVersion, d: Description) -> list[Element]:
     """Return the declared types in one element, or none where no variable has a type."""
     definitions, kind = Element("TypeDefinitions"), version.real if version.nested else f"{version.real}Type"
-    for unit in sorted(_units(d), key=fmi_name):
+    for unit in sorted(_units(d)):
         if name := _unit(unit).quantity:
             definitions.append(_element(version, "SimpleType", kind, {}, _of_unit(unit)))
             definitions[-1].set("name", name)
@@ -238,20 +238,21 @@ def _model_structure(version: FmiVersion, d: Description) -> Element:
 
 
 def _units(d: Description) -> set[str]:
-    return {v.unit for v in d.variables}
+    """Return the names of units in FMI, where each is one unit: a scene may write N m or N.m."""
+    return {fmi_name(v.unit) for v in d.variables}
 
 
 def _unit(name: str) -> Unit:
     """Return what is known of a unit: of one that a scene names itself, nothing but its name."""
-    return UNITS.get(name, Unit("", {}))
+    return _KNOWN_UNITS.get(fmi_name(name), Unit("", {}))
 
 
 def _unit_definitions(names: set[str]) -> Element:
     """Return units with FMI's exponents of the base units, and the units in which a tool may show them."""
     definitions = Element("UnitDefinitions")
     for name in sorted(names):
-        element, unit = SubElement(definitions, "Unit", name=fmi_name(name)), _unit(name)
-        if name in UNITS:
+        element, unit = SubElement(definitions, "Unit", name=name), _unit(name)
+        if name in _KNOWN_UNITS:
             SubElement(element, "BaseUnit", {base: str(exponent) for base, exponent in unit.exponents.items()})
         for display, factor in unit.display:
             SubElement(element, "DisplayUnit", name=display, factor=repr(factor))
@@ -268,6 +269,9 @@ def _of_unit(name: str) -> dict[str, str]:
 def fmi_name(unit: str) -> str:
     """Return the name of a unit in FMI."""
     return unit.replace(" ", ".")
+
+
+_KNOWN_UNITS = {fmi_name(name): unit for name, unit in UNITS.items()}
 
 
 def depends_on(d: Description, output: Variable) -> list[int]:

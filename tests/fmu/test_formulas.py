@@ -11,6 +11,7 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
+from fmpy.fmi3 import FMU3Slave
 from fmpy.simulation import instantiate_fmu
 
 import rbfmu
@@ -96,6 +97,27 @@ def test_counts_are_integers_that_a_saved_state_has(fmus: dict[str, Path], kind:
         counts([at["wave_time"]])
     with pytest.raises(FMICallException):
         counts([max(at.values()) + 1])
+    unit.terminate()
+    unit.freeInstance()
+
+
+def test_counts_can_be_read_in_intermediate_updates(fmus: dict[str, Path], tmp_path: Path) -> None:
+    fmpy.extract(str(fmus["fmi3"]), str(tmp_path))
+    model = fmpy.read_model_description(str(tmp_path))
+    at = {v.name: v.valueReference for v in model.modelVariables}
+    counts, read = [at["wave_count"], at["late_count"], at["status"]], []
+
+    def update(environment: object, time: float, may_set: bool, may_get: bool, *_: object) -> None:
+        if may_get:
+            read.append((time, *unit.getInt32(counts)))
+
+    unit = FMU3Slave(guid=model.guid, unzipDirectory=str(tmp_path), modelIdentifier=model.coSimulation.modelIdentifier)
+    unit.instantiate(intermediateUpdate=update, requiredIntermediateVariables=counts)
+    unit.enterInitializationMode(startTime=0.0)
+    unit.exitInitializationMode()
+    unit.doStep(0.0, 1.0)
+    unit.doStep(1.0, 1.0)
+    assert read == [(1.0, 1, 0, 0), (2.0, 2, 0, 0)]
     unit.terminate()
     unit.freeInstance()
 

@@ -9,7 +9,7 @@ import pytest
 import rbfmu
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.model_description import FMI2, model_description
+from rbfmu_fmu.model_description import FMI2, FMI3, model_description
 from rbfmu_kernels.quantities import UNITS
 from tests.support.fmu.fmus import TABLES, built, planned, scene, unzipped
 
@@ -65,6 +65,21 @@ def test_every_unit_but_1_measures_a_quantity_of_its_own():
     quantities = [unit.quantity for name, unit in UNITS.items() if name != "1"]
     assert all(quantities)
     assert len(set(quantities)) == len(quantities)
+
+
+def test_a_unit_of_ones_own_is_the_known_one_of_that_name():
+    """N m is N.m in FMI, where names of units are unique."""
+    units = {"k": {"value": 0.5, "unit": "N.m"}, "c": {"value": 1.0, "unit": "m/K"}, "d": {"value": 1.0, "unit": "N m"}}
+    given = {"constants": units, "loads": {"torque_b": "[k + d, c, 0]"}, "outputs": {"quantities": ["omega_b"]}}
+    sprung = Scene.from_dict({"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}} | given)
+    for version in (FMI2, FMI3):
+        root = model_description(version, describe(sprung, rbfmu.plan(sprung)), {})
+        names = [unit.get("name") for unit in root.iter("Unit")]
+        assert len(set(names)) == len(names)
+        assert {"N.m", "m/K"} <= set(names)
+        typed = {v.get("name"): v if version is FMI3 else v[0] for v in root.find("ModelVariables")}
+        assert {typed[name].get("declaredType") for name in ("k", "d")} == {"Torque"}
+        assert typed["c"].get("declaredType") is None
 
 
 def test_angles_and_rates_are_shown_in_degrees():

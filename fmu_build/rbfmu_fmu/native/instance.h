@@ -31,7 +31,7 @@ struct Instance {
     Step *step;
     int returned_early;
     Update update;
-    unsigned char intermediate[REFERENCES + 1]; /* by value reference: may be set or read in intermediate updates */
+    unsigned char intermediate[STATUS_REFERENCE + COUNTS + 1]; /* by value reference: may be set or read in intermediate updates */
     Saved *saved; /* the newest one first */
     State now;
     char name[];
@@ -55,6 +55,8 @@ static inline Elements elements_of(unsigned v) {
 static inline Causality causality_of(unsigned r) {
     return r >= FIRST_OUTPUT ? OUTPUT : r >= FIRST_PARAMETER ? PARAMETER : INPUT;
 }
+
+static inline int is_integer(unsigned v) { return v >= STATUS_REFERENCE && v <= STATUS_REFERENCE + COUNTS; }
 
 /* Whether a call is allowed, a Real may have this value, the outputs can be as the inputs want them; if not, refuse. */
 int allowed(Instance *m, const char *call, Call what);

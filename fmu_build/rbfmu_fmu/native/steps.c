@@ -57,7 +57,7 @@ Status use_intermediate(Instance *m, const char *call, const unsigned v[], size_
     if (!given(m, call, n, v, v)) return CALL_ERROR;
     for (size_t i = 0; i < n; i++) {
         int is_real = v[i] < REFERENCES && v[i] != TIME_REFERENCE;
-        if (is_real ? causality_of(*elements_of(v[i]).r) == PARAMETER : v[i] != STATUS_REFERENCE)
+        if (is_real ? causality_of(*elements_of(v[i]).r) == PARAMETER : !is_integer(v[i]))
             return refuse(m, call, "%s is no input or output for intermediate updates", named(v[i]).text);
         m->intermediate[v[i]] = 1;
     }

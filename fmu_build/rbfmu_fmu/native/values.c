@@ -289,7 +289,7 @@ Status set_reals(Instance *m, const char *call, const unsigned v[], size_t n, co
 Status get_integers(Instance *m, const char *call, const unsigned r[], size_t n, int values[]) {
     if (!given(m, call, n, r, values)) return CALL_ERROR;
     for (size_t i = 0; i < n; i++)
-        if (r[i] < STATUS_REFERENCE || r[i] > STATUS_REFERENCE + COUNTS)
+        if (!is_integer(r[i]))
             return refuse(m, call, "%s is no " INTEGER " variable", named(r[i]).text);
     if (!exchanged(m, call, r, n, CAN_GET)) return CALL_ERROR;
     for (size_t i = 0; i < n; i++)
