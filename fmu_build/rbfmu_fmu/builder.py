@@ -128,10 +128,10 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = Fal
     d = describe(scene, plan)
     files = _package_files(d)
     identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})[:12]
-    package, script = f"rbfmu_{identity}", f"{d.identifier}_{identity}"
+    package, script = f"rbfmu_{identity}", f"entry_{identity}"  # of no scene's name, which may be any
     files["__init__.py"] = PACKAGE.format(identity=identity).encode()
     contents = {f"resources/{package}/{name}": content for name, content in files.items()}
-    contents[f"resources/{script}.py"] = SCRIPT.format(package=package, identifier=d.identifier).encode()
+    contents[f"resources/{script}.py"] = SCRIPT.format(package=package).encode()
     contents |= {"resources/slavemodule.txt": script.encode(), "resources/scene.json": scene_inside(d)}
     contents |= _parts_of_pythonfmu(d.identifier)
     contents["modelDescription.xml"] = xml_bytes(_identify(FMI2, d, PYTHON_ABILITIES, dict(contents)))

@@ -186,9 +186,12 @@ def sizes(scene: Scene, plan: Plan) -> tuple[int, tuple[int, int]]:
 
 
 def identifier(name: str) -> str:
-    """Return an identifier, of C and of Python, made from a scene's name; letters lose their accents only."""
+    """Return an identifier, of C and of Python, made from a scene's name; letters lose their accents only.
+
+    It is as long as a name may be, where one sign is many letters without accents: libraries are files of that name.
+    """
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
-    text = re.sub(r"\W", "_", plain, flags=re.ASCII)
+    text = re.sub(r"\W", "_", plain, flags=re.ASCII)[:200]
     return f"_{text}" if not text or text[0].isdigit() or iskeyword(text) else text
 
 

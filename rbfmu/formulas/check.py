@@ -11,7 +11,7 @@ from rbfmu.formulas.graph import Symbol
 from rbfmu.formulas.motion import CONSTANT, LOADS, STATE, Given, Motion, by_element
 from rbfmu.formulas.text import FormulaError, names_in
 from rbfmu_kernels.body import driven, memory
-from rbfmu_kernels.quantities import OUTPUT
+from rbfmu_kernels.quantities import BY_NAME, OUTPUT
 
 ENERGIES = ("potential_energy", "total_energy")
 TAKEN = (
@@ -104,7 +104,7 @@ class Texts:
     def _check_names(self, scene: Any) -> None:
         taken = {*self.motion.given_names, *FUNCTIONS, *CONSTANTS, "to_a", "to_b", *OUTPUT, *TAKEN, *LOADS}
         blocks = {*driven.DRIVEN, *(f"{name}{end}" for name in scene.inputs.own for end in ("_rate", "_rate_2"))}
-        beside = {"inputs": blocks, "outputs": {*blocks, *ATTRIBUTES}}
+        beside = {"inputs": blocks, "outputs": {*blocks, *ATTRIBUTES}, "constants": {*BY_NAME}, "states": {*BY_NAME}}
         tables = {name: getattr(scene, name) for name in ("constants", "tables", "formulas", "states", "events")}
         tables |= {"outputs": scene.outputs.own, "inputs": scene.inputs.own}
         seen: dict[str, str] = {}
@@ -120,11 +120,11 @@ class Texts:
                     self.faults.append(f"{table}.{name}: expected another name: there is {seen[name]}.{name}")
                 self._wrong |= {name} if len(self.faults) > known else set()
                 seen.setdefault(name, table)
-        for name in scene.events:
-            for other in (f"{name}_count", f"{name}_time"):
-                if other in seen:
-                    why = f"that is an FMU's of events.{name}"
-                    self.faults.append(f"{seen[other]}.{other}: expected another name: {why}")
+        made = {f"{name}_{what}": f"an FMU's of events.{name}" for name in scene.events for what in ("count", "time")}
+        made |= {f"{name}_0": f"the start of states.{name}" for name in scene.states}
+        for name, why in made.items():
+            if name in seen:
+                self.faults.append(f"{seen[name]}.{name}: expected another name: that is {why}")
 
     def _read_formulas(self, texts: Mapping[str, str]) -> None:
         """Take formulas in an order in which each comes after those that it names."""

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import fmpy
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import example, given, strategies as st
 
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.description import describe, identifier
@@ -276,10 +276,12 @@ def test_guid_tells_fmus_apart():
 
 
 @given(st.text(st.characters(codec="utf-8", exclude_characters="/\\"), min_size=1).filter(str.strip))
+@example("\ufdfa" * 200)
 def test_any_name_makes_an_identifier(name):
     found = identifier(name)
     assert found.isidentifier()
     assert found.isascii()
+    assert len(found) <= 201
     assert not keyword.iskeyword(found)
 
 

@@ -305,7 +305,13 @@ def test_what_rests_on_the_inside_of_pythonfmu_stands_in_one_module():
         assert [path for path, text in modules.items() if sign in text] == [home], sign
 
 
+@pytest.mark.parametrize("name", ["rbfmu", "globals"])
+def test_a_scene_may_have_a_name_of_python_s_or_of_the_fmu_s_own(name, tmp_path):
+    named = scene("prescribed").replace(name=name)
+    assert rbfmu_fmu.verify(rbfmu_fmu.build(named, tmp_path / "it.fmu")).passed
+
+
 def test_older_pythonfmu_finds_the_script_s_class_by_its_text_and_passes_the_start_time_alone():
-    script = builder.SCRIPT.format(package="p", identifier="Body")
+    script = builder.SCRIPT.format(package="p")
     assert re.search(r"^class (\w+)\(\s*Fmi2Slave\s*\)\s*:", script, re.MULTILINE)[1] == "Body"
     assert inspect.signature(Slave.setup_experiment).bind(None, 0.0)
