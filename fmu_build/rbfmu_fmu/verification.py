@@ -75,10 +75,11 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     d, problems = _inside(path)
     run = d.scene.run
     _check_runs_here(path)
-    problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))] + _gaps(path, d)
     time = run.grid()[: MAX_STEPS + 1]
     inputs = _signal(d, len(time) - 1, np.random.default_rng(seed))
-    recorded, log = _through_fmpy(path, d, time, inputs)
+    with _errors_of_fmpy(path):
+        problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))] + _gaps(path, d)
+        recorded, log = _through_fmpy(path, d, time, inputs)
     expected = _through_kernels(d, time[: len(recorded)], inputs)
     apart = np.nan_to_num(np.abs(recorded - expected), nan=np.inf, posinf=np.inf).max(axis=0).tolist()
     units = {v.name: v.unit for v in d.outputs} | {count.name: "1" for count in d.counts}
@@ -106,21 +107,37 @@ def check_plain(folder: str) -> None:
         raise VerificationError(f"FMUs are unzipped to {folder!r}, and pythonfmu crashes at {found[0]!r}: {expected}")
 
 
+@contextmanager
+def _errors_of_fmpy(path: Path) -> Iterator[None]:
+    """Say what FMPy, which raises exceptions of any class, cannot do with a file."""
+    try:
+        yield
+    except VerificationError:
+        raise
+    except Exception as error:
+        raise VerificationError(f"{path}: FMPy cannot import it: {type(error).__name__}: {error}") from error
+
+
 def _inside(path: Path) -> tuple[Description, list[str]]:
     """Return what an FMU was built of, and whether that were other kernels."""
     try:
         with zipfile.ZipFile(path) as archive:
             data = json.loads(archive.read("resources/scene.json"))
+        kernels, tables, planned = data["kernels"], data["scene"], Plan.from_dict(data["plan"])
     except OSError as error:
         raise VerificationError(f"{path}: cannot be read ({error.strerror}): expected an FMU") from None
     except (zipfile.BadZipFile, EOFError):
         raise VerificationError(f"{path}: not an FMU (a zip archive)") from None
-    except (KeyError, ValueError):
-        raise VerificationError(f"{path}: not an FMU that rbfmu built (no resources/scene.json in it)") from None
-    old = data.get("kernels") != builder.kernel_hash()
+    except (KeyError, TypeError, ValueError):
+        what = "not an FMU that rbfmu built, or of another version"
+        raise VerificationError(f"{path}: {what} (no resources/scene.json in it that can be read)") from None
+    old = kernels != builder.kernel_hash()
     problems = ["built from other kernels than those installed: build it anew"] if old else []
-    scene = Scene.from_dict(data["scene"], source=str(path))
-    return describe(scene, Plan.from_dict(data["plan"])), problems
+    scene = Scene.from_dict(tables, source=str(path))
+    try:
+        return describe(scene, planned), problems
+    except ValueError as error:
+        raise VerificationError(f"{path}: another version of rbfmu planned it: {error}") from None
 
 
 def _gaps(path: Path, d: Description) -> list[str]:
@@ -150,10 +167,13 @@ def _with_dependencies(path: Path, model: fmpy.model_description.ModelDescriptio
 
 
 def _signal(d: Description, steps: int, random: np.random.Generator) -> Array:
-    """Return piecewise-constant inputs (steps, n): about 1 m/s2 for forces, 1 rad/s2 for torques, 1 rad/s for rates."""
+    """Return piecewise-constant inputs (steps, n): about 1 m/s2 for forces, 1 rad/s2 for torques, 1 rad/s for rates.
+
+    Those of one's own are about their start, beside which formulas may have no value.
+    """
     sizes = input_sizes(d.scene)
     levels = random.normal(size=(steps // HELD_STEPS + 1, len(d.inputs))) * [sizes[v.block] for v in d.inputs]
-    return np.repeat(levels, HELD_STEPS, axis=0)[:steps]
+    return np.repeat(levels + [v.start or 0.0 for v in d.inputs], HELD_STEPS, axis=0)[:steps]
 
 
 def version_in(model: fmpy.model_description.ModelDescription) -> model_description.FmiVersion:
@@ -223,8 +243,12 @@ def _through_fmpy(path: Path, d: Description, time: Array, inputs: Array) -> tup
     Not by `simulate_fmu`, which compares times by 1e-9 of their size.
     """
     with unit_of(path, d) as unit:
-        unit.start(time[0], time[-1], inputs[0].tolist())
-        points = [unit.outputs()]
+        try:
+            unit.start(time[0], time[-1], inputs[0].tolist())
+            points = [unit.outputs()]
+        except FMICallException as error:
+            said = "; ".join(unit.messages) or str(error)
+            raise VerificationError(f"{path}: refuses to start, perhaps not with another seed: {said}") from None
         with suppress(FMICallException):
             for t, h, now in zip(time.tolist(), np.diff(time).tolist(), inputs.tolist(), strict=False):
                 unit.set_inputs(now)
@@ -246,7 +270,7 @@ def _through_kernels(d: Description, time: Array, inputs: Array) -> Array:
         if k == 0:
             initialize(d.scene, kernels, z)
         elif tiered(kernels.step, len(time) - k)(z, time[k] - time[k - 1]) != OK:
-            z[:] = np.nan
+            break
         rows[k] = z[wanted]
     return rows
 

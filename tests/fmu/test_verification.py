@@ -126,3 +126,50 @@ def test_an_fmu_of_another_maker_is_refused(fmu: Path, tmp_path: Path) -> None:
     other = changed(fmu, tmp_path / "other.fmu", lambda name, content: None if "scene.json" in name else content)
     with pytest.raises(VerificationError, match="not an FMU that rbfmu built"):
         verify(other)
+
+
+def _planned(**entries: object) -> Callable[[str, bytes], bytes | None]:
+    def other(name: str, content: bytes) -> bytes:
+        if name != "resources/scene.json":
+            return content
+        data = json.loads(content)
+        return json.dumps(data | {"plan": data["plan"] | entries}).encode()
+
+    return other
+
+
+def _replaced(end: str, new: bytes | None) -> Callable[[str, bytes], bytes | None]:
+    return lambda name, content: new if name.endswith(end) else content
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    (_replaced("modelDescription.xml", None), "FMPy cannot import it: KeyError"),
+    (_replaced("modelDescription.xml", b"<x"), "FMPy cannot import it: XMLSyntaxError"),
+    (_replaced("scene.json", b"[]"), "of another version"), (_replaced("scene.json", b"{}"), "of another version"),
+    (_planned(new=1), "of another version"), (_planned(model="DOP853"), "another version of rbfmu planned it"),
+])  # fmt: skip
+def test_what_cannot_be_read_or_run_is_told(
+    change: Callable[[str, bytes], bytes | None], said: str, fmu: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(VerificationError, match=said):
+        verify(changed(fmu, tmp_path / "changed.fmu", change))
+
+
+def _rooted(start: float, tmp_path: Path) -> Path:
+    tables = SCENE | {"inputs": {"ports": [{"name": "u", "size": 1, "start": start}]}}
+    scene = rbfmu.Scene.from_dict(tables | {"outputs": {"quantities": ["omega_b"], "root": "sqrt(u)"}})
+    return rbfmu_fmu.build(scene, tmp_path / "root.fmu")
+
+
+def test_inputs_of_ones_own_are_about_their_start(tmp_path: Path) -> None:
+    assert verify(_rooted(9.0, tmp_path)).passed
+
+
+def test_inputs_that_an_fmu_refuses_are_told_at_the_start_and_later(tmp_path: Path) -> None:
+    fmu = _rooted(1.0, tmp_path)
+    with pytest.raises(VerificationError, match=r"refuses to start, perhaps not with another seed: .* finite"):
+        verify(fmu, seed=8)
+    found = verify(fmu, seed=3)
+    assert 0 < found.steps_done < found.steps_asked
+    assert set(found.differences.values()) == {0.0}
+    assert any("refused" in problem for problem in found.problems)
