@@ -50,7 +50,7 @@ def build(
     scene: Scene,
     path: str | Path,
     kind: str = "python",
-    platforms: Sequence[str] = (),
+    platforms: str | Sequence[str] = (),
     full: bool = False,
     fmi: int = 2,
     scalars: bool = False,
@@ -68,6 +68,8 @@ def build(
         raise ValueError(f'kind = {kind!r}: expected "python" or "native"')
     if kind == "native":
         return build_native_fmu(scene, plan(scene, full), path, platforms, version, terminals)
+    if platforms:
+        raise ValueError(f'platforms = {platforms!r}: expected kind = "native" with them')
     if fmi != 2:
         raise ValueError(f'fmi = {fmi}: expected kind = "native" with it, as pythonfmu makes FMUs of FMI 2')
     return build_python_fmu(scene, plan(scene, full), path, terminals)
@@ -88,7 +90,7 @@ def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], pa
 
 
 def build_native_fmu(
-    scene: Scene, plan: Plan, path: Path, platforms: Sequence[str] = (), version: FmiVersion = FMI2,
+    scene: Scene, plan: Plan, path: Path, platforms: str | Sequence[str] = (), version: FmiVersion = FMI2,
     terminals: bool = False,
 ) -> Path:  # fmt: skip
     """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done.

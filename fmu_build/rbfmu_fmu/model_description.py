@@ -112,7 +112,8 @@ def version_of(fmi: int, scalars: bool) -> FmiVersion:
     if not isinstance(fmi, int) or fmi not in (2, 3):
         raise ValueError(f"fmi = {fmi!r}: expected 2 or 3")
     if (fmi, scalars) not in VERSIONS:
-        raise ValueError("scalars = True: expected fmi = 3 with it, as FMI 2 has no arrays")
+        expected = "True or False" if fmi == 3 else "fmi = 3 with it, as FMI 2 has no arrays"
+        raise ValueError(f"scalars = {scalars!r}: expected {expected}")
     return VERSIONS[fmi, scalars]
 
 

@@ -77,12 +77,13 @@ PLATFORMS = {
 """Processors are the oldest of their kind. No code has fused products, so that all give the same bits."""
 
 
-def platforms_named(names: Iterable[str]) -> list[Platform]:
-    """Return platforms by their names, in an order; "all" names every one; without names this one.
+def platforms_named(names: str | Iterable[str]) -> list[Platform]:
+    """Return platforms by their names or one name, in an order; "all" names every one; without names this one.
 
     Raises BuildError where there is none of a name.
     """
-    chosen = {name for given in names for name in (PLATFORMS if given == "all" else [given])}
+    listed = [names] if isinstance(names, str) else names
+    chosen = {name for given in listed for name in (PLATFORMS if given == "all" else [given])}
     if unknown := sorted(chosen.difference(PLATFORMS)):
         raise BuildError(f"platform {unknown[0]!r}: expected one of {', '.join(PLATFORMS)}, all")
     return [PLATFORMS[name] for name in sorted(chosen)] or [this_platform()]

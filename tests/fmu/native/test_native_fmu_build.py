@@ -227,11 +227,14 @@ def test_without_any_compiler_one_message_names_both_remedies(tmp_path, monkeypa
 def test_all_names_every_platform():
     assert [p.name for p in platforms_named(["all", "win64"])] == sorted(PLATFORMS)
     assert [p.name for p in platforms_named([])] == [this_platform().name]
+    assert [p.name for p in platforms_named("win64")] == ["win64"]
 
 
 def test_unknown_platforms_and_kinds_are_refused(tmp_path):
     with pytest.raises(BuildError, match="'linux32': expected one of linux64, win64"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native", platforms=["linux32"])
+    with pytest.raises(BuildError, match="'linux32': expected one of linux64, win64"):
+        rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native", platforms="linux32")
     with pytest.raises(ValueError, match="'nativ': expected"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="nativ")
 
