@@ -3,7 +3,7 @@
 A mass is its start times exp(p). Of an inertia, the sums of m x_i x_j about c, E = tr(M) / 2 - M, are those of a
 distribution of mass if E is positive definite (P. M. Wensing, S. Kim & J.-J. E. Slotine, IEEE Robotics and Automation
 Letters 3, 2018): E = L L^T, with the logarithms of L's diagonal as coordinates. An attitude is turned by a rotation
-vector in b. What else there is has its size for a unit.
+vector in b. What else there is has its size for a unit; a larger one where that is zero or far too small.
 """
 
 import math
@@ -25,6 +25,8 @@ FARTHEST = 15.0
 PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 OWN = {"constants": "value", "states": "start"}
 """By table of numbers of one's own, which entry of a row varies."""
+FAR = 10.0
+"""How many times larger than its unit a number has to be to get a larger one."""
 Value = float | list[float] | list[list[float]] | dict[str, list[float]]
 """What a scene has for a key: a number, a vector or matrix, an attitude."""
 _BOUNDED = {f"loads.{load.name}" for load in BOUNDED}
@@ -54,6 +56,15 @@ class Chart:
     def numbers(self, p: Array) -> Array:
         """Return the numbers that vary."""
         return np.asarray(self.start[self.chosen] + self.size * p)
+
+    def outgrown(self, p: Array) -> bool:
+        """Give coordinates, in place, the unit of what they come to, if that is far larger; return whether it is."""
+        size = float(np.max(np.abs(self.numbers(p))))
+        if type(self) is not Chart or size <= FAR * self.size:  # coordinates of others have no unit
+            return False
+        p *= self.size / size
+        self.size = size
+        return True
 
     def slopes(self, p: Array) -> Array:
         """Return the derivatives of the numbers by coordinates."""

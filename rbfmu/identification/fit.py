@@ -29,10 +29,14 @@ PARTS = (0.03, 0.1, 0.3, 1.0)
 HELD, HELD_LAST = 0.3, 1e-4
 """How strongly coordinates are held to those before until all of the time is fitted: as if known to 1 / HELD; and then,
 so that what the data do not tell stays where it is."""
+MOST_SIZES = 12
+"""How often what turned out far larger than it began may get a larger unit."""
 MOST_TRIES = 60
 """Evaluations of one part."""
 REFUSED = 1e6
 """The residual, over its standard deviation, of a motion that the scene refuses."""
+NO_RUN = (SceneError, SimulationError, ValueError, OverflowError)
+"""What a run raises of numbers that lead nowhere."""
 UNTOLD = 1.0
 """The relative standard error from which on the data do not tell a direction."""
 PART_OF_DIRECTION = 0.02
@@ -236,12 +240,18 @@ class _Search:
     def fit(self) -> Fit:
         """Return the fit: part of the time after another; then with the noise that is left, if none was given."""
         p = np.zeros(len(self._names))
+        self._measure_zeros(p)
         sigma = {name: self._given.get(name) or _size_of(name, rows) for name, rows in self._data.values.items()}
         for part in PARTS:
             begin = self._scene.run.start
             data = self._data.until(begin + part * (self._data.time[-1] - begin))
             if part == 1.0 or (data.count >= 2 * len(p) and data.time[-1] > begin):
                 p = self._nearest(p, data, sigma, HELD if part < 1.0 else HELD_LAST)
+        for _ in range(MOST_SIZES):
+            grown = [chart.outgrown(row) for chart, row in by_chart(self._charts, p)]
+            if not any(grown):
+                break
+            p = self._nearest(p, self._data, sigma, HELD_LAST)
         given = np.zeros_like(p)  # parts of the time may have led away from it
         if self._misfit(given, sigma) < self._misfit(p, sigma):
             p = self._nearest(given, self._data, sigma, HELD_LAST)
@@ -250,6 +260,21 @@ class _Search:
             sigma = {name: self._given.get(name) or _deviation(left[name]) for name in sigma}
             p = self._nearest(p, self._data, sigma, HELD_LAST)
         return self._finish(p, sigma)
+
+    def _measure_zeros(self, p: Array) -> None:
+        """Give what begins at zero a size: the change that moves some output by as much as was measured of it."""
+        if all(chart.start.any() for chart in self._charts):
+            return
+        try:
+            _, slopes = self._evaluate(p, self._data)
+        except NO_RUN:
+            return
+        measured = {name: float(np.linalg.norm(np.nan_to_num(rows))) for name, rows in self._data.values.items()}
+        for chart, own in by_chart(self._charts, np.eye(len(p))):
+            moved = {name: float(np.linalg.norm(np.nan_to_num(rows) @ own.T)) for name, rows in slopes.items()}
+            sizes = [measured[name] / moved[name] for name in moved if measured[name] and moved[name]]
+            if sizes and not chart.start.any():
+                chart.size = min(sizes)
 
     def _evaluate(self, p: Array, data: Measured) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return residuals and their slopes by coordinates, by output."""
@@ -294,7 +319,7 @@ class _Search:
         """Return residuals over their standard deviation, without gaps, and their slopes."""
         try:
             left, slopes = self._evaluate(p, data)
-        except (SceneError, SimulationError, ValueError, OverflowError):
+        except NO_RUN:
             return np.full(data.count, REFUSED), np.zeros((data.count, len(p)))
         f = np.concatenate([(left[name] / sigma[name]).ravel() for name in left])
         J = np.concatenate([(slopes[name] / sigma[name]).reshape(-1, len(p)) for name in left])

@@ -88,6 +88,23 @@ def test_constants_and_inputs_and_angles_take_part():
     assert one.values == pytest.approx([0.3], abs=1e-7)
 
 
+@pytest.mark.parametrize("guess", [0.0, 1.0])
+def test_large_numbers_are_found_from_a_guess_that_knows_no_size(guess):
+    scene = rbfmu.Scene.from_dict({
+        "body": {"mass": 5e5, "inertia": [1e6, 1.1e6, 1.2e6]},
+        "constants": {"thrust": 3e6, "moment": [2e5, -1e5, 5e4]},
+        "loads": {"gravity_a": [0.0, 0.0, 0.0], "force_b": "[thrust, 0, 0]", "torque_b": "moment*sin(t)"},
+        "outputs": {"quantities": ["velocity", "omega_b"]}, "run": {"stop": 10.0, "step": 0.1, "accuracy": 1e-9},
+    })  # fmt: skip
+    run, rng = rbfmu.simulate(scene), np.random.default_rng(RNG_SEED)
+    noise = {"velocity": 0.1, "omega_b": 1e-3}
+    data = {name: run.quantities[name] + sigma * rng.normal(size=(101, 3)) for name, sigma in noise.items()}
+    begun = scene.replace({"constants.thrust": guess, "constants.moment": [guess, 0.0, 0.0]})
+    one = rbfmu.fit(begun, {"time": run.time} | data, ["constants.thrust", "constants.moment"], sigma=noise)
+    assert one.unknown == () == one.doubts
+    assert np.max(np.abs(one.values - [3e6, 2e5, -1e5, 5e4]) / one.standard_errors) < 3.0
+
+
 @pytest.mark.parametrize("inertia", [[1.0, 2.0, 2.5], [[1.0, 0.1, 0.2], [0.1, 1.5, -0.3], [0.2, -0.3, 2.0]]])
 def test_an_inertia_stays_one_that_a_body_can_have(inertia):
     scene = rbfmu.Scene(body={"mass": 1.0, "inertia": inertia})
