@@ -57,6 +57,10 @@ class Chart:
         """Return the numbers that vary."""
         return np.asarray(self.start[self.chosen] + self.size * p)
 
+    def scale(self, p: Array) -> float:
+        """Return what errors of the numbers are relative to: how large they are, at least their unit."""
+        return max(self.size, float(np.max(np.abs(self.numbers(p)))))
+
     def outgrown(self, p: Array) -> bool:
         """Give coordinates, in place, the unit of what they come to, if that is far larger; return whether it is."""
         size = float(np.max(np.abs(self.numbers(p))))
@@ -88,6 +92,9 @@ class _Mass(Chart):
 
 
 class _Attitude(Chart):
+    def scale(self, p: Array) -> float:
+        return 1.0
+
     def value(self, p: Array, before: Value | None = None) -> Value:
         q = arrays.compose_quaternions(self.start, arrays.quaternion_from_rotvec(p))
         return {"quaternion": np.asarray(q).tolist()}

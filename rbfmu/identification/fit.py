@@ -277,17 +277,16 @@ class _Search:
                 chart.size = min(sizes)
 
     def _evaluate(self, p: Array, data: Measured) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Return residuals and their slopes by coordinates, by output."""
+        """Return residuals and their slopes by numbers, by output."""
         scene = self._asked.replace(changes(self._charts, p))
         tables, interpolate = input_tables(scene, *self._inputs), self._inputs[1]
         time = np.unique(np.append(scene.run.start, data.time))
         found = self._varied.along(scene, drive_of(scene, tables, interpolate, time=time))
         rows = np.searchsorted(time, data.time)
-        by_coordinate, left, slopes = self._slopes(p), dict[str, Array](), dict[str, Array]()
+        left, slopes = dict[str, Array](), dict[str, Array]()
         for name, values in data.values.items():
             of = found.of["attitude" if name == QUATERNION else name][rows]
-            left[name], by_number = residuals(name, found.values[name][rows], values, of)
-            slopes[name] = by_number @ by_coordinate
+            left[name], slopes[name] = residuals(name, found.values[name][rows], values, of)
         return left, slopes
 
     def _misfit(self, p: Array, sigma: Mapping[str, float]) -> float:
@@ -304,7 +303,8 @@ class _Search:
         def both(x: Array) -> tuple[Array, Array]:
             if (key := x.tobytes()) not in seen:
                 seen.clear()
-                seen[key] = self._stack(x, data, sigma)
+                f, J = self._stack(x, data, sigma)
+                seen[key] = f, J @ self._slopes(x)
             f, J = seen[key]
             return np.append(f, held * (x - begin)), np.vstack([J, held * np.eye(len(x))])
 
@@ -316,7 +316,7 @@ class _Search:
         return np.asarray(found.x)
 
     def _stack(self, p: Array, data: Measured, sigma: Mapping[str, float]) -> tuple[Array, Array]:
-        """Return residuals over their standard deviation, without gaps, and their slopes."""
+        """Return residuals over their standard deviation, without gaps, and their slopes by numbers."""
         try:
             left, slopes = self._evaluate(p, data)
         except NO_RUN:
@@ -330,15 +330,15 @@ class _Search:
         scene = self._scene.replace(changes(self._charts, p))
         left, _ = self._evaluate(p, self._data)  # raises what the scene refuses
         f, J = self._stack(p, self._data, sigma)
-        told, unknown = self._tell_apart(J, _scatter(f, self._loss, len(p)))
-        slopes = self._slopes(p)
-        covariance = slopes @ told @ slopes.T
         values = np.concatenate([chart.numbers(row) for chart, row in by_chart(self._charts, p)])
-        sizes = np.concatenate([np.full(chart.count, chart.size) for chart in self._charts])
+        # by numbers, as a coordinate that is a logarithm of nearly nothing would hide what no data tell
+        sizes = np.concatenate([np.full(chart.count, chart.scale(row)) for chart, row in by_chart(self._charts, p)])
+        told, unknown = self._tell_apart(J * sizes, _scatter(f, self._loss, len(p)))
+        covariance = told * np.outer(sizes, sizes)
         lost = np.zeros(len(p), dtype=bool)
         for direction in unknown:
-            lost |= np.abs(slopes @ direction) / sizes > PART_OF_DIRECTION
-        said = tuple(self._meaning(slopes @ direction / sizes, slopes @ direction) for direction in unknown)
+            lost |= np.abs(direction) > PART_OF_DIRECTION
+        said = tuple(self._meaning(direction, sizes * direction) for direction in unknown)
         errors = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
         covariance[lost, :] = covariance[:, lost] = np.nan
         doubts = (*_trends(left), *_too_large(f, self._given))
@@ -346,7 +346,7 @@ class _Search:
                    doubts, self._data)  # fmt: skip
 
     def _tell_apart(self, J: Array, scatter: float) -> tuple[Array, list[Array]]:
-        """Return the covariance of coordinates in what the data tell, and the directions that they do not."""
+        """Return the covariance of numbers in what the data tell, and the directions that they do not."""
         axes = np.eye(J.shape[1])
         seen = np.linalg.norm(J, axis=0) > 1e-12 * np.linalg.norm(J)
         _, s, V = np.linalg.svd(J[:, seen], full_matrices=False)

@@ -64,6 +64,22 @@ def test_torque_free_motion_tells_ratios_of_moments_alone():
         one.posterior()
 
 
+def test_a_pendulum_tells_no_number_of_those_that_it_tells_together_alone():
+    """M_o, m r_oc and damping may all be larger by one factor; where a moment of mass is nearly zero as well."""
+    scene = rbfmu.Scene.from_dict({
+        "body": {"mass": 2.0, "inertia": [0.1, 0.2, 0.25], "pivot": True, "r_oc_b": [0.0, 0.0, -0.4]},
+        "initial": {"attitude": {"rotvec": [0.5, 0.2, 0.0]}}, "loads": {"damping_b": [0.02, 0.02, 0.02]},
+        "outputs": {"quantities": ["omega_b", "quaternion"]}, "run": {"stop": 10.0, "step": 0.1},
+    })  # fmt: skip
+    run, rng = rbfmu.simulate(scene), np.random.default_rng(1004)
+    data = {"time": run.time, "omega_b": run.omega_b + 0.02 * rng.normal(size=run.omega_b.shape)}
+    data["quaternion"] = run.quaternion + 0.005 * rng.normal(size=run.quaternion.shape)
+    changes = {"body.r_oc_b": [0.05, 0, -0.4], "loads.damping_b": [0.03] * 3, "body.inertia": [0.084, 0.19, 0.27]}
+    one = rbfmu.fit(scene.replace(changes), data, list(changes), sigma={"omega_b": 0.02, "quaternion": 0.01})
+    assert np.isnan(one.values).tolist() == [False, False] + 7 * [True]
+    assert len(one.unknown) == 1
+
+
 def test_a_model_that_lacks_a_load_leaves_residuals_that_are_no_noise():
     rng = np.random.default_rng(RNG_SEED + 3)
     scene = fits.truth(rng)
