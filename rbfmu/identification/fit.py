@@ -31,8 +31,8 @@ HELD, HELD_LAST = 0.3, 1e-4
 so that what the data do not tell stays where it is."""
 MOST_SIZES = 12
 """How often what turned out far larger than it began may get a larger unit."""
-MOST_TRIES = 60
-"""Evaluations of one part."""
+MOST_TRIES, MOST_LAST = 60, 400
+"""Evaluations of one part, and of all of the time."""
 REFUSED = 1e6
 """The residual, over its standard deviation, of a motion that the scene refuses."""
 NO_RUN = (SceneError, SimulationError, ValueError, OverflowError)
@@ -41,6 +41,8 @@ UNTOLD = 1.0
 """The relative standard error from which on the data do not tell a direction."""
 PART_OF_DIRECTION = 0.02
 """The share of a direction that the data do not tell, from which on a number is not told."""
+STILL_FALLS = 0.01
+"""What the sum of squares may still fall by, of its mean share of a number, where a search has to end."""
 FOLLOWS = 4.0
 """How many standard deviations the correlation of successive residuals may be from that of noise."""
 
@@ -311,8 +313,9 @@ class _Search:
         low, high = (np.concatenate(side) for side in zip(*(chart.bounds for chart in self._charts), strict=True))
         found = self._least_squares(
             lambda x: both(x)[0], np.clip(p, low, high), lambda x: both(x)[1], bounds=(low, high), x_scale="jac",
-            loss=self._loss, max_nfev=MOST_TRIES, xtol=1e-12, ftol=1e-12, gtol=1e-12,
+            loss=self._loss, max_nfev=MOST_TRIES if held == HELD else MOST_LAST, xtol=1e-12, ftol=1e-12, gtol=1e-12,
         )  # fmt: skip
+        self._ended = found.status > 0 or not _still_falls(found)
         return np.asarray(found.x)
 
     def _stack(self, p: Array, data: Measured, sigma: Mapping[str, float]) -> tuple[Array, Array]:
@@ -341,7 +344,8 @@ class _Search:
         said = tuple(self._meaning(direction, sizes * direction) for direction in unknown)
         errors = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
         covariance[lost, :] = covariance[:, lost] = np.nan
-        doubts = (*_trends(left), *_too_large(f, self._given))
+        ended = [] if self._ended else [f"the search came to no end in {MOST_LAST} runs: expected one begun nearer"]
+        doubts = (*ended, *_trends(left), *_too_large(f, self._given))
         return Fit(scene, self._names, np.where(lost, np.nan, values), errors, covariance, said, left, dict(sigma),
                    doubts, self._data)  # fmt: skip
 
@@ -363,6 +367,13 @@ class _Search:
         first = direction[at[0]]
         ratio = " : ".join(f"{direction[n] / first:.3g}" for n in at)
         return f"{', '.join(self._names[n] for n in at)}: nothing tells a common change of them, as {ratio}"
+
+
+def _still_falls(found: Any) -> bool:
+    """Return whether the slopes of where a search ended promise a sum of squares that is smaller, beyond noise."""
+    _, s, V = np.linalg.svd(found.jac, full_matrices=False)
+    step = V @ found.grad / s  # over the error of each direction
+    return bool(step @ step > STILL_FALLS * max(1.0, 2.0 * found.cost / len(found.fun)))
 
 
 def _trends(left: Mapping[str, Array]) -> list[str]:

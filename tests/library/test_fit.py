@@ -295,6 +295,27 @@ def test_noise_is_a_number_or_a_file(tmp_path):
         sigma_of("0,01")
 
 
+def test_a_long_search_is_ended_or_said_to_have_no_end(monkeypatch):
+    scene = rbfmu.Scene.from_dict({
+        "body": {"mass": 2.0, "inertia": [[1.2, 0.1, -0.05], [0.1, 2.0, 0.08], [-0.05, 0.08, 2.5]]},
+        "initial": {"omega_b": [0.3, 1.2, 0.2], "attitude": {"rotvec": [0.1, 0.2, 0.3]}},
+        "inputs": {"ports": ["torque_b"]}, "outputs": {"quantities": ["quaternion"]},
+        "run": {"stop": 20.0, "step": 0.25},
+    })  # fmt: skip
+    t, rng = np.linspace(0.0, 20.0, 81), np.random.default_rng(1027)
+    inputs = {"torque_b": (t, np.column_stack([0.3 * np.sin(t), 0.2 * np.cos(1.7 * t), 0.1 * np.sin(2.3 * t + 1.0)]))}
+    noise = rbfmu.quaternion_from_rotvec(0.05 * rng.normal(size=(81, 3)))
+    data = {"time": t, "quaternion": rbfmu.compose_quaternions(rbfmu.simulate(scene, inputs=inputs).quaternion, noise)}
+    start = scene.replace({"initial.attitude": {"rotvec": [0.0, 0.0, 0.0]}})
+    keys = ["body.inertia", "initial.omega_b", "initial.attitude"]
+    one = rbfmu.fit(start, data, keys, sigma=0.05, inputs=inputs)
+    true = [1.2, 2.0, 2.5, 0.1, -0.05, 0.08, 0.3, 1.2, 0.2]
+    assert one.doubts == ()
+    assert np.max(np.abs(one.values[:9] - true) / one.standard_errors[:9]) < 4.0
+    monkeypatch.setattr("rbfmu.identification.fit.MOST_LAST", 60)
+    assert rbfmu.fit(start, data, keys, sigma=0.05, inputs=inputs).doubts[0].startswith("the search came to no end")
+
+
 def test_a_hopeless_start_comes_to_an_end():
     rng = np.random.default_rng(RNG_SEED + 4)
     scene = fits.truth(rng)
