@@ -15,7 +15,7 @@ import numpy as np
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result, Row
 from rbfmu.runs.inputs import HOLD, Inputs, InputTables, drive_of, input_tables, size_of
-from rbfmu.runs.motion import Driven, Events, Happened
+from rbfmu.runs.motion import SAME, Driven, Events, Happened
 from rbfmu.runs.plan import Plan, given, start_run, with_parameters
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
 from rbfmu.scene.section import as_toml, fault
@@ -91,8 +91,6 @@ def simulate(
 
 _UNKNOWN = -1
 """The number of communication steps after a step of another length; counting costs half as much as a step."""
-SAME = 1e-9
-"""The part of a step by which times may differ and still be those of one event, or of two at once."""
 _PORT, _NUMBER = struct.Struct("3d"), struct.Struct("d")
 _Input = tuple[struct.Struct, int, tuple[float, ...]]
 _Before = list[_Input]

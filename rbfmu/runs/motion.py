@@ -24,6 +24,8 @@ from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import ANGLE, DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
 from rbfmu_kernels.rotations.quaternion import angle_between
 
+SAME = 1e-9
+"""The part of a step by which times may differ and still be those of one event, or of two at once."""
 FEW = 20_000
 """The number of rows up to which the array function is not worth its compilation."""
 FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.floor}
@@ -106,7 +108,7 @@ class Driven:
             before = self.z.copy() if self.events and self.events.ending else None
             if self._step(self.z, self._lengths[i]) != OK:
                 return False
-            self.ended = self.events.take() if self.events else None
+            self.ended = self.events.take(self._lengths[i]) if self.events else None
             if self.ended is not None and before is not None:
                 return self._go_back(before, self.ended)
         if self._last.names:
@@ -160,6 +162,7 @@ class Events:
         self.names, self.ending = (*scene.events,), {name for name, event in scene.events.items() if event.stop}
         self._count, self._list = z[blocks["events.listed"]], z[blocks["events.list"]].reshape(-1, 3)
         self.taken: list[Happened] = []
+        self.ended_by = ""
 
     def of_last_step(self) -> list[Happened]:
         """Return what happened in the last step, in its order."""
@@ -169,13 +172,15 @@ class Events:
         found = [Happened(self.names[int(e)], float(t), kind == TOUCH) for e, t, kind in rows if kind != NOT_ASKED]
         return sorted(found, key=lambda event: event.time)
 
-    def take(self) -> float | None:
-        """Keep what happened in the last step, up to what ends the run; return the time of that, or None."""
-        for event in self.of_last_step():
-            self.taken.append(event)
-            if event.name in self.ending and not event.touched:
-                return event.time
-        return None
+    def take(self, length: float) -> float | None:
+        """Keep what happened in the last step, s, up to what ends the run; return the time of that, or None."""
+        found = self.of_last_step()
+        ends = [event for event in found if event.name in self.ending and not event.touched]
+        self.taken += [event for event in found if not ends or event.time <= ends[0].time + SAME * length]
+        if not ends:
+            return None
+        self.ended_by, end, _ = ends[0]
+        return end
 
     def times(self, happened: list[Happened], touched: bool = False) -> dict[str, Array]:
         """Return the times of each event, s, that happened, or only touched."""

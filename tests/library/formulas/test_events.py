@@ -138,6 +138,15 @@ def test_an_event_ends_the_run_and_is_its_last_row():
     assert len(at_point.time) == 4
 
 
+def test_events_at_the_time_of_one_that_ends_the_run_are_told_with_it():
+    stops = {"when": "t - 1.7", "stop": True}
+    found = rbfmu.simulate(scene(first="1.7 - t", end=stops, other=stops | {"when": "2*t - 3.4"}, after="t - 1.7001"))
+    assert {name: times.tolist() for name, times in found.events.items()} == {
+        "first": [1.7], "end": [1.7], "other": [1.7], "after": [],
+    }  # fmt: skip
+    assert found.time[-1] == 1.7
+
+
 def test_a_simulator_tells_events_of_its_last_step_and_stops_at_one():
     simulator = rbfmu.Simulator(scene(tick="sin(3*t)", a="omega_b[1]"))
     told = []
