@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.exceptions import SceneError, named, path_of
+from rbfmu.exceptions import SceneError, SimulationError, named, path_of
 from rbfmu.models import formulas, model_buffer, question
 from rbfmu.models.registry import FORMULAS
 from rbfmu.models.varied import TURN, Column, VariedModel
 from rbfmu.planning import methods
+from rbfmu.planning.select import plan
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.motion import Driven
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
@@ -123,7 +124,11 @@ def sensitivity(
     Raises SceneError, SimulationError, ValueError for a key without a number or where a corner is grazed.
     """
     varied, tables = Varied(scene, by), input_tables(scene, inputs, interpolate)
-    return varied.along(scene, drive_of(scene, tables, interpolate), given(planned), covariance)
+    try:
+        return varied.along(scene, drive_of(scene, tables, interpolate), given(planned), covariance)
+    except SimulationError:
+        plan(scene)  # which says in its refusal what is wrong
+        raise
 
 
 class Varied:
@@ -166,9 +171,7 @@ class Varied:
             covariance = np.empty(0)
         if covariance.shape != (n, n):
             raise ValueError(f"covariance: expected a matrix {(n, n)} for {', '.join(self.numbers)}")
-        round_off = 1e-9 * np.max(np.abs(covariance))
-        if not (np.isfinite(round_off) and np.allclose(covariance, covariance.T, atol=round_off)
-                and _least_variance(covariance) >= -1e-9):  # fmt: skip
+        if not (np.isfinite(covariance).all() and _least_variance(covariance) >= -1e-9):
             said = "finite numbers, a symmetric matrix, and variances of at least 0, also of sums"
             raise ValueError(f"covariance: expected {said}")
         return {name: np.einsum("tkn,nm,tlm->tkl", S, covariance, S) for name, S in of.items()}
@@ -185,12 +188,13 @@ class Varied:
 
 
 def _least_variance(covariance: Array) -> float:
-    """Return the least variance of a sum of numbers, each in units of its own deviation."""
+    """Return the least variance of a sum of numbers, each in units of its deviation; -inf of no symmetric one."""
     deviations = np.sqrt(np.diag(covariance).clip(0.0))
     if np.any(np.diag(covariance) < 0.0):
         return -math.inf
     units = np.where(deviations > 0.0, deviations, 1.0)
-    return float(np.linalg.eigvalsh(covariance / np.outer(units, units))[0])
+    correlations = covariance / np.outer(units, units)
+    return float(np.linalg.eigvalsh(correlations)[0]) if np.allclose(correlations, correlations.T) else -math.inf
 
 
 def keys_of(keys: object) -> list[Any]:

@@ -271,15 +271,12 @@ class Simulator:
         own = self.plan.formulas.own_rows if self.plan.formulas else {}
         return Row({"time": self.time} | {name: getattr(self, name) for name in self._quantities}, own)
 
-    def __copy__(self) -> "Simulator":
-        """Return another one in the same state: with a memory of its own, as that of an object's is."""
-        other = Simulator.__new__(Simulator)  # which is not planned again
-        other._begin(self.scene, self.plan, {})
-        other.restore(self.save())
-        return other
+    def __reduce__(self) -> tuple[Callable[..., "Simulator"], tuple[Scene, Plan, bytes]]:
+        """Return what makes another one in the same state, for `pickle` and `copy`."""
+        return _in_state, (self.scene, self.plan, self.save())
 
     def __deepcopy__(self, memo: object) -> "Simulator":
-        return self.__copy__()
+        return _in_state(self.scene, self.plan, self.save())
 
     def save(self) -> bytes:
         """Return the whole state, for `restore` of this or another simulator of the scene."""
@@ -300,6 +297,14 @@ class Simulator:
         self.time, self._count, *told = self._clock.unpack_from(content)
         self._known, self._told = tuple(told[: len(self._untold)]), tuple(told[len(self._untold) :])
         self._bytes[:] = content[self._clock.size :]
+
+
+def _in_state(scene: Scene, planned: Plan, state: bytes) -> Simulator:
+    """Return a simulator, with a memory of its own, which is not planned again."""
+    one = Simulator.__new__(Simulator)
+    one._begin(scene, planned, {})
+    one.restore(state)
+    return one
 
 
 def _seconds(h: Any) -> float:

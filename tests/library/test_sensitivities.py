@@ -103,6 +103,20 @@ def test_a_covariance_is_carried_along():
             rbfmu.sensitivity(one, "body.mass", covariance=[[wrong]])
     with pytest.raises(ValueError, match="a symmetric matrix"):
         rbfmu.sensitivity(one, ["initial.omega_b"], covariance=covariance + np.triu(covariance[:1]))
+    lopsided = [[1e6, 0.0, 0.0], [0.0, 1e-12, 5e-13], [0.0, 0.0, 1e-12]]
+    with pytest.raises(ValueError, match="a symmetric matrix"):
+        rbfmu.sensitivity(one, ["initial.omega_b"], covariance=lopsided)
+
+
+def test_a_motion_that_slides_along_a_corner_is_said_to():
+    """It was said that a step is not finite."""
+    one = rbfmu.Scene.from_dict({
+        "body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, "initial": {"omega_b": [0.3, 1.2, 0.2]},
+        "loads": {"torque_b": "[where(omega_b[1] > 0.1, -0.1, 0.05), 0, 0]"},
+        "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 10.0, "step": 0.5},
+    })  # fmt: skip
+    with pytest.raises(rbfmu.SceneError, match="torque_b slides along a corner"):
+        rbfmu.sensitivity(one, "initial.omega_b")
 
 
 def test_a_picture_names_what_is_without_effect():

@@ -2,6 +2,7 @@
 
 import copy
 import math
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -272,7 +273,7 @@ def test_a_copy_goes_its_own_way_and_is_not_planned_again(monkeypatch):
     sim = rbfmu.Simulator(SATELLITE)
     monkeypatch.delattr(simulation, "plan")
     sim.step(torque_b=[0.1, 0.2, 0.3])
-    for copied in (copy.copy(sim), copy.deepcopy(sim)):
+    for copied in (copy.copy(sim), copy.deepcopy(sim), pickle.loads(pickle.dumps(sim))):
         before, time = state_of(sim), sim.time
         copied.step()
         assert_same(state_of(sim), before)
