@@ -78,7 +78,13 @@ _ROW = rules.Rule("a list of numbers", _row)
 
 
 class Named(dict[str, T]):
-    """A table with names of one's own, which nobody changes."""
+    """A table with names of one's own, which nobody changes; their order counts, as results and FMUs have it too."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Mapping) and tuple(self.items()) == tuple(other.items())
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
 
     def __hash__(self) -> int:  # type: ignore[override]
         return hash(tuple(self.items()))
@@ -105,6 +111,9 @@ class Entry(Section):
         """Return the entry as a file has it."""
         found = {name: value for name, value in super().table().items() if value != ""}
         return {name: x[0] if isinstance(x, list) and len(x) == 1 else x for name, x in found.items()}
+
+    def _shown(self) -> dict[str, object]:
+        return {name: x for name, x in self.table().items() if name in self._set()}
 
 
 class Constant(Entry):

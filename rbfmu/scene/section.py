@@ -352,7 +352,10 @@ class Section:
 
     def _shown(self) -> dict[str, object]:
         """Return the keys and values that make the section again."""
-        return self._set()
+        found = self._set()
+        for name in self._hidden:
+            found |= as_lists(found.pop(name, {}))
+        return found
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self._shown().items())})"

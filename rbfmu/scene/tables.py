@@ -210,6 +210,9 @@ class Inputs(Section, path="inputs"):
             vars(self)["ports"] += tuple(self.own)
         return ()
 
+    def _shown(self) -> dict[str, object]:
+        return {name: tuple(rows) for name, rows in self.table().items() if rows}
+
     def table(self) -> dict[str, Any]:
         """Return the table as a file has it."""
         ports = [*(name for name in self.ports if name not in self.own), *as_lists(self.own).values()]

@@ -12,7 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from rbfmu.scene.body import Body
 from rbfmu.scene.scene import QUANTITIES, Initial, Run, Scene, SceneError, load_scene
+from rbfmu.scene.section import Section
 from rbfmu_kernels.rotations.euler_angles import NAMES
+from tests.support.paths import SCENES
 from tests.support.scenes.bad_scenes import text
 from tests.support.scenes.scene_tables import DEFAULTS, SMALLEST, scene, scene_tables
 
@@ -55,6 +57,31 @@ def test_a_scene_made_in_python_equals_one_from_tables():
     made = Scene(body=Body(mass=2.0, inertia=[1, 2, 2.5]), run=Run(stop=3), loads={"force_a": (1, 2, 3)})
     assert made == scene(run={"stop": 3.0}, loads={"force_a": [1, 2, 3]})
     assert hash(made) == hash(pickle.loads(pickle.dumps(made)))
+
+
+@pytest.mark.parametrize("path", [*SCENES.rglob("*.toml"), SCENES.parent / "b_dot.toml"], ids=lambda path: path.stem)
+def test_what_a_scene_prints_makes_it_again(path):
+    """Also where loads, ports and outputs are formulas."""
+    made = load_scene(path)
+    known = {kind.__name__: kind for kind in every_section(Section)}
+    assert eval(repr(made), known) == made
+
+
+def every_section(kind):
+    yield kind
+    for one in kind.__subclasses__():
+        yield from every_section(one)
+
+
+def test_the_order_of_names_of_ones_own_counts():
+    """As that of quantities does; scenes that are equal have one hash."""
+    x, y = {"x": "t"}, {"y": "2*t"}
+    made, same, turned = (scene(outputs={"quantities": ["omega_b"], **own}) for own in (x | y, x | y, y | x))
+    assert made == same
+    assert hash(made) == hash(same)
+    assert made.outputs.names != turned.outputs.names
+    assert made != turned
+    assert made.outputs != turned.outputs
 
 
 def test_a_scene_cannot_be_changed():
