@@ -6,9 +6,10 @@ import math
 import reprlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from contextvars import copy_context
 from functools import partial, wraps
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -112,14 +113,21 @@ def plain_arrays(args: Arguments, count: int) -> Arguments:
 
     Tables of pandas and xarray would make the call themselves: they align labels, and name shapes that nobody gave.
     """
-    given = [a if type(a) is np.ndarray else _plain_array(a) for a in args[:count]]
+    given = [a if type(a) is np.ndarray and a.dtype is _FLOAT64 else _plain_array(a) for a in args[:count]]
     return (*given, *args[count:])
+
+
+_FLOAT64 = np.dtype(np.float64)
 
 
 def _plain_array(value: object) -> Array:
     if isinstance(value, np.ma.MaskedArray):
         raise ValueError(MASKED)
-    return np.asarray(value)
+    array = np.asarray(value)
+    if array.dtype == object and all(isinstance(number, Real) for number in array.flat):
+        with suppress(OverflowError):  # else whole numbers beyond 64 bits, or a row of a table that has words elsewhere
+            return array.astype(np.float64)
+    return array
 
 
 MASKED = "must have no mask; x.filled(np.nan) of such an array x gives NaN where it is masked"
@@ -277,7 +285,7 @@ def _of_arguments(name: str, shapes: dict[str, Shape], args: Arguments) -> Excep
     for (argument, shape), value in zip(shapes.items(), args, strict=False):
         if wrong := _no_numbers(value):
             return ValueError(f"{name}: {argument} {wrong}")
-        array = np.asarray(value)
+        array = _plain_array(value)
         if not np.can_cast(array.dtype, np.float64):
             return ValueError(f"{name}: {argument} must fit into float64, got {_brief(array)}; .astype rounds")
         if array.shape[array.ndim - len(shape) :] != shape or array.ndim < len(shape):
@@ -292,7 +300,7 @@ def _no_numbers(value: object) -> str:
     if isinstance(value, np.ma.MaskedArray):
         return MASKED
     try:
-        kind = np.asarray(value).dtype.kind
+        kind = _plain_array(value).dtype.kind
     except ValueError:
         return f"must be a regular array of numbers, got {_brief(value)}"
     return "" if kind in "biuf" else f"must be real numbers, got {_brief(value)}"
@@ -346,7 +354,7 @@ def as_floats(function: str, argument: str, value: object) -> Array:
     """Return an argument as an array of floats. Raises ValueError."""
     if wrong := _no_numbers(value):
         raise ValueError(f"{function}: {argument} {wrong}")
-    return np.asarray(value, dtype=np.float64)
+    return np.asarray(_plain_array(value), dtype=np.float64)
 
 
 # Warnings at singular arguments, in the functions' own words: NumPy would speak of a division by zero

@@ -2,6 +2,7 @@
 
 import inspect
 import pickle
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -106,6 +107,16 @@ def test_tables_of_others_give_their_numbers():
     for found, expected in calls:
         assert type(found) is np.ndarray
         np.testing.assert_array_equal(found, expected)
+
+
+def test_objects_that_are_numbers_are_taken_as_such():
+    """A mass in whole numbers beyond 64 bits; a row of a table that has words elsewhere."""
+    assert (rbfmu.sphere_inertia(6 * 10**24, 2) == rbfmu.sphere_inertia(6e24, 2.0)).all()
+    row = np.array([1.0, 0, np.float32(2.0), Fraction(1, 2), "a name"], dtype=object)
+    assert (rbfmu.normalize(row[:4]) == rbfmu.normalize([1.0, 0.0, 2.0, 0.5])).all()
+    assert rbfmu.inertia_of_points([10**30], [[1, 2, 3]])[0] == 1e30
+    with pytest.raises(ValueError, match=r"sphere_inertia: mass must be real numbers, got 1000"):
+        rbfmu.sphere_inertia(10**400, 2)
 
 
 def test_masked_items_are_refused():
