@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rbfmu.arrays.bodies import *  # noqa: F403
 
 REFLECTION = "some of these matrices are no rotations (det <= 0, as of a reflection), which gives NaN"
-NO_DIRECTION = "some of these axes have no direction (zero, or beyond 1e150), which gives NaN"
+NO_DIRECTION = "some of these axes have no direction (zero, or a length outside 1e-150 to 1e150), which gives NaN"
 NEGATIVE = "some of these masses or sizes are negative, which gives NaN"
 HALF_TURN = "some of these rotations are half a turn (|eta| < 4 eps |q|), which gives NaN"
 NO_SHADOW = "some of these parameters are 0, whose shadow set is a full turn, which gives NaN"

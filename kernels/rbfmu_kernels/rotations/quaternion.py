@@ -87,11 +87,11 @@ def rotate(q_ab: Quaternion, v_b: Vec3) -> Vec3:
     With u = (eta v + eps x v) / |q|^2 it is v + 2 eps x u to a quarter turn, so that a small turn makes a small error;
     beyond it (eps . v) eps / |q|^2 + eta u + eps x u (that is q v q*), where nothing is doubled.
     Units: v_b any, the result alike; q_ab may have any length from 1e-150 to 1e150.  Frames: v_b in b, the result in a.
-    Error <= 5 eps |v|.  Singular: at the zero quaternion, which gives NaN.  Source: E&G 6.7.
+    Error <= 5 eps |v|.  Singular: at the zero quaternion, which gives NaN, as do longer ones.  Source: E&G 6.7.
     """
     eta, eps = q_ab[0], q_ab[1:]
     square = square_of(q_ab)
-    s = 1.0 / choose(square > 0.0, square, math.nan)
+    s = 1.0 / choose((square > 0.0) & (square < math.inf), square, math.nan)
     u = vec3.scale(s, vec3.add(vec3.scale(eta, v_b), vec3.cross(eps, v_b)))
     x, y, z = vec3.add_scaled(vec3.scale(s * vec3.dot(eps, v_b), eps), eta, u)
     near = eta * eta > 0.5 * square

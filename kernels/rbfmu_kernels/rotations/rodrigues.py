@@ -22,17 +22,16 @@ def gibbs_from_quaternion(q_ab: Quaternion) -> Vec3:
     Error <= 0.5 eps |g|.
     Singular: within round-off of half a turn, |eta| < 4 eps |q_ab|, g has no digits left and is NaN.  Source: E&G 6.7.
     """
-    eta = math.nan if gibbs_is_singular(q_ab) or q_ab[0] == 0.0 else q_ab[0]  # the last of NaN
+    eta = math.nan if gibbs_is_singular(q_ab) or q_ab[0] == 0.0 else q_ab[0]  # zero: of NaN and of no attitude
     return (q_ab[1] / eta, q_ab[2] / eta, q_ab[3] / eta)
 
 
 @kernel
 def gibbs_is_singular(q_ab: Quaternion) -> bool:
-    """Return whether a rotation is half a turn within round-off, |eta| < 4 eps |q_ab|; or q_ab is zero."""
-    largest = largest_of(q_ab)
-    s = scale_for_squares(largest)
+    """Return whether a rotation is half a turn within round-off, |eta| < 4 eps |q_ab|."""
+    s = scale_for_squares(largest_of(q_ab))
     length = math.sqrt(square_of(scale_quaternion(s, q_ab)))
-    return s * abs(q_ab[0]) < 4.0 * 2.0**-52 * length or largest == 0.0
+    return s * abs(q_ab[0]) < 4.0 * 2.0**-52 * length
 
 
 @kernel

@@ -93,6 +93,12 @@ def test_zero_has_no_direction():
     assert np.isnan(quaternion.rotate((0.0, 0.0, 0.0, 0.0), (1.0, 2.0, 3.0))).all()
 
 
+def test_nothing_is_rotated_by_a_length_beyond_the_range():
+    """It came to (0, 0, 0)."""
+    for size in (1e155, 1e200, 1e308):
+        assert np.isnan(quaternion.rotate((0.6 * size, 0.0, 0.8 * size, 0.0), (1.0, 2.0, 3.0))).all()
+
+
 @given(any_quaternion, any_quaternion)
 def test_quaternions_compose_and_invert_as_a_group(q, p):
     qp = quaternion.compose_quaternions(q, p)

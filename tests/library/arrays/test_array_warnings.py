@@ -20,9 +20,9 @@ def test_nan_stays_where_it_is_and_nothing_warns():
             assert np.flatnonzero(bad).tolist() == [3]
 
 
-@pytest.mark.parametrize("to", ["matrix", "rotvec", "axis_angle", "mrp", "euler ZYX", "euler zxz"])
+@pytest.mark.parametrize("to", ["matrix", "rotvec", "axis_angle", "gibbs", "mrp", "euler ZYX", "euler zxz"])
 def test_the_zero_quaternion_gives_nan_and_nothing_warns(to):
-    """Not the identity, as which Euler angles and an axis with its angle had it."""
+    """Not the identity, as which Euler angles and an axis with its angle had it, nor half a turn."""
     name, *seq = to.split()
     function = getattr(rbfmu, f"{name}_from_quaternion")
     spoiled = Q.copy()
