@@ -183,7 +183,12 @@ def with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> 
             meant = next((key for key in (whole, f"{whole}_0") if key in keys and key != name), "")
             expected = f"{meant}, with all of its numbers" if meant else f"one of {', '.join(keys)}"
             raise SceneError(f"parameter {name!r}: expected {expected}", scene.name)
-    changed = scene.replace({keys[name]: plain(value) for name, value in parameters.items()})
+    numbers = {name: plain(value) for name, value in parameters.items()}
+    for row in own.values():
+        if row.name in numbers and isinstance(numbers[row.name], list | tuple) != (row.size > 1):
+            expected = "3 numbers" if row.size > 1 else "a number"  # as the buffer and formulas have them
+            raise SceneError(fault(row.name, numbers[row.name], expected), scene.name)
+    changed = scene.replace({keys[name]: value for name, value in numbers.items()})
     blocks, old, new = planned.kernels.BLOCKS, filled_buffer(scene, planned), filled_buffer(changed, planned)
     for name in parameters:
         place = blocks[block_of[name]]

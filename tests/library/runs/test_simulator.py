@@ -194,6 +194,21 @@ def test_wrong_parameters_are_refused_and_change_nothing(name):
     assert sim.save() == before
 
 
+@pytest.mark.parametrize(("parameters", "said"), [
+    ({"k": [1.0, 2.0, 3.0]}, r"k = \[1.0, 2.0, 3.0\]: expected a number"), ({"v": 2.0}, "v = 2.0: expected 3 numbers"),
+    ({"s_0": np.ones(3)}, r"s_0 = \[1.0, 1.0, 1.0\]: expected a number"),
+])  # fmt: skip
+def test_parameters_of_one_s_own_keep_their_shape(parameters, said):
+    scene = rbfmu.Scene.from_dict({
+        "body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, "constants": {"k": 0.3, "v": [1.0, 2.0, 3.0]},
+        "states": {"s": {"start": 1.0, "rate": "-0.1*s"}}, "inputs": {"parameters": ["k", "v", "s_0"]},
+        "outputs": {"quantities": ["omega_b"], "of_k": "k*t", "of_v": "v*t", "of_s": "2*s"},
+        "run": {"stop": 5.0, "step": 0.5},
+    })  # fmt: skip
+    with pytest.raises(rbfmu.SceneError, match=said):
+        rbfmu.Simulator(scene, **parameters)
+
+
 def test_a_quantity_that_is_not_asked_for_is_named_with_those_that_are():
     with pytest.raises(
         AttributeError, match=r"no quantity 'position' is asked for .*; it has quaternion, omega_b, rpy"
