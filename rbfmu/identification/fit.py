@@ -370,10 +370,12 @@ class _Search:
 
 
 def _still_falls(found: Any) -> bool:
-    """Return whether the slopes of where a search ended promise a sum of squares that is smaller, beyond noise."""
+    """Return whether the slopes of where a search ended promise a smaller sum of squares, by what the data tell."""
     _, s, V = np.linalg.svd(found.jac, full_matrices=False)
     step = V @ found.grad / s  # over the error of each direction
-    return bool(step @ step > STILL_FALLS * max(1.0, 2.0 * found.cost / len(found.fun)))
+    share = max(1.0, 2.0 * found.cost / len(found.fun))
+    told = step[s * UNTOLD > math.sqrt(share)]
+    return bool(told @ told > STILL_FALLS * share)
 
 
 def _trends(left: Mapping[str, Array]) -> list[str]:
