@@ -55,16 +55,18 @@ def kept(file: Path | None, make: Callable[[], bytes], most: int) -> bytes:
 
 def write_whole(file: Path, content: bytes) -> None:
     """Write a file, whole or not at all: what stands there is replaced when all is written."""
-    handle, temporary = tempfile.mkstemp(prefix=file.name, suffix=".part", dir=file.parent)
     try:
-        with os.fdopen(handle, "wb") as part:
-            part.write(content)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, file)
-    except BaseException as error:
-        os.unlink(temporary)
-        if isinstance(error, OSError):
-            error.filename = str(file)  # else a full disk names no file
+        handle, temporary = tempfile.mkstemp(prefix=file.name, suffix=".part", dir=file.parent)
+        try:
+            with os.fdopen(handle, "wb") as part:
+                part.write(content)
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, file)
+        except BaseException:
+            os.unlink(temporary)
+            raise
+    except OSError as error:
+        error.filename = str(file)  # a full disk names no file, others the part
         raise
 
 

@@ -63,9 +63,15 @@ def test_a_disk_that_takes_nothing_is_one_message_and_status_2(option, kind, sce
         pytest.skip(f"no mount: {done.stderr}")
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert done.stderr.startswith(f"Error: {folder / 'it.fmu'}")
-    assert done.stderr.endswith(f": {REASONS[option]}\n")
+    assert done.stderr == f"Error: {folder / 'it.fmu'}: {REASONS[option]}\n"
     assert done.stdout == ""  # no message, and nothing left in the folder
+
+
+def test_a_file_that_cannot_be_begun_is_named_itself(tmp_path):
+    """And not the part that is written first, whose name nobody gave."""
+    with pytest.raises(FileNotFoundError) as refused:
+        on_disk.write_whole(tmp_path / "none" / "it.fmu", b"")
+    assert refused.value.filename == str(tmp_path / "none" / "it.fmu")
 
 
 class FullDisk(io.FileIO):
