@@ -256,7 +256,7 @@ def _numbers(key: str, value: object, path: str) -> Found:
         raise SceneError(fault(path, value, expected))
     else:
         near = closest(key, KEYS)
-        expected = f"did you mean {near}?" if near else f"keys out of {', '.join(KEYS)}"
+        expected = f"did you mean {near}?" if near else f"keys out of {', '.join(KEYS)}, constants.NAME, states.NAME"
         raise SceneError(f"{path} = {as_toml(value)}: unknown key; {expected}")
     marginals = _distributed(key, rule, value, path)
     return marginals, marginals[0].kind

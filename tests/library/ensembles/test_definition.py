@@ -142,6 +142,7 @@ FAULTS = [
         {"vary": {"body.mas": MASS["body.mass"]}},
         '"body.mas" = { normal = [50.0, 0.5] }: unknown key; did you mean body.mass?',
     ),
+    ({"vary": {"a": MASS["body.mass"]}}, "body.shape, constants.NAME, states.NAME"),
     (
         {"vary": {"body.mass": 5}},
         '"body.mass" = 5: expected a table with one of normal = [mean, standard deviation], uniform',
