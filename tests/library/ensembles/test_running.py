@@ -296,7 +296,7 @@ def test_an_unfinished_store_is_no_result(scene, tmp_path, monkeypatch):
     with pytest.raises(ValueError, match=r"has 24 of 100 runs: expected all, resume it"):
         EnsembleResult.load(tmp_path / "store.npz")
     (tmp_path / "text.npz").write_text("text")
-    with pytest.raises(ValueError, match=r"cannot be read \(File is not a zip file\)"):
+    with pytest.raises(ValueError, match="cannot be read"):
         EnsembleResult.load(tmp_path / "text.npz")
 
 
