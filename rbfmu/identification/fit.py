@@ -7,7 +7,6 @@ import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +14,13 @@ import numpy as np
 
 from rbfmu.exceptions import SceneError, SimulationError, named
 from rbfmu.extras import needed
+from rbfmu.identification import noise
 from rbfmu.identification.charts import INERTIA, OWN, Chart, by_chart, changes, chart_of, value_of
 from rbfmu.identification.measured import QUATERNION, Data, Measured, read_measured, residuals
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables, with_times
 from rbfmu.scene.scene import SECTIONS, Scene, of_scene_or_path
 from rbfmu.sensitivities import ATTITUDE, Varied, keys_of
 from rbfmu.types import Array
-from rbfmu_kernels.quantities import elements
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 PARTS = (0.03, 0.1, 0.3, 1.0)
@@ -43,8 +42,6 @@ PART_OF_DIRECTION = 0.02
 """The share of a direction that the data do not tell, from which on a number is not told."""
 STILL_FALLS = 0.01
 """What the sum of squares may still fall by, of its mean share of a number, where a search has to end."""
-FOLLOWS = 4.0
-"""How many standard deviations the correlation of successive residuals may be from that of noise."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -207,19 +204,7 @@ def fit(
     if not keys:
         raise ValueError("free: expected at least one key")
     timed = with_times(scene, inputs, interpolate)  # a fit takes other steps
-    return _Search(scene, known, keys, _deviations(sigma, known), loss, (timed, interpolate)).fit()
-
-
-def _deviations(sigma: float | Mapping[str, float] | None, data: Measured) -> dict[str, float]:
-    """Return the standard deviations that are given, by output."""
-    given = dict.fromkeys(data.values, sigma) if not isinstance(sigma, Mapping) else dict(sigma)
-    if unknown := [name for name in given if name not in data.values]:
-        raise ValueError(f"sigma: {unknown[0]!r}: expected some of {', '.join(data.values)}")
-    found = {name: value for name, value in given.items() if value is not None}
-    for name, value in found.items():
-        if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 < float(value) < math.inf:
-            raise ValueError(f"sigma: {name} = {value!r}: expected a number above 0")
-    return {name: float(value) for name, value in found.items()}
+    return _Search(scene, known, keys, noise.given_deviations(sigma, known), loss, (timed, interpolate)).fit()
 
 
 class _Search:
@@ -243,7 +228,7 @@ class _Search:
         """Return the fit: part of the time after another; then with the noise that is left, if none was given."""
         p = np.zeros(len(self._names))
         self._measure_zeros(p)
-        sigma = {name: self._given.get(name) or _size_of(name, rows) for name, rows in self._data.values.items()}
+        sigma = {name: self._given.get(name) or noise.size_of(name, rows) for name, rows in self._data.values.items()}
         for part in PARTS:
             begin = self._scene.run.start
             data = self._data.until(begin + part * (self._data.time[-1] - begin))
@@ -259,7 +244,7 @@ class _Search:
             p = self._nearest(given, self._data, sigma, HELD_LAST)
         for _ in range(0 if len(self._given) == len(self._data.values) else 2):
             left, _ = self._evaluate(p, self._data)
-            sigma = {name: self._given.get(name) or _deviation(left[name]) for name in sigma}
+            sigma = {name: self._given.get(name) or noise.deviation(left[name]) for name in sigma}
             p = self._nearest(p, self._data, sigma, HELD_LAST)
         return self._finish(p, sigma)
 
@@ -336,7 +321,7 @@ class _Search:
         values = np.concatenate([chart.numbers(row) for chart, row in by_chart(self._charts, p)])
         # by numbers, as a coordinate that is a logarithm of nearly nothing would hide what no data tell
         sizes = np.concatenate([np.full(chart.count, chart.scale(row)) for chart, row in by_chart(self._charts, p)])
-        told, unknown = self._tell_apart(J * sizes, _scatter(f, self._loss, len(p)))
+        told, unknown = self._tell_apart(J * sizes, noise.scatter(f, self._loss, len(p)))
         covariance = told * np.outer(sizes, sizes)
         lost = np.zeros(len(p), dtype=bool)
         for direction in unknown:
@@ -345,7 +330,7 @@ class _Search:
         errors = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
         covariance[lost, :] = covariance[:, lost] = np.nan
         ended = [] if self._ended else [f"the search came to no end in {MOST_LAST} runs: expected one begun nearer"]
-        doubts = (*ended, *_trends(left), *_too_large(f, self._given))
+        doubts = (*ended, *noise.trends(left), *noise.too_large(f, self._given))
         return Fit(scene, self._names, np.where(lost, np.nan, values), errors, covariance, said, left, dict(sigma),
                    doubts, self._data)  # fmt: skip
 
@@ -378,20 +363,6 @@ def _still_falls(found: Any) -> bool:
     return bool(told @ told > STILL_FALLS * share)
 
 
-def _trends(left: Mapping[str, Array]) -> list[str]:
-    """Return in words which residuals do not look like noise, as each follows the one before."""
-    found = []
-    for name, rows in left.items():
-        for element, column in zip(elements(name, rows.shape[1]), rows.T, strict=True):
-            x = column[np.isfinite(column)]
-            far = 3.0 * _deviation(x)
-            x = np.clip(x - np.median(x), -far, far)
-            r = float(np.sum(x[1:] * x[:-1]) / (np.sum(x * x) or 1.0))
-            if len(x) > 10 and r > FOLLOWS / math.sqrt(len(x)):
-                found.append(f"residuals of {element} follow each other (correlation {r:.2f}): not noise alone")
-    return found
-
-
 def _scene_to_run(scene: Scene, data: Measured) -> Scene:
     """Return the scene that runs as long as was measured, shows what was measured, and goes on at events."""
     tables = {name: table for name, table in scene.to_dict().items() if name not in ("events", "ensemble")}
@@ -400,34 +371,3 @@ def _scene_to_run(scene: Scene, data: Measured) -> Scene:
     end = float(data.time[-1])
     tables["run"] = tables["run"] | {"stop": end, "step": end - scene.run.start}
     return Scene.from_dict(tables, scene.name)
-
-
-def _size_of(name: str, rows: Array) -> float:
-    """Return a scale of the noise to begin with."""
-    size = 1.0 if name in (QUATERNION, "rpy") else float(np.nanmax(np.abs(rows), initial=0.0))
-    return 0.01 * size or 1.0
-
-
-def _deviation(rows: Array) -> float:
-    """Return the standard deviation of noise, by the median of sizes, which outliers do not move."""
-    known = rows[np.isfinite(rows)]
-    return max(float(1.4826 * np.median(np.abs(known))), 1e-15) if len(known) else 1.0
-
-
-def _scatter(f: Array, loss: str, n: int) -> float:
-    """Return by how much the covariance is more than that of least squares with unit noise (P. J. Huber, Robust
-    Statistics, 1981, ch. 7)."""
-    z = f * f
-    slope, bend = {
-        "linear": (np.ones_like(z), np.zeros_like(z)),
-        "soft_l1": ((1.0 + z) ** -0.5, -0.5 * (1.0 + z) ** -1.5),
-        "huber": (np.where(z <= 1.0, 1.0, np.maximum(z, 1.0) ** -0.5),
-                  np.where(z <= 1.0, 0.0, -0.5 * np.maximum(z, 1.0) ** -1.5)),
-        "cauchy": (1.0 / (1.0 + z), -1.0 / (1.0 + z) ** 2),
-    }[loss]  # fmt: skip
-    return float(np.sum(slope * slope * z) / max(len(f) - n, 1) / np.mean(slope + 2.0 * z * bend) ** 2)
-
-
-def _too_large(f: Array, given: Mapping[str, float]) -> list[str]:
-    size = _deviation(f)
-    return [f"residuals are {size:.2g} times the noise that was given"] if given and size > 1.5 else []

@@ -1,0 +1,72 @@
+"""The noise of measured data: how large it is, and whether what a fit leaves looks like it."""
+
+import math
+from collections.abc import Mapping
+from numbers import Real
+
+import numpy as np
+
+from rbfmu.identification.measured import QUATERNION, Measured
+from rbfmu.types import Array
+from rbfmu_kernels.quantities import elements
+
+FOLLOWS = 4.0
+"""How many standard deviations the correlation of successive residuals may be from that of noise."""
+
+
+def given_deviations(sigma: float | Mapping[str, float] | None, data: Measured) -> dict[str, float]:
+    """Return the standard deviations that are given, by output."""
+    given = dict.fromkeys(data.values, sigma) if not isinstance(sigma, Mapping) else dict(sigma)
+    if unknown := [name for name in given if name not in data.values]:
+        raise ValueError(f"sigma: {unknown[0]!r}: expected some of {', '.join(data.values)}")
+    found = {name: value for name, value in given.items() if value is not None}
+    for name, value in found.items():
+        if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 < float(value) < math.inf:
+            raise ValueError(f"sigma: {name} = {value!r}: expected a number above 0")
+    return {name: float(value) for name, value in found.items()}
+
+
+def size_of(name: str, rows: Array) -> float:
+    """Return a scale of the noise to begin with."""
+    size = 1.0 if name in (QUATERNION, "rpy") else float(np.nanmax(np.abs(rows), initial=0.0))
+    return 0.01 * size or 1.0
+
+
+def deviation(rows: Array) -> float:
+    """Return the standard deviation of noise, by the median of sizes, which outliers do not move."""
+    known = rows[np.isfinite(rows)]
+    return max(float(1.4826 * np.median(np.abs(known))), 1e-15) if len(known) else 1.0
+
+
+def scatter(f: Array, loss: str, n: int) -> float:
+    """Return by how much the covariance is more than that of least squares with unit noise (P. J. Huber, Robust
+    Statistics, 1981, ch. 7)."""
+    z = f * f
+    slope, bend = {
+        "linear": (np.ones_like(z), np.zeros_like(z)),
+        "soft_l1": ((1.0 + z) ** -0.5, -0.5 * (1.0 + z) ** -1.5),
+        "huber": (np.where(z <= 1.0, 1.0, np.maximum(z, 1.0) ** -0.5),
+                  np.where(z <= 1.0, 0.0, -0.5 * np.maximum(z, 1.0) ** -1.5)),
+        "cauchy": (1.0 / (1.0 + z), -1.0 / (1.0 + z) ** 2),
+    }[loss]  # fmt: skip
+    return float(np.sum(slope * slope * z) / max(len(f) - n, 1) / np.mean(slope + 2.0 * z * bend) ** 2)
+
+
+def trends(left: Mapping[str, Array]) -> list[str]:
+    """Return in words which residuals do not look like noise, as each follows the one before."""
+    found = []
+    for name, rows in left.items():
+        for element, column in zip(elements(name, rows.shape[1]), rows.T, strict=True):
+            x = column[np.isfinite(column)]
+            far = 3.0 * deviation(x)
+            x = np.clip(x - np.median(x), -far, far)
+            r = float(np.sum(x[1:] * x[:-1]) / (np.sum(x * x) or 1.0))
+            if len(x) > 10 and r > FOLLOWS / math.sqrt(len(x)):
+                found.append(f"residuals of {element} follow each other (correlation {r:.2f}): not noise alone")
+    return found
+
+
+def too_large(f: Array, given: Mapping[str, float]) -> list[str]:
+    """Return in words whether residuals over their standard deviation are far larger than the noise that was given."""
+    size = deviation(f)
+    return [f"residuals are {size:.2g} times the noise that was given"] if given and size > 1.5 else []
