@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.exceptions import SceneError, SimulationError, named, path_of
+from rbfmu.exceptions import SceneError, named, path_of
 from rbfmu.models import formulas, model_buffer, question
 from rbfmu.models.registry import FORMULAS
 from rbfmu.models.varied import TURN, Column, VariedModel
 from rbfmu.planning import methods
-from rbfmu.planning.select import plan
+from rbfmu.planning.judge import MAX_REFERENCE_STEPS
+from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.motion import Driven
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
@@ -124,11 +126,10 @@ def sensitivity(
     Raises SceneError, SimulationError, ValueError for a key without a number or where a corner is grazed.
     """
     varied, tables = Varied(scene, by), input_tables(scene, inputs, interpolate)
-    try:
-        return varied.along(scene, drive_of(scene, tables, interpolate), given(planned), covariance)
-    except SimulationError:
-        plan(scene)  # which says in its refusal what is wrong
-        raise
+    if scene.has_formulas and planned is None:  # which may lead nowhere, in ever shorter substeps
+        with suppress(ReferenceTooLongError):
+            reference_motion(scene, [scene.run.stop - scene.run.start], MAX_REFERENCE_STEPS)
+    return varied.along(scene, drive_of(scene, tables, interpolate), given(planned), covariance)
 
 
 class Varied:

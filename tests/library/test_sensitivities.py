@@ -119,6 +119,16 @@ def test_a_motion_that_slides_along_a_corner_is_said_to():
         rbfmu.sensitivity(one, "initial.omega_b")
 
 
+def test_a_motion_that_grows_beyond_all_bounds_is_refused_as_a_run_of_it_is():
+    """Its derivatives went on, in ever shorter substeps, for hours."""
+    one = rbfmu.Scene.from_dict({
+        "body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, "initial": {"omega_b": [0.3, 1.2, 0.2]},
+        "loads": {"torque_b": "5*omega_b"}, "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 20.0, "step": 0.5},
+    })  # fmt: skip
+    with pytest.raises(rbfmu.SceneError, match=r"run\.stop = 20\.0: expected a shorter run"):
+        rbfmu.sensitivity(one, "initial.omega_b")
+
+
 def test_a_picture_names_what_is_without_effect():
     found = rbfmu.sensitivity(scene(), ["initial.omega_b", "body.mass"])
     legend = found.plot().axes[0].get_legend()
