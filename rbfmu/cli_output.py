@@ -96,7 +96,7 @@ def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None
 
 def expected_error(scene: "rbfmu.Scene", planned: "rbfmu.Plan", driven: bool) -> str:
     """Return what error a plan expects, and of which run where others may set inputs or parameters."""
-    of_run = ["the inputs given" if driven else "inputs at zero"] * bool(scene.inputs.ports)
+    of_run = ["the inputs given" if driven else scene.inputs.at_start] * bool(scene.inputs.ports)
     of_run += ["the scene's parameters"] * bool(scene.inputs.parameters)
     return f"expected: error {planned.error:.1e}" + (f" with {' and '.join(of_run)}" if of_run else "")
 

@@ -163,7 +163,7 @@ class _Search:
                 break
         magnified, reasons = magnified_round_off(growth), why_held_whatever(self.asked, found, self.judge.arithmetic)
         if magnified > self.accuracy and (self.asked.scene.inputs.ports or found.error <= AT_REST * self.accuracy):
-            grown = f"with inputs at zero the motion magnifies an error {growth:.1e} times"
+            grown = f"with {self.asked.scene.inputs.at_start} the motion magnifies an error {growth:.1e} times"
             reasons += (f"{grown}, round-off beyond the accuracy: only the errors of substeps are held to it",)
         elif max(found.error, magnified) > self.accuracy:
             raise refuse_accuracy(self.asked, max(found.error, magnified))
@@ -373,4 +373,4 @@ def held_over_a_run(plan: Plan) -> str:
 def why_held_whatever(asked: Question, plan: Plan, arithmetic: str) -> tuple[str, ...]:
     """Return how a plan serves inputs and parameters that no pilot run has seen."""
     held = f"{held_over_a_run(plan)}, whatever {' and '.join(sorted(asked.varying))} may be"
-    return held, f"error {plan.error:.1e} in a pilot run with inputs at zero, judged in {arithmetic}"
+    return held, f"error {plan.error:.1e} in a pilot run with {asked.scene.inputs.at_start}, judged in {arithmetic}"

@@ -204,6 +204,11 @@ class Inputs(Section, path="inputs"):
             faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")
         return {**data, "ports": [x for x in ports if not isinstance(x, Mapping)]}, {"own": found}
 
+    @property
+    def at_start(self) -> str:
+        """Return in words what they are until something drives them."""
+        return "inputs at their start" if any(any(port.start) for port in self.own.values()) else "inputs at zero"
+
     def _faults_together(self) -> tuple[()]:
         """Let the ports have those of one's own among them."""
         if "ports" in vars(self):

@@ -135,3 +135,15 @@ def test_other_keys_of_a_row_stay_when_one_is_replaced():
     assert (other.states["u"].start, other.states["u"].rate, other.states["u"].unit) == ((3.0,), "-c*u", "m")
     assert (other.constants["c"].value, other.constants["c"].unit) == ((4.0,), "1/s")
     assert (other.events["half"].when, other.events["half"].direction) == ("u - 0.5", "any")
+
+
+@pytest.mark.parametrize(("start", "said"), [(0.0, "inputs at zero"), (0.2, "inputs at their start")])
+def test_a_plan_says_with_which_inputs_its_pilot_ran(start, said):
+    one = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
+        inputs={"ports": [{"name": "u", "size": 1, "start": start}]},
+        loads={"torque_b": "[0, 0, u]"},
+        outputs={"quantities": ["omega_b"]},
+        run={"stop": 1.0, "step": 0.5},
+    )
+    assert any(f"in a pilot run with {said}, " in reason for reason in rbfmu.plan(one).reasons)
