@@ -139,6 +139,8 @@ def warm(scenes: tuple[Path, ...]) -> None:
     """Keep plans and compiled code of scenes, so that processes that share the cache plan and compile nothing."""
     from rbfmu.ensembles.running import warm as warm_scene
 
+    if not common.keeps_code():
+        raise click.ClickException(common.NOT_KEPT)
     for asked in map(common.Asked, scenes):
         with asked.opened() as scene, common.usage_errors():
             warm_scene(scene, rbfmu.Plan.from_dict(_plan_of(asked, nullcontext(scene))["plan"]))

@@ -75,13 +75,23 @@ def usage_errors(*kinds: type[Exception]) -> Iterator[None]:
         raise click.UsageError(str(error)) from None
 
 
-def say_where_nothing_is_kept() -> None:
-    """Print a note where Numba finds no folder for compiled code."""
+NOT_KEPT = (
+    "compiled code cannot be kept here, so every start compiles for seconds: "
+    "set NUMBA_CACHE_DIR to a folder that can be written"
+)
+
+
+def keeps_code() -> bool:
+    """Return whether Numba finds a folder for compiled code."""
     from rbfmu_kernels import rotate
 
-    if hasattr(rotate, "stats") and rotate.stats.cache_path is None:
-        remedy = "set NUMBA_CACHE_DIR to a folder that can be written"
-        click.echo(f"Note: compiled code cannot be kept here, so every start compiles for seconds: {remedy}", err=True)
+    return not hasattr(rotate, "stats") or rotate.stats.cache_path is not None
+
+
+def say_where_nothing_is_kept() -> None:
+    """Print a note where Numba finds no folder for compiled code."""
+    if not keeps_code():
+        click.echo(f"Note: {NOT_KEPT}", err=True)
 
 
 def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None:
