@@ -1,6 +1,8 @@
 """Names of one's own: constants and starts as parameters, outputs, ports, and what they may not be called."""
 
+import copy
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -135,6 +137,19 @@ def test_other_keys_of_a_row_stay_when_one_is_replaced():
     assert (other.states["u"].start, other.states["u"].rate, other.states["u"].unit) == ((3.0,), "-c*u", "m")
     assert (other.constants["c"].value, other.constants["c"].unit) == ((4.0,), "1/s")
     assert (other.events["half"].when, other.events["half"].direction) == ("u - 0.5", "any")
+
+
+def test_tables_of_one_s_own_are_frozen_as_all_of_a_scene_is():
+    """Those of a scene that has none were one table of all such scenes, so that writing gave it to all of them."""
+    plain = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]})
+    own = plain.replace(constants={"k": 2.0})
+    for table in (plain.constants, own.constants, own.inputs.own, own.loads.formulas):
+        for write in (lambda t: t.update(k=3.0), lambda t: t.__setitem__("k", 3.0), lambda t: t.pop("k", None)):
+            with pytest.raises(ValueError, match="frozen: Scene"):
+                write(table)
+    for same in (copy.copy(own), copy.deepcopy(own), pickle.loads(pickle.dumps(own))):
+        assert same == own
+        assert same.constants["k"].value == (2.0,)
 
 
 @pytest.mark.parametrize(("start", "said"), [(0.0, "inputs at zero"), (0.2, "inputs at their start")])
