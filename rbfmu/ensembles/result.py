@@ -14,6 +14,7 @@ from rbfmu.exceptions import path_of
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
+from rbfmu.scene.section import whole
 from rbfmu.types import Array, Indices, NDArray
 from rbfmu_kernels.quantities import Quantity, indices
 
@@ -158,6 +159,11 @@ class EnsembleResult:
     def ended(self) -> tuple[str, ...]:
         """Return the quantities whose values at the end of all runs are kept."""
         return tuple(name for name in self.rows if name in self.all or name in self.final)
+
+    def member(self, number: int) -> Scene:
+        """Return the scene of a run, counted from 0, to be simulated alone. Raises SceneError where it is refused."""
+        number = whole(0, self.runs - 1).read(number, "number")
+        return members.member(self.scene, members.draw(self.scene, number, 1), 0)
 
     def ends(self, name: str) -> Array:
         """Return a quantity at the end of all runs (runs, k), NaN of those that failed. Raises KeyError if not kept."""
