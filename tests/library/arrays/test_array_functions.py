@@ -164,7 +164,7 @@ def test_no_kernel_raises(name, number):
     LAWS[name].kernel(*sequence, *(exact.rounded(np.full(shape, number).tolist()) for shape in arguments.values()))
 
 
-@pytest.mark.parametrize("name", some_of([*LAWS], 30))
+@pytest.mark.parametrize("name", some_of([*LAWS], 6))
 def test_kernels_take_arrays_for_tuples(name):
     case = LAWS[name].cases()[-1]
     arrays = [np.array(argument) if isinstance(argument, tuple) else argument for argument in case]
