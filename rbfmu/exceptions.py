@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Any
 
 NOT_THE_CALLER = ("rbfmu", "rbfmu_kernels", "rbfmu_fmu", "functools", "contextlib")
 """Packages at whose lines nobody is warned: our own, and what calls functions of ours for us."""
@@ -49,7 +48,7 @@ def warn_caller(message: str, category: type[Warning]) -> None:
     warnings.warn(message, category, stacklevel=level)
 
 
-def path_of(path: Any, name: str = "path") -> Path:
+def path_of(path: object, name: str = "path") -> Path:
     """Return a path as given; raise TypeError where it is none, such as a number of runs."""
     if not isinstance(path, str | Path):
         raise TypeError(f"{f'{name} = {path!r}':.120}: expected a path")

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.lib.npyio import NpzFile
 
 from rbfmu.csv_table import read_columns
 from rbfmu.exceptions import named, path_of
@@ -252,7 +251,7 @@ def _write_table(path: Path, rows: Iterable[Sequence[object]], quoting: Literal[
 
 def _npz(path: Path) -> dict[str, Array]:
     try:
-        with path.open("rb") as raw, NpzFile(raw) as file:  # np.load takes what is no archive for a pickle
+        with path.open("rb") as raw, np.lib.npyio.NpzFile(raw) as file:  # np.load takes what is no archive for a pickle
             return {name: np.asarray(file[name], dtype=np.float64) for name in file.files}
     except FileNotFoundError:
         raise

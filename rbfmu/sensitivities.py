@@ -14,9 +14,7 @@ from rbfmu.exceptions import SceneError, named, path_of
 from rbfmu.models import formulas, model_buffer, question
 from rbfmu.models.registry import FORMULAS
 from rbfmu.models.varied import TURN, Column, VariedModel
-from rbfmu.planning import methods
-from rbfmu.planning.judge import MAX_REFERENCE_STEPS
-from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
+from rbfmu.planning import judge, methods, reference
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.motion import Driven
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
@@ -127,8 +125,8 @@ def sensitivity(
     """
     varied, tables = Varied(scene, by), input_tables(scene, inputs, interpolate)
     if scene.has_formulas and planned is None:  # which may lead nowhere, in ever shorter substeps
-        with suppress(ReferenceTooLongError):
-            reference_motion(scene, [scene.run.stop - scene.run.start], MAX_REFERENCE_STEPS)
+        with suppress(reference.ReferenceTooLongError):
+            reference.reference_motion(scene, [scene.run.stop - scene.run.start], judge.MAX_REFERENCE_STEPS)
     return varied.along(scene, drive_of(scene, tables, interpolate), given(planned), covariance)
 
 

@@ -10,21 +10,13 @@ from typing import Any
 import numpy as np
 from numba import config
 
-from rbfmu.arrays.from_kernel import (
-    array_function,
-    as_floats,
-    clear_error,
-    documented_by,
-    in_order,
-    plain_arrays,
-    warn_of_singular,
-)
+from rbfmu.arrays import from_kernel
 from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.exact import free_rotation as _free
 from rbfmu_kernels.mechanics import inertia as _inertia
 
-_reasons = array_function(_inertia.check_inertia)
-_principal_axes = array_function(_inertia.principal_axes)
+_reasons = from_kernel.array_function(_inertia.check_inertia)
+_principal_axes = from_kernel.array_function(_inertia.principal_axes)
 
 
 def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, Array, Array]:
@@ -36,7 +28,10 @@ def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, A
     far away loses no digits but those of its positions.
     Singular: where the masses' sum is not above 0, a ValueError.  Source: E&G (7.30); lecture, "Inertia dyadic".
     """
-    m, r = as_floats("inertia_of_points", "masses", masses), as_floats("inertia_of_points", "positions", positions)
+    m, r = (
+        from_kernel.as_floats("inertia_of_points", "masses", masses),
+        from_kernel.as_floats("inertia_of_points", "positions", positions),
+    )
     if r.ndim < 2 or r.shape[-1] != 3:
         raise ValueError(f"inertia_of_points: positions must have trailing shape (n, 3), got {r.shape}")
     if m.ndim < 1 or m.shape[-1] != r.shape[-2]:
@@ -61,7 +56,7 @@ def check_inertia(M: ArrayLike) -> None:
     Units: any, commonly kg m^2.  Frames: any.
     Error: each condition may be broken by 1e-12 of the trace.  Singular: nowhere.  Source: lecture, "Inertia dyadic".
     """
-    M = as_floats("check_inertia", "M", M)
+    M = from_kernel.as_floats("check_inertia", "M", M)
     reasons = np.asarray(_reasons(M))
     if not reasons.any():
         return
@@ -86,23 +81,27 @@ def _said(reason: int, M: Array) -> str:
 _FEW = 8
 """Bodies from which on lanes pay."""
 _impossible = "free_rotation: some of these moments are of no body (negative, infinite, or 0 beside two that differ)"
-_one_time_per_body = array_function(_free.free_rotation, singular=_free.free_rotation_is_singular, warning=_impossible)
-_setup = array_function(_free.free_rotation_setup, singular=_free.free_rotation_is_singular, warning=_impossible)
-_at = array_function(_free.free_rotation_at)
+_one_time_per_body = from_kernel.array_function(
+    _free.free_rotation, singular=_free.free_rotation_is_singular, warning=_impossible
+)
+_setup = from_kernel.array_function(
+    _free.free_rotation_setup, singular=_free.free_rotation_is_singular, warning=_impossible
+)
+_at = from_kernel.array_function(_free.free_rotation_at)
 
 
-@documented_by(_free.free_rotation)
+@from_kernel.documented_by(_free.free_rotation)
 def free_rotation(*args: Any, **kwargs: Any) -> Any:
-    args, kwargs = in_order(_free.free_rotation, args, kwargs)
+    args, kwargs = from_kernel.in_order(_free.free_rotation, args, kwargs)
     try:
-        args = plain_arrays(args, 4)
+        args = from_kernel.plain_arrays(args, 4)
         if not kwargs and (found := _in_lanes(*args)):
             return found
         if len(args) < 4 or np.ndim(args[3]) == 0 or not _times_exceed_bodies(*args[:4]):
             return _one_time_per_body(*args, **kwargs)
         return _at(_setup(*args[:3]), *args[3:], **kwargs)
     except (TypeError, ValueError) as error:
-        raise clear_error(_free.free_rotation, args, kwargs, error) from None
+        raise from_kernel.clear_error(_free.free_rotation, args, kwargs, error) from None
 
 
 def _times_exceed_bodies(moments: ArrayLike, q_0: ArrayLike, omega_b_0: ArrayLike, t: ArrayLike) -> bool:
@@ -124,7 +123,7 @@ def _in_lanes(*arrays: Array) -> tuple[Array, Array] | None:
     t = _flat(t, t.shape if math.prod(t.shape) == shape[-1] else shape, shape[-1])
     q, omega = np.empty((len(moments), t.shape[-1], 4)), np.empty((len(moments), t.shape[-1], 3))
     if _free.free_rotations(moments, q_0, omega_b_0, t, np.zeros(_free.SCRATCH), q, omega):
-        warn_of_singular(_impossible)
+        from_kernel.warn_of_singular(_impossible)
     return q.reshape(*shape, 4), omega.reshape(*shape, 3)
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from rbfmu.ensembles import attitudes, members, variables as names
 from rbfmu.ensembles.store import Checkpoint
-from rbfmu.ensembles.variables import coordinates, differ, flat, output_rows, variables_of, varied_rows
 from rbfmu.exceptions import path_of
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
@@ -93,7 +92,7 @@ class Drivers(NamedTuple):
 
 def _columns(name: str, row: Quantity, values: Array) -> dict[str, Array]:
     """Return the numbers (n,) of a quantity (n, ...) by their names."""
-    return {f"{name}{index}": column for index, column in zip(indices(row), flat(values).T, strict=True)}
+    return {f"{name}{index}": column for index, column in zip(indices(row), names.flat(values).T, strict=True)}
 
 
 class EnsembleResult:
@@ -118,8 +117,8 @@ class EnsembleResult:
         self.time: Array = np.asarray(arrays[names.TIMES])
         self.probabilities: Array = np.asarray(arrays[names.PROBABILITY])
         self.rank_error = float(np.asarray(arrays[names.RANK_ERROR])) if names.RANK_ERROR in arrays else 0.0
-        self.rows, shown = output_rows(scene), scene.outputs.names
-        self.samples = Arrays({n: a for n, a in arrays.items() if n in varied_rows(scene)}, "no key that varies")
+        self.rows, shown = names.output_rows(scene), scene.outputs.names
+        self.samples = Arrays({n: a for n, a in arrays.items() if n in names.varied_rows(scene)}, "no key that varies")
         self.final = self._of(shown, "_final", "the end of the runs is not kept")
         self.all = self._of(shown, "", "not all of the runs is kept")
         ends, missing = ("_mean", "_std", "_covariance", "_quantiles"), "statistics are not kept"
@@ -179,12 +178,14 @@ class EnsembleResult:
         rows, applied, ended = self.good[:MOST_RANKED], dict[str, Array](), dict[str, Array]()
         if len(rows) >= LEAST:
             for key, values in self.samples.items():
-                found = _columns(key, varied_rows(self.scene)[key], values[rows])
+                found = _columns(key, names.varied_rows(self.scene)[key], values[rows])
                 applied |= dict([*found.items()][len(found) == 4 :])  # of an attitude the vector part of its quaternion
             for name in self.ended:
                 values = self.ends(name)[rows]
                 found = _columns(name, self.rows[name], values)
-                ended |= {one: found[one] for one, apart in zip(found, differ(flat(values)), strict=True) if apart}
+                ended |= {
+                    one: found[one] for one, apart in zip(found, names.differ(names.flat(values)), strict=True) if apart
+                }
         return Drivers.between(applied, ended)
 
     def at_end(self, name: str) -> tuple[Array, Array]:
@@ -204,7 +205,7 @@ class EnsembleResult:
 
     def to_xarray(self) -> Any:
         """Return a xarray.Dataset of all that is kept, with the names of components, units and frames."""
-        known, found, named = variables_of(self.scene, self._arrays), {}, {}
+        known, found, named = names.variables_of(self.scene, self._arrays), {}, {}
         for name, variable in known.items():
             if name in self._arrays:
                 found[name] = (variable.dims, np.asarray(self._arrays[name]), variable.attributes)
@@ -212,7 +213,7 @@ class EnsembleResult:
                 if row is not None and (axis := {"parameter", "angle", "axis"} & {*variable.dims}):
                     is_turn = name in (f"{attitudes.ATTITUDE}_std", f"{attitudes.ATTITUDE}_covariance")
                     named[axis.pop()] = [*"xyz"] if is_turn else list(row.components)
-        return needed("xarray", "ensemble").Dataset(found, coordinates(self.time) | named)
+        return needed("xarray", "ensemble").Dataset(found, names.coordinates(self.time) | named)
 
     def plot(self, path: str | Path | None = None) -> Any:
         """Draw bands of quantiles, the scatter at the end and what drives it; return the matplotlib.figure.Figure.

@@ -16,7 +16,6 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
-from numpy.lib.npyio import NpzFile
 
 from rbfmu.ensembles import attitudes, variables as names
 from rbfmu.ensembles.chunks import Chunk, Work, origin
@@ -103,7 +102,10 @@ class Checkpoint:
     def read(cls, path: Path) -> "Checkpoint":
         """Read a file. Raises ValueError where it is no checkpoint of an ensemble."""
         with damage_of(path, but=FileNotFoundError):
-            with path.open("rb") as raw, NpzFile(raw) as file:  # np.load takes what is no archive for a pickle
+            with (
+                path.open("rb") as raw,
+                np.lib.npyio.NpzFile(raw) as file,
+            ):  # np.load takes what is no archive for a pickle
                 arrays = {name: file[name] for name in file.files}
             head = json.loads(str(arrays.pop(_HEAD)))
             of_statistics = [name for name in arrays if name.startswith(_STATISTICS)]

@@ -9,7 +9,6 @@ import numpy as np
 from rbfmu.scene import section as rules, variations
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
 from rbfmu.scene.own import PARAMETER_END, is_own, parameter_of
-from rbfmu.scene.section import Section, as_toml, fault, joined, plain
 from rbfmu.scene.variations import ATTITUDE, AXES, INERTIA, RELATIVE, SHAPE, VARYING_ANGLES, Marginal, Variation
 
 Rows = tuple[tuple[float, ...], ...]
@@ -30,7 +29,7 @@ def _component_names(value: object) -> tuple[str, ...] | None:
 
 def _square(value: object) -> Rows | None:
     """Return the rows of a symmetric matrix."""
-    value = plain(value)
+    value = rules.plain(value)
     if not isinstance(value, list | tuple) or not value:
         return None
     rows: Rows = tuple(rules.Numbers((len(value),))(row) for row in value)
@@ -47,7 +46,7 @@ _COMPONENTS = rules.Rule(
 _SQUARE = rules.Rule("a symmetric matrix: a list of rows of finite numbers", _square)
 
 
-class Correlation(Section, path="ensemble.correlation"):
+class Correlation(rules.Section, path="ensemble.correlation"):
     """Which numbers depend on each other, by the correlation or the covariance of them."""
 
     meaning: ClassVar[str] = "which of these numbers depend on each other"
@@ -60,17 +59,17 @@ class Correlation(Section, path="ensemble.correlation"):
     def _contradictions(self) -> Iterator[str]:
         given = [name for name in ("matrix", "covariance") if getattr(self, name) is not None]
         if len(given) != 1:
-            yield fault(self._path, list(given), "either matrix (of correlations) or covariance")
+            yield rules.fault(self._path, list(given), "either matrix (of correlations) or covariance")
             return
         rows, path, n = getattr(self, given[0]), f"{self._path}.{given[0]}", len(self.components)
         if len(rows) != n:
-            yield fault(path, rows, f"{n} rows of {n} numbers, as components has")
+            yield rules.fault(path, rows, f"{n} rows of {n} numbers, as components has")
         elif any(rows[i][i] <= 0.0 for i in range(n)):
-            yield fault(path, rows, "numbers > 0 on the diagonal")
+            yield rules.fault(path, rows, "numbers > 0 on the diagonal")
         elif self.matrix is not None and any(rows[i][i] != 1.0 for i in range(n)):
-            yield fault(path, rows, "1 on the diagonal; or the key covariance")
+            yield rules.fault(path, rows, "1 on the diagonal; or the key covariance")
         elif lower_factor(self.correlations) is None:
-            yield fault(path, rows, "a positive semidefinite matrix; these correlations contradict each other")
+            yield rules.fault(path, rows, "a positive semidefinite matrix; these correlations contradict each other")
 
     @property
     def correlations(self) -> Rows:
@@ -123,7 +122,7 @@ _VARY = rules.Rule(
 )
 
 
-class Ensemble(Section, path="ensemble"):
+class Ensemble(rules.Section, path="ensemble"):
     """Runs of one scene in which some of its numbers vary."""
 
     runs: Annotated[int, rules.whole(1, MOST_RUNS).means("number of runs; of a grid: that of its points")] = 1000
@@ -184,21 +183,23 @@ class Ensemble(Section, path="ensemble"):
             elif wrong:
                 yield variation.refused('points in a grid alone: design = "grid"')
         if is_grid and (count := math.prod(m.points or 1 for m in self.varying)) != self.runs:
-            yield fault("ensemble.runs", self.runs, f"no such key, or {count}: the points of the grid")
+            yield rules.fault("ensemble.runs", self.runs, f"no such key, or {count}: the points of the grid")
 
     def _faults_of_correlation(self, correlation: Correlation) -> Iterator[str]:
         known = {m.name: m for m in self.varying if ".uniform[" not in m.name}
         if self.design == GRID:
-            yield fault("ensemble.correlation", correlation.components, "none: the points of a grid are independent")
+            yield rules.fault(
+                "ensemble.correlation", correlation.components, "none: the points of a grid are independent"
+            )
         if unknown := [name for name in correlation.components if name not in known]:
             expected = f"numbers that vary, out of {', '.join(known)}"
-            yield fault("ensemble.correlation.components", unknown, expected)
+            yield rules.fault("ensemble.correlation.components", unknown, expected)
         elif correlation.covariance is not None:
             for k, (name, row) in enumerate(zip(correlation.components, correlation.covariance, strict=False)):
                 is_normal = known[name].kind == variations.NORMAL
                 if not (is_normal and math.isclose(row[k], known[name].arguments[1] ** 2, rel_tol=1e-6)):
                     expected = f"the square of the standard deviation of {name}, which is normal; or the key matrix"
-                    yield fault("ensemble.correlation.covariance", row[k], expected)
+                    yield rules.fault("ensemble.correlation.covariance", row[k], expected)
 
 
 def _without_points(variation: Variation, marginal: Marginal) -> str:
@@ -244,7 +245,7 @@ def _by_dotted_key(vary: Mapping[str, object], faults: list[str]) -> dict[str, o
 
 
 def _twice(key: str, value: object, other: object) -> str:
-    return fault(joined("ensemble.vary", key), value, f"this or {as_toml(other)}, not both")
+    return rules.fault(rules.joined("ensemble.vary", key), value, f"this or {rules.as_toml(other)}, not both")
 
 
 def _with_shape(vary: dict[str, object], body: object, faults: list[str]) -> dict[str, object]:

@@ -12,7 +12,6 @@ from typing import Annotated, Any, NoReturn, Self, TypeVar
 import numpy as np
 
 from rbfmu.scene import section as rules
-from rbfmu.scene.section import Apart, SceneError, Section, fault, plain, read_each
 from rbfmu_kernels.quantities import Parameter
 
 T = TypeVar("T")
@@ -32,7 +31,7 @@ _SCALAR, _VECTOR = rules.Numbers(()), rules.Numbers((3,))
 
 
 def _one_or_three(value: object) -> object:
-    if isinstance(plain(value), list | tuple):
+    if isinstance(rules.plain(value), list | tuple):
         return _VECTOR(value)
     try:
         return (_SCALAR(value),)
@@ -41,7 +40,7 @@ def _one_or_three(value: object) -> object:
 
 
 def _row(value: object) -> tuple[float, ...] | None:
-    rows = plain(value)
+    rows = rules.plain(value)
     return tuple(map(_SCALAR, rows)) if isinstance(rows, list | tuple) else None
 
 
@@ -67,7 +66,7 @@ class Text(rules.Rule):
         try:
             read(text)
         except FormulaError as error:
-            raise SceneError(f"{path}: {error}") from None
+            raise rules.SceneError(f"{path}: {error}") from None
         return text
 
 
@@ -101,7 +100,7 @@ class Named(dict[str, T]):
 NOTHING: Mapping[str, Any] = Named()
 
 
-class Entry(Section):
+class Entry(rules.Section):
     """What has a name of one's own: a table, or where nothing else is said the value of its first key."""
 
     @classmethod
@@ -163,18 +162,18 @@ class Port(Entry):
 
     name: Annotated[str, _NAME]
     start: Annotated[tuple[float, ...], NUMBERS]
-    size: Annotated[int, rules.Rule("1 or 3", lambda n: int(n) if plain(n) in (1, 3) and n is not True else None)]
+    size: Annotated[int, rules.Rule("1 or 3", lambda n: int(n) if rules.plain(n) in (1, 3) and n is not True else None)]
     unit: Annotated[str, _UNIT] = ""
     about: Annotated[str, _ABOUT] = ""
 
-    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
-        start = plain(data.get("start"))
-        size = plain(data.get("size", 3 if start is None or isinstance(start, list | tuple) else 1))
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
+        start = rules.plain(data.get("start"))
+        size = rules.plain(data.get("size", 3 if start is None or isinstance(start, list | tuple) else 1))
         return {"start": [0.0] * 3 if size == 3 else 0.0, "size": size, **data}, {}
 
     def _contradictions(self) -> Iterator[str]:
         if len(self.start) != self.size:
-            yield fault(f"{self._path}.start", self.start, f"as many numbers as size says, {self.size}")
+            yield rules.fault(f"{self._path}.start", self.start, f"as many numbers as size says, {self.size}")
 
 
 class Table(Entry):
@@ -188,22 +187,22 @@ class Table(Entry):
     def _contradictions(self) -> Iterator[str]:
         if len(self.x) != len(self.y) or not 2 <= len(self.x) <= MOST_ROWS:
             expected = f"as many y as x, 2 to {MOST_ROWS}, not {len(self.y)} and {len(self.x)}"
-            yield fault(f"{self._path}.y", self.y, expected)
+            yield rules.fault(f"{self._path}.y", self.y, expected)
         elif any(b <= a for a, b in pairwise(self.x)):
-            yield fault(f"{self._path}.x", self.x, "numbers that increase")
+            yield rules.fault(f"{self._path}.x", self.x, "numbers that increase")
         else:
             from rbfmu.formulas.functions import Table as Polynomials  # what has no tables starts sooner
 
             with np.errstate(all="ignore"):
                 rows = Polynomials.through(self.x, self.y, self.method == "cubic").rows
             if not np.isfinite(rows).all() or not math.isfinite(self.x[-1] - self.x[0]):
-                yield fault(f"{self._path}.y", self.y, "numbers of which slopes over x are finite")
+                yield rules.fault(f"{self._path}.y", self.y, "numbers of which slopes over x are finite")
 
 
 class NamedTable(rules.Rule):
     """The rule of a table with names of one's own, each of which has an entry."""
 
-    def __init__(self, entry: type[Section] | rules.Rule, words: str, meaning: str) -> None:
+    def __init__(self, entry: type[rules.Section] | rules.Rule, words: str, meaning: str) -> None:
         super().__init__(words, lambda value: value)
         self.entry, self.meaning = entry, meaning
 
@@ -212,12 +211,12 @@ class NamedTable(rules.Rule):
         if isinstance(value, Named):
             return value
         if not isinstance(value, Mapping):
-            raise SceneError(fault(path, value, self.words))
-        return Named(read_each(value, path, self._named))
+            raise rules.SceneError(rules.fault(path, value, self.words))
+        return Named(rules.read_each(value, path, self._named))
 
     def _named(self, name: str, value: object, path: str) -> Any:
         if not _is_name(name):
-            raise SceneError(fault(path, value, f"a name of {_NAME.words}"))
+            raise rules.SceneError(rules.fault(path, value, f"a name of {_NAME.words}"))
         return self.entry.read(value, path)
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import rbfmu_kernels as kernels
 from rbfmu.scene import own as named, section as rules
 from rbfmu.scene.body import ZERO
-from rbfmu.scene.section import Apart, Section, as_lists, checked, fault, flattened
 from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, LOADS, OUTPUT, PORTS
@@ -72,7 +71,7 @@ _MATRIX = rules.Numbers((3, 3), then=rotation_matrix)
 _IN_ORDER = "Euler angles in the sequence's order"
 
 
-class Attitude(Section, path="initial.attitude"):
+class Attitude(rules.Section, path="initial.attitude"):
     """The table `initial.attitude`, which gives the attitude in exactly one representation."""
 
     euler: Annotated[str | None, _EULER] = None
@@ -82,15 +81,15 @@ class Attitude(Section, path="initial.attitude"):
     rotvec: Annotated[Vec3 | None, _angles("rad", "rotation vector: axis times angle")] = None
     matrix: Annotated[Matrix | None, _MATRIX.means("rotation matrix R_ab, by rows")] = None
 
-    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
         given, known = set(data) - {"angles_deg", "angles"}, set(data) <= self._keys.keys()
         ways = "euler (with angles_deg or angles), quaternion, rotvec or matrix"
         if len(given) != 1 and known:
-            faults.append(fault(self._path, data, f"exactly one of {ways}"))
+            faults.append(rules.fault(self._path, data, f"exactly one of {ways}"))
         elif given == {"euler"} and len(data) != 2:
-            faults.append(fault(self._path, data, "euler with either angles_deg or angles"))
+            faults.append(rules.fault(self._path, data, "euler with either angles_deg or angles"))
         elif len(given) == 1 and given != {"euler"} and len(data) != 1:
-            faults.append(fault(self._path, data, f"{given.pop()} alone; angles belong to euler"))
+            faults.append(rules.fault(self._path, data, f"{given.pop()} alone; angles belong to euler"))
         return data, {}
 
     def q_ab(self) -> Quaternion:
@@ -129,7 +128,7 @@ _ACCURACY = rules.Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
 _TEXT = rules.line("at most 1000 printable characters", 1000)
 
 
-class Initial(Section, path="initial"):
+class Initial(rules.Section, path="initial"):
     """The initial state; `quaternion` comes from the table `attitude`."""
 
     _hidden: ClassVar = ("quaternion",)
@@ -151,18 +150,18 @@ class Initial(Section, path="initial"):
         if not math.isfinite(sum(x * x for x in self.omega_b)):
             key, rates = self.rates_said
             unit = "deg/s" if key.endswith("_deg") else "rad/s"
-            yield fault(key, rates, f"3 numbers whose squares have a finite sum ({unit})")
+            yield rules.fault(key, rates, f"3 numbers whose squares have a finite sum ({unit})")
 
     def _shown(self) -> dict[str, object]:
         return dict(("attitude", {k: x}) if k == "quaternion" else (k, x) for k, x in self._set().items())
 
     def table(self) -> dict[str, Any]:
         """Return the table as a file has it."""
-        found = {name: as_lists(value) for name, value in self._values().items()}
+        found = {name: rules.as_lists(value) for name, value in self._values().items()}
         return found | {"attitude": {"quaternion": found.pop("quaternion")}}
 
 
-class Loads(Section, path="loads"):
+class Loads(rules.Section, path="loads"):
     """The known loads; those that are formulas stand in `formulas`, and are zero here."""
 
     _hidden: ClassVar = ("formulas",)
@@ -178,14 +177,14 @@ class Loads(Section, path="loads"):
     @property
     def sizes(self) -> dict[str, float]:
         """Return how large each load is, by its name and in its unit."""
-        return {row.name: math.hypot(*flattened(getattr(self, row.name))) for row in LOADS}
+        return {row.name: math.hypot(*rules.flattened(getattr(self, row.name))) for row in LOADS}
 
-    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
         texts = {name: value for name, value in data.items() if named.is_formula(name, value)}
         return {name: value for name, value in data.items() if name not in texts}, {"formulas": texts} if texts else {}
 
 
-class Inputs(Section, path="inputs"):
+class Inputs(rules.Section, path="inputs"):
     """The inputs that other FMUs supply, and the parameters that an importer may change."""
 
     _hidden: ClassVar = ("own",)
@@ -194,11 +193,11 @@ class Inputs(Section, path="inputs"):
     parameters: Annotated[tuple[str, ...], _PARAMETERS] = ()
     own: Annotated[Mapping[str, named.Port], named.PORTS] = named.NOTHING
 
-    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
         ports = data.get("ports")
         if not isinstance(ports, list | tuple) or not (rows := [x for x in ports if isinstance(x, Mapping)]):
             return data, {}
-        own = [one for row in rows if (one := checked(named.Port.read, row, "inputs.ports", faults))]
+        own = [one for row in rows if (one := rules.checked(named.Port.read, row, "inputs.ports", faults))]
         found = named.Named({one.name: one for one in own})
         if twice := [one.name for one in own if one is not found[one.name]]:
             faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")
@@ -220,18 +219,18 @@ class Inputs(Section, path="inputs"):
 
     def table(self) -> dict[str, Any]:
         """Return the table as a file has it."""
-        ports = [*(name for name in self.ports if name not in self.own), *as_lists(self.own).values()]
+        ports = [*(name for name in self.ports if name not in self.own), *rules.as_lists(self.own).values()]
         return {"ports": ports, "parameters": list(self.parameters)}
 
 
-class Outputs(Section, path="outputs"):
+class Outputs(rules.Section, path="outputs"):
     """The requested output quantities, and those of one's own, which are always shown."""
 
     _hidden: ClassVar = ("own",)
     quantities: Annotated[tuple[str, ...], rules.names(QUANTITIES).means("what someone will look at")] = QUANTITIES
     own: Annotated[Mapping[str, named.Shown], named.OUTPUTS] = named.NOTHING
 
-    def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
+    def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
         """Return whatever is a table or a text as an output of one's own, and energies that are asked for."""
         shown = {name: x for name, x in data.items() if isinstance(x, Mapping | str) and name not in self._keys}
         left = {name: x for name, x in data.items() if name not in shown}
@@ -243,7 +242,7 @@ class Outputs(Section, path="outputs"):
 
     def _contradictions(self) -> Iterator[str]:
         if not self.names:
-            yield fault("outputs.quantities", self.quantities, f"{self._rules['quantities'].words}, at least one")
+            yield rules.fault("outputs.quantities", self.quantities, f"{self._rules['quantities'].words}, at least one")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -255,7 +254,7 @@ class Outputs(Section, path="outputs"):
         return super().table() | {"quantities": [*self.names]}
 
 
-class Run(Section, path="run"):
+class Run(rules.Section, path="run"):
     """The run: from start to stop in communication steps."""
 
     start: Annotated[float, rules.Numbers((), "s").means("time at the start")] = 0.0
@@ -266,15 +265,15 @@ class Run(Section, path="run"):
     def _contradictions(self) -> Iterator[str]:
         span, resolution = self.stop - self.start, 4.0 * max(math.ulp(self.start), math.ulp(self.stop))
         if not self.stop > self.start:
-            yield fault("run.stop", self.stop, f"a time after run.start = {self.start!r} (s)")
+            yield rules.fault("run.stop", self.stop, f"a time after run.start = {self.start!r} (s)")
         elif not math.isfinite(span):
-            yield fault("run.stop", self.stop, "a span from run.start that is a number (s)")
+            yield rules.fault("run.stop", self.stop, "a span from run.start that is a number (s)")
         elif self.step > span:
-            yield fault("run.step", self.step, f"at most stop - start = {span!r} (s)")
+            yield rules.fault("run.step", self.step, f"at most stop - start = {span!r} (s)")
         elif span > MAX_STEPS * self.step:
-            yield fault("run.step", self.step, f"at least {span / MAX_STEPS:.2g}: a run has at most 1e8 steps")
+            yield rules.fault("run.step", self.step, f"at least {span / MAX_STEPS:.2g}: a run has at most 1e8 steps")
         elif self.step < resolution:
-            yield fault("run.step", self.step, f"at least {resolution:.2g}, what the clock resolves there (s)")
+            yield rules.fault("run.step", self.step, f"at least {resolution:.2g}, what the clock resolves there (s)")
 
     # The points in time at which a scene communicates
 
@@ -316,7 +315,7 @@ class Run(Section, path="run"):
         return 1e-9 * (time - self.start) + math.ulp(self.start) + math.ulp(time)
 
 
-class About(Section, path="about"):
+class About(rules.Section, path="about"):
     """What tools show of a scene's FMU."""
 
     description: Annotated[str, _TEXT.means("what it is; by default the first paragraph of the file's comment")] = ""

@@ -5,7 +5,6 @@ extrinsic (about fixed axes); the angles stand in the order of the letters. Form
 """
 
 import math
-import reprlib
 
 from ..compile.decorator import kernel
 from ..numerics.elementary import atan2, sincos
@@ -26,7 +25,7 @@ NAMES += [name.lower() for name in NAMES]
 def sequence(name: str) -> int:
     """Return the integer constant of a sequence's name."""
     if not isinstance(name, str) or name not in NAMES:
-        raise ValueError(f"an Euler sequence is one of {' '.join(NAMES)}; got {reprlib.repr(name)}")
+        raise ValueError(f"an Euler sequence is one of {' '.join(NAMES)}; got {name!r:.40}")
     i, j, k = ("XYZ".index(letter) for letter in name.upper())
     return (64 if name.islower() else 0) + 16 * i + 4 * j + k
 
