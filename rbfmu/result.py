@@ -249,10 +249,15 @@ def _write_table(path: Path, rows: Iterable[Sequence[object]], quoting: Literal[
         csv.writer(file, quoting=quoting, lineterminator="\n").writerows(rows)
 
 
+def read_npz(path: Path) -> dict[str, Any]:
+    """Return the arrays of a .npz; `np.load` takes what is no archive for a pickle, to be loaded unsafely."""
+    with path.open("rb") as raw, np.lib.npyio.NpzFile(raw) as file:
+        return {name: file[name] for name in file.files}
+
+
 def _npz(path: Path) -> dict[str, Array]:
     try:
-        with path.open("rb") as raw, np.lib.npyio.NpzFile(raw) as file:  # np.load takes what is no archive for a pickle
-            return {name: np.asarray(file[name], dtype=np.float64) for name in file.files}
+        return {name: np.asarray(rows, dtype=np.float64) for name, rows in read_npz(path).items()}
     except FileNotFoundError:
         raise
     except Exception as error:

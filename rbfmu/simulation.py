@@ -5,7 +5,6 @@ import json
 import math
 import struct
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from numbers import Real
 from typing import Any
 from zlib import crc32
@@ -309,10 +308,12 @@ def _in_state(scene: Scene, planned: Plan, state: bytes) -> Simulator:
 
 def _seconds(h: Any) -> float:
     """Return a step as Python's float: the clock would take on the precision of another."""
-    with suppress(TypeError, OverflowError):
-        if not isinstance(h, bool | np.bool_):
-            return math.ldexp(h, 0)  # unlike float(), takes no text
-    raise TypeError(fault("h", h, "a number (s); inputs are given by name"))
+    try:
+        if isinstance(h, bool | np.bool_):
+            raise TypeError
+        return math.ldexp(h, 0)  # unlike float(), takes no text
+    except (TypeError, OverflowError):
+        raise TypeError(fault("h", h, "a number (s); inputs are given by name")) from None
 
 
 def _reader(row: Output) -> property:

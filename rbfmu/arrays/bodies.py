@@ -28,10 +28,8 @@ def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, A
     far away loses no digits but those of its positions.
     Singular: where the masses' sum is not above 0, a ValueError.  Source: E&G (7.30); lecture, "Inertia dyadic".
     """
-    m, r = (
-        from_kernel.as_floats("inertia_of_points", "masses", masses),
-        from_kernel.as_floats("inertia_of_points", "positions", positions),
-    )
+    m = from_kernel.as_floats("inertia_of_points", "masses", masses)
+    r = from_kernel.as_floats("inertia_of_points", "positions", positions)
     if r.ndim < 2 or r.shape[-1] != 3:
         raise ValueError(f"inertia_of_points: positions must have trailing shape (n, 3), got {r.shape}")
     if m.ndim < 1 or m.shape[-1] != r.shape[-2]:

@@ -183,9 +183,8 @@ class EnsembleResult:
             for name in self.ended:
                 values = self.ends(name)[rows]
                 found = _columns(name, self.rows[name], values)
-                ended |= {
-                    one: found[one] for one, apart in zip(found, names.differ(names.flat(values)), strict=True) if apart
-                }
+                apart = names.differ(names.flat(values))
+                ended |= {one: found[one] for one, differs in zip(found, apart, strict=True) if differs}
         return Drivers.between(applied, ended)
 
     def at_end(self, name: str) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ import numpy as np
 from rbfmu.ensembles import attitudes, variables as names
 from rbfmu.ensembles.chunks import Chunk, Work, origin
 from rbfmu.ensembles.statistics import Statistics, exact_quantiles
+from rbfmu.result import read_npz
 from rbfmu.runs.motion import attitude_error
 from rbfmu.types import Array
 
@@ -102,11 +103,7 @@ class Checkpoint:
     def read(cls, path: Path) -> "Checkpoint":
         """Read a file. Raises ValueError where it is no checkpoint of an ensemble."""
         with damage_of(path, but=FileNotFoundError):
-            with (
-                path.open("rb") as raw,
-                np.lib.npyio.NpzFile(raw) as file,
-            ):  # np.load takes what is no archive for a pickle
-                arrays = {name: file[name] for name in file.files}
+            arrays = read_npz(path)
             head = json.loads(str(arrays.pop(_HEAD)))
             of_statistics = [name for name in arrays if name.startswith(_STATISTICS)]
             kept = {name.removeprefix(_STATISTICS): arrays.pop(name) for name in of_statistics}

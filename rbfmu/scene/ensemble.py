@@ -188,9 +188,8 @@ class Ensemble(rules.Section, path="ensemble"):
     def _faults_of_correlation(self, correlation: Correlation) -> Iterator[str]:
         known = {m.name: m for m in self.varying if ".uniform[" not in m.name}
         if self.design == GRID:
-            yield rules.fault(
-                "ensemble.correlation", correlation.components, "none: the points of a grid are independent"
-            )
+            expected = "none: the points of a grid are independent"
+            yield rules.fault("ensemble.correlation", correlation.components, expected)
         if unknown := [name for name in correlation.components if name not in known]:
             expected = f"numbers that vary, out of {', '.join(known)}"
             yield rules.fault("ensemble.correlation.components", unknown, expected)

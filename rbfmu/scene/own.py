@@ -242,8 +242,8 @@ EVENTS = NamedTable(
     "stop = true ends the run there",
 )
 PORTS = NamedTable(Port, "a table of inputs", "inputs of one's own, as they stand in `ports`")
-LOAD = Text("a formula in one text, such as [0, 0, 2*k*sin(t)], or a list of those that add up", _text)
-LOAD_FORMULAS = NamedTable(LOAD, "a table of formulas", "loads that are formulas")
+_LOAD = Text("a formula in one text, such as [0, 0, 2*k*sin(t)], or a list of those that add up", _text)
+LOAD_FORMULAS = NamedTable(_LOAD, "a table of formulas", "loads that are formulas")
 
 
 def is_own(key: str) -> bool:

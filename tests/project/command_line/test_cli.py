@@ -231,10 +231,6 @@ def test_where_nothing_can_be_kept_one_line_says_what_to_do(short: Path, tmp_pat
     assert done.returncode == 0
     (line,) = done.stderr.splitlines()
     assert "set NUMBA_CACHE_DIR to a folder that can be written" in line
-    for_nothing = subprocess.run(
-        [*command[:3], "warm", short], capture_output=True, text=True, check=False, env=environment
-    )
-    assert (for_nothing.returncode, for_nothing.stderr) == (1, line.replace("Note", "Error") + "\n")
     kept = subprocess.run(command, capture_output=True, text=True, check=False)
     assert kept.stderr == ""
 

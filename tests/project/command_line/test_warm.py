@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from numba import config
 
 SCENE = """
 [body]
@@ -40,3 +41,19 @@ def test_a_run_after_it_writes_nothing_to_the_cache_and_needs_no_home(tmp_path):
     rbfmu("run", "scene.toml", "-o", "motion.csv")
     assert kept(cache) == before
     assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(not hasattr(config, "CACHE_LOCATOR_CLASSES"), reason="this Numba finds another folder")
+def test_it_fails_where_nothing_can_be_kept(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE)
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(tmp_path / "scene.toml" / "no folder"),
+        "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator",
+    }
+    command = [sys.executable, "-m", "rbfmu", "warm", tmp_path / "scene.toml"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("Error: compiled code cannot be kept here")
+    assert line.endswith("set NUMBA_CACHE_DIR to a folder that can be written")
