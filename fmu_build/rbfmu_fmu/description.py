@@ -39,7 +39,7 @@ class Variable:
     meaning: what its block is; nominal: its usual size, where one is known; pinned: the plan holds for the start value
     only; rates: places of the time derivatives, from the first order on, that an importer may give of an input, or take
     of an output. follows, begins_with: of an output the blocks of the inputs that it follows at once, and of the inputs
-    and parameters that it depends on at the start.
+    and parameters that it depends on at the start; the time is named where it stands in the output's formula.
     """
 
     name: str
@@ -242,6 +242,7 @@ def _output(row: Output, scene: Scene, plan: Plan) -> _Block:
         name = f"states.{name}" if name in plan.formulas.own_states else name
         judged = row.judged_by or name
         follows, first = plan.formulas.follows(judged), plan.formulas.begins_with(judged)
+        follows |= {quantities.TIME.name} if plan.formulas.follows_time(judged) else set()
     else:
         follows = {*OUTPUT[row.name].feedthrough} - _without_effect(scene, plan).get(row.name, frozenset())
         first = {*OUTPUT[row.name].initially}

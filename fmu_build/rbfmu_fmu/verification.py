@@ -30,6 +30,7 @@ from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.rotations.euler_angles import ZYX, quaternion_from_euler
 
 MAX_STEPS = 10_000
+SCRIPT = "resources/slavemodule.txt"
 HELD_STEPS = 10
 """Communication steps between changes of the inputs."""
 
@@ -96,8 +97,11 @@ def _check_runs_here(path: Path) -> None:
     if fmpy.platform not in platforms:
         raise VerificationError(f"{path}: built for {', '.join(platforms) or 'other platforms'}, not {fmpy.platform}")
     with zipfile.ZipFile(path) as archive:
-        if any(name.startswith("resources/pythonfmu/") for name in archive.namelist()):
-            check_plain(tempfile.gettempdir())
+        names = archive.namelist()
+    if any(name.startswith("resources/pythonfmu/") for name in names):
+        check_plain(tempfile.gettempdir())
+        if SCRIPT not in names:
+            raise VerificationError(f"{path}: has no {SCRIPT}, without which pythonfmu crashes: build it anew")
 
 
 def check_plain(folder: str) -> None:

@@ -170,7 +170,7 @@ def _of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator
     ensemble = members.ensemble_of(scene)
     keys = ", ".join(variation.key for variation in ensemble.vary)
     whatever = f"the model holds whatever {keys} may be"
-    yield f"one plan for all {ensemble.runs} members; the numbers above are of one, {whatever}"
+    yield f"one plan for all {ensemble.runs:,} members; the numbers above are of one, {whatever}"
     if chosen.model == registry.LOADED_TAYLOR.key and not wild:
         said = f"by {pilots} pilot members, as far out as the farthest, and by up to a thousand others"
         likely = f"error at most {chosen.error:.1e} in {fitting.MEMBERS:,} members, with 99 in 100"
@@ -180,7 +180,8 @@ def _of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator
         yield f"error at most {chosen.error:.1e} in {pilots} pilot members, {far}"
     if ensemble.design == SOBOL and ensemble.runs & (ensemble.runs - 1):
         low = 1 << (ensemble.runs.bit_length() - 1)
-        yield f"Sobol's points are balanced where runs is a power of 2: {low} or {2 * low} in place of {ensemble.runs}"
+        expected = f"{low:,} or {2 * low:,} in place of {ensemble.runs:,}"
+        yield f"Sobol's points are balanced where runs is a power of 2: {expected}"
 
 
 def _of_growth(scene: Scene, growth: float, wild: bool) -> Iterator[str]:

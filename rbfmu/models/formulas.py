@@ -111,6 +111,10 @@ class FormulaModel:
         """Return the names of the inputs that an output follows at once."""
         return {str(value).partition("[")[0] for value in self._leaves("input", self._numbers(name))}
 
+    def follows_time(self, name: str) -> bool:
+        """Return whether the time stands in the formulas of an output."""
+        return "t" in self._leaves("state", self._numbers(name))
+
     def begins_with(self, name: str) -> set[str]:
         """Return the names of the parameters on which an output depends at the start."""
         numbers = self._numbers(name)

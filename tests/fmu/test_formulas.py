@@ -198,6 +198,14 @@ def test_variables_say_what_they_are_and_depend_on(fmus: dict[str, Path]) -> Non
     assert "3*n**2 * cross(u_b, M_c @ u_b) - c*h" in page
 
 
+def test_outputs_follow_the_time_that_stands_in_their_formulas(fmus: dict[str, Path]) -> None:
+    """FMI 3 has the time as a variable, which dependencies name."""
+    model = fmpy.read_model_description(str(fmus["fmi3"]))
+    for listed in (model.outputs, model.initialUnknowns):
+        timed = {u.variable.name for u in listed if "time" in {d.name for d in u.dependencies}}
+        assert timed == {f"alpha_b[{k}]" for k in (1, 2, 3)}
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_outputs_that_are_not_finite_at_the_start_are_called_so(
     fmus: dict[str, Path], kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]

@@ -92,6 +92,12 @@ def test_an_fmu_of_other_kernels_is_named(fmu: Path, tmp_path: Path) -> None:
     assert any("other kernels" in p for p in found.problems)
 
 
+def test_an_fmu_without_the_name_of_its_script_is_refused_before_it_crashes(fmu: Path, tmp_path: Path) -> None:
+    poorer = changed(fmu, tmp_path / "it.fmu", lambda name, content: None if "slavemodule" in name else content)
+    with pytest.raises(VerificationError, match=r"has no resources/slavemodule\.txt, without which pythonfmu crashes"):
+        verify(poorer)
+
+
 def test_missing_units_and_dependencies_are_found(fmu: Path, tmp_path: Path) -> None:
     def poorer(name: str, content: bytes) -> bytes:
         if name != "modelDescription.xml":

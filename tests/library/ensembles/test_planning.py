@@ -183,7 +183,7 @@ def test_sobol_points_that_are_not_balanced_are_said():
     scene = scene_of("a torque that is zero in the scene", 1e-3)
     scene = scene.replace({"ensemble.design": "sobol", "ensemble.runs": 1000})
     pytest.importorskip("scipy")
-    assert any("512 or 1024 in place of 1000" in line for line in plan_ensemble(scene).reasons)
+    assert any("512 or 1,024 in place of 1,000" in line for line in plan_ensemble(scene).reasons)
     balanced = plan_ensemble(scene.replace({"ensemble.runs": 1024}))
     assert not any("in place of" in line for line in balanced.reasons)
 
