@@ -63,6 +63,18 @@ def test_a_body_at_rest_is_driven_by_a_table_from_its_first_point_on():
     np.testing.assert_allclose(found.omega_b[:, 0], 0.5 * found.time**2, rtol=0, atol=1e-7)
 
 
+def test_dry_friction_with_a_slope_at_rest_brakes_a_body_as_it_says():
+    """As the page writes it: the rate falls in proportion to time down to w, and exponentially from there."""
+    c, w = 0.5, 1e-2
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "initial": {"omega_b": [0.0, 0.0, 2.0]},
+              "constants": {"c": c, "w": w}, "loads": {"torque_b": "[0, 0, -c*clip(omega_b[3]/w, -1, 1)]"},
+              "run": {"stop": 5.0, "step": 0.1, "accuracy": 1e-9}}  # fmt: skip
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+    since = np.maximum(found.time - (2.0 - w) / c, 0.0)
+    expected = np.where(since > 0.0, w * np.exp(-c / w * since), 2.0 - c * found.time)
+    np.testing.assert_allclose(found.omega_b[:, 2], expected, rtol=0, atol=2e-9)
+
+
 @pytest.mark.parametrize(
     ("load", "at", "why"),
     [
