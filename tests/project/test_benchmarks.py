@@ -178,7 +178,7 @@ def test_ensembles_whose_cost_or_memory_grows_are_found(many, missed):
     assert all(word in name for name, word in zip(found, missed, strict=True))
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_ensembles_are_measured_and_drawn(tmp_path, capsys):
     ensembles = bench("ensembles")
     found = ensembles.costs((50, 100))

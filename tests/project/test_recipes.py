@@ -127,7 +127,7 @@ def test_the_recipe_has_as_many_files_as_it_says_and_they_apply(name, carried_ou
         compile((folder / file).read_text(), file, "exec")
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_an_output_is_shown_by_a_run_and_an_fmu_with_its_time_derivative(carried_out):
     folder = carried_out("output")
     (folder / "loaded.toml").write_text(LOADED.replace("QUANTITIES", '["angular_momentum_b"]'))
@@ -195,7 +195,7 @@ for build in (build_native_fmu, build_python_fmu):
         run(folder, "verify", f"build_{kind}_fmu.fmu")
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_model_is_chosen_by_planning_where_it_serves_and_refused_elsewhere(carried_out):
     folder = carried_out("model")
     (folder / "ball.toml").write_text(SPHERE)

@@ -80,7 +80,7 @@ def compiled_and_found():
     return sum(stats.cache_misses.values()), sum(stats.cache_hits.values())
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
 def test_four_workers_share_one_cache_and_little_is_sent(whole, tmp_path):
     env = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}

@@ -250,7 +250,7 @@ def test_wrong_events_are_refused(event, said):
         scene(one=event)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_chattering_ends_with_a_message():
     with pytest.raises(rbfmu.SceneError, match="events: expected at most 4,096 in a communication step of 50 s"):
         rbfmu.plan(scene(50.0, fast="sin(300*t)"))

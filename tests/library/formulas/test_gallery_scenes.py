@@ -150,7 +150,7 @@ def one_series(state, t, h, order=40):
     return [mpmath.fsum(one[k] * h**k for k in range(order + 1)) for one in series]
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_first_scene_is_as_accurate_as_asked_by_40_digits():
     scene = rbfmu.load_scene(page.scene_file("gravity_gradient"))
     found, h = rbfmu.simulate(scene), 50

@@ -38,7 +38,7 @@ def recorded(page: Path) -> list[tuple[float, dict]]:
     return msgspec.msgpack.decode(data[8 : 8 + length])["messages"]
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.skipif(not browser(), reason="no headless browser on PATH")
 def test_the_page_moves_in_a_browser_without_network(thrown: tuple[Path, Motion]) -> None:
     path, motion = thrown
