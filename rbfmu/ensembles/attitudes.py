@@ -16,7 +16,7 @@ def moments_of(name: str, count: int, mean: Array, products: Array) -> tuple[Arr
     mean (n, k), products (n, k, k): of so many members' numbers, and summed up of their deviations; of angles those of
     sine and cosine, of one after the other.
     """
-    if name == ATTITUDE and count:
+    if name == ATTITUDE:
         mean, products = _mean_attitude(count, mean, products)
     elif name == ANGLES:
         mean, products = _mean_direction(mean, products)

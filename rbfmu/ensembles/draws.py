@@ -201,10 +201,20 @@ def _triangular(low: float, mode: float, high: float, u: Array) -> Array:
 
 _BOUNDED: Mapping[str, Callable[..., Array]] = {UNIFORM: _uniform, TRIANGULAR: _triangular}
 """Values by the arguments of a distribution and by places of its distribution function."""
+
+
+def _exponential(x: float) -> float:
+    """Return exp x, infinite where it is too large for a number: a member with it is refused, and no other."""
+    try:
+        return math.exp(x)
+    except OverflowError:
+        return math.inf
+
+
 _SCORED: Mapping[str, Callable[..., Array]] = {
     NORMAL: lambda mean, deviation, z: mean + deviation * z,
     RELATIVE: lambda deviation, z: 1.0 + deviation * z,
-    LOGNORMAL: lambda median, deviation, z: median * mapped(math.exp, deviation * z),
+    LOGNORMAL: lambda median, deviation, z: median * mapped(_exponential, deviation * z),
 }
 """Values by the arguments and by normal scores."""
 

@@ -57,8 +57,12 @@ def ensemble_of(scene: Scene) -> Ensemble:
 
 
 def with_runs(scene: Scene, runs: int | None) -> Scene:
-    """Return the scene with so many runs, if any are given. Raises SceneError without an ensemble, or of a grid."""
+    """Return the scene with so many runs, if any are given.
+
+    Raises SceneError without an ensemble, of a grid, or where what is kept would have one name twice.
+    """
     ensemble_of(scene)
+    variables.check_names(scene)
     return scene if runs is None else scene.replace({"ensemble.runs": runs})
 
 

@@ -73,7 +73,7 @@ def _bands(axes: Any, result: EnsembleResult, name: str, is_last: bool) -> None:
 
 def _ends(axes: Any, result: EnsembleResult, name: str) -> None:
     """Draw the two components that spread most, or how often values of a single number occur."""
-    ends = result.ends(name)[result.good].reshape(len(result.good), -1)
+    ends = result.good_ends(name)
     apart = variables.differ(ends)
     if not apart.any():
         _say(axes, "all runs end alike")

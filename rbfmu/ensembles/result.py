@@ -168,6 +168,11 @@ class EnsembleResult:
         """Return a quantity at the end of all runs (runs, k), NaN of those that failed. Raises KeyError if not kept."""
         return np.asarray(self.all[name][:, -1] if name in self.all else self.final[name])
 
+    def good_ends(self, name: str) -> Array:
+        """Return a quantity at the end of the good runs (g, k): of angles those that are nearest to their mean."""
+        ends = self.ends(name)[self.good].reshape(len(self.good), -1)
+        return attitudes.around(self.at_end(name)[0], ends) if name == attitudes.ANGLES else ends
+
     def first_of(self, name: str) -> Array:
         """Return when an event happened first, s, in those of the good runs in which it did (n,)."""
         times = self.first[name][self.good]
@@ -181,9 +186,9 @@ class EnsembleResult:
                 found = _columns(key, names.varied_rows(self.scene)[key], values[rows])
                 applied |= dict([*found.items()][len(found) == 4 :])  # of an attitude the vector part of its quaternion
             for name in self.ended:
-                values = self.ends(name)[rows]
+                values = self.good_ends(name)[: len(rows)]
                 found = _columns(name, self.rows[name], values)
-                apart = names.differ(names.flat(values))
+                apart = names.differ(values)
                 ended |= {one: found[one] for one, differs in zip(found, apart, strict=True) if differs}
         return Drivers.between(applied, ended)
 
@@ -197,7 +202,7 @@ class EnsembleResult:
         ends = self.ends(name)[self.good].reshape(-1, self.rows[name].size)
         if name == attitudes.ANGLES:
             ends = np.stack([np.sin(ends), np.cos(ends)], axis=2).reshape(-1, 6)
-        middle = ends.mean(axis=0) if len(ends) else np.full(ends.shape[1], np.nan)
+        middle = ends.sum(axis=0) / max(len(ends), 1)
         apart = ends - middle
         mean, covariance = attitudes.moments_of(name, len(ends), middle[None], (apart.T @ apart)[None])
         return mean[0], np.sqrt(np.diagonal(covariance[0]))

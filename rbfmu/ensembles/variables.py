@@ -1,5 +1,6 @@
 """The variables of an ensemble: columns of a member's outputs; names, dimensions, units and frames of what is kept."""
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -7,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE
+from rbfmu.exceptions import SceneError
 from rbfmu.result import AXES
 from rbfmu.scene.body import TRIANGLE
 from rbfmu.scene.scene import Scene
@@ -165,6 +167,16 @@ def variables(scene: Scene, sampled: Mapping[str, int]) -> Iterator[Variable]:
         yield Variable(RANK_ERROR, (), error)
     for row in output_rows(scene).values():
         yield from _of_output(keep, row)
+
+
+def check_names(scene: Scene) -> None:
+    """Raise SceneError for an output of one's own with the name of another variable or of a dimension."""
+    known = list(variables(scene, {}))
+    dims = {PROBABILITY}.union(*(variable.dims for variable in known))
+    counts = Counter([*dims, *(variable.name for variable in known)])
+    if taken := [name for name in scene.outputs.own if counts[name] > 1]:
+        said = "another name where all of the runs is kept: an ensemble calls something else so"
+        raise SceneError([f"outputs.{name}: expected {said}" for name in taken], scene.name)
 
 
 def variables_of(scene: Scene, arrays: Mapping[str, Any]) -> dict[str, Variable]:

@@ -12,7 +12,7 @@ from scipy import stats
 import rbfmu
 from rbfmu.ensembles import draws, members
 from rbfmu.ensembles.draws import normal_scores
-from rbfmu.ensembles.members import draw
+from rbfmu.ensembles.members import draw, refusals
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError
 
@@ -126,6 +126,15 @@ def test_values_are_distributed_as_stated(distribution, expected, design):
     assert stats.kstest(found, expected.cdf).pvalue > LIKELY
     if design == "latin_hypercube":  # one in each of as many equal shares
         assert sorted(np.floor(4096 * expected.cdf(found))) == list(range(4096))
+
+
+def test_a_number_that_is_drawn_too_large_is_that_of_its_member_alone():
+    scene = ensemble({"body.mass": {"lognormal": [50.0, 1000.0]}}, runs=40)
+    members = draw(scene, 0, 40)
+    too_large = np.flatnonzero(np.isinf(members.applied["body.mass"])).tolist()
+    assert 0 < len(too_large) < 40
+    refused = refusals(scene, members)
+    assert all("body.mass = inf: expected a finite number" in refused[row] for row in too_large)
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="elsewhere compilers of Python fuse sums and products")

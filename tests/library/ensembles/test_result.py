@@ -58,6 +58,16 @@ def test_where_all_runs_fail_nothing_is_a_number(keep):
     for name in ("omega_b", "kinetic_energy"):
         assert np.isnan(none.at_end(name)).all()
         assert all(np.isnan(kept[name]).all() for kept in (none.mean, none.std, none.quantiles) if name in kept)
+    assert all(spread.shape == (3,) and np.isnan(spread).all() for spread in [none.at_end("quaternion")[1]])
+    assert all(np.isnan(part).all() for name, part in none.to_xarray().items() if name.startswith("quaternion"))
+
+
+@pytest.mark.parametrize("name", ["redrawn", "probability", "omega_b_mean", "axis"])
+def test_an_output_of_ones_own_is_named_as_nothing_else_of_the_result(name):
+    scene = satellite().replace({f"outputs.{name}": "omega_b[1]", "outputs.quantities": ["quaternion", "omega_b"]})
+    assert rbfmu.run_ensemble(scene, runs=3).final[name].shape == (3,)
+    with pytest.raises(rbfmu.SceneError, match=f"outputs.{name}: expected another name where all of the runs is kept"):
+        rbfmu.run_ensemble(scene.replace({"ensemble.keep": ["statistics", "all"]}), runs=3)
 
 
 def test_what_is_not_kept_is_said(found):
@@ -138,6 +148,22 @@ def test_rank_correlations_are_scipys(found):
     assert "initial.attitude[1]" not in drivers.varied
     assert "body.inertia[1,2]" not in drivers.varied  # it is 0 in all runs
     assert drivers.chance == pytest.approx(3.0 / np.sqrt(98.0))
+
+
+def test_angles_at_the_end_lie_about_their_mean_also_near_half_a_turn():
+    vary = {"initial.omega_b": {"normal": [[0.0] * 3, [0.0, 0.01, 0.1]]}}
+    half, none = {"euler": "ZYX", "angles_deg": [180.0, 0.0, 0.0]}, {"gravity_a": [0.0] * 3}
+    scene = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"attitude": half}, loads=none,
+        outputs={"quantities": ["rpy"]}, run={"stop": 1.0, "step": 1.0}, ensemble={"runs": 50, "vary": vary},
+    )  # fmt: skip
+    turned = rbfmu.run_ensemble(scene)
+    assert np.ptp(turned.final["rpy"][:, 2]) > 6.0  # of either sign
+    drivers = turned.drivers()
+    i, j = drivers.varied.index("initial.omega_b[3]"), drivers.ends.index("rpy[3]")
+    assert drivers.correlations[i, j] > 0.99
+    ellipses = [patch for patch in panel(turned.plot(), "rpy[3]").patches if isinstance(patch, Ellipse)]
+    assert abs(abs(ellipses[0].center[1]) - np.pi) < 0.1
 
 
 def test_nothing_drives_runs_that_all_failed():
