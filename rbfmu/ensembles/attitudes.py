@@ -33,9 +33,20 @@ def _mean_attitude(count: int, mean: Array, products: Array) -> tuple[Array, Arr
     q = np.linalg.eigh(products + count * mean[:, :, None] * mean[:, None, :])[1][:, :, -1]
     turned = np.sum(q * np.vstack([mean[:1], q[:-1]]), axis=1) < 0.0
     q = q * np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]  # without jumps, from the members' own sign on
+    return q, _mapped(2.0 * _relative_to(q)[:, 1:], count, mean, products)
+
+
+def _relative_to(q: Array) -> Array:
+    """Return the matrices (n, 4, 4) that take an attitude q_i to q* q_i."""
     w, x, y, z = q.T
-    vector = np.array([[-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]).transpose(2, 0, 1)
-    return q, _mapped(2.0 * vector, count, mean, products)
+    return np.array([[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]).transpose(2, 0, 1)
+
+
+def from_their_mean(q: Array) -> Array:
+    """Return attitudes (m, 4) as they are turned from their mean, each of that sign by which it is nearer to none."""
+    mean = np.linalg.eigh(q.T @ q)[1][:, -1]
+    turned = q @ _relative_to(mean[None])[0].T
+    return np.asarray(np.copysign(1.0, turned[:, :1]) * turned)
 
 
 def _mean_direction(mean: Array, products: Array) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import whole
+from rbfmu.scene.variations import ATTITUDE
 from rbfmu.types import Array, Indices, NDArray
 from rbfmu_kernels.quantities import Quantity, indices
 
@@ -62,7 +63,10 @@ class Arrays(Mapping[str, Any]):
 
 
 class Drivers(NamedTuple):
-    """Rank correlations (p, q) of p numbers that vary with q numbers at the end; chance: what chance alone may make."""
+    """Rank correlations (p, q) of p numbers that vary with q numbers at the end; chance: what chance alone may make.
+
+    Of an attitude that varies the numbers are the vector part of the quaternion that turns the mean to it.
+    """
 
     varied: tuple[str, ...]
     ends: tuple[str, ...]
@@ -183,8 +187,9 @@ class EnsembleResult:
         rows, applied, ended = self.good[:MOST_RANKED], dict[str, Array](), dict[str, Array]()
         if len(rows) >= LEAST:
             for key, values in self.samples.items():
-                found = _columns(key, names.varied_rows(self.scene)[key], values[rows])
-                applied |= dict([*found.items()][len(found) == 4 :])  # of an attitude the vector part of its quaternion
+                applied_to = attitudes.from_their_mean(values[rows]) if key == ATTITUDE else values[rows]
+                found = _columns(key, names.varied_rows(self.scene)[key], applied_to)
+                applied |= dict([*found.items()][key == ATTITUDE :])  # the vector part of its quaternion
             for name in self.ended:
                 values = self.good_ends(name)[: len(rows)]
                 found = _columns(name, self.rows[name], values)
