@@ -5,8 +5,9 @@ import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from numbers import Integral
-from types import CodeType, FunctionType, ModuleType
+from types import CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -198,10 +199,17 @@ def wrong_input(scene: Scene, end: Sequence[int]) -> str:
 
 
 def digest(value: Any) -> str:
-    """Return a digest of numbers, or of all that a function computes by: code, and what this names, in turn."""
+    """Return a digest of numbers, or of all that a function computes by: code, and what this names, in turn.
+
+    Raises ValueError where something of it cannot be pickled.
+    """
     found = hashlib.blake2b(digest_size=8)
-    for part in _parts(value, set()):
-        found.update(part)
+    try:
+        for part in _parts(value, set()):
+            found.update(part)
+    except (AttributeError, TypeError, pickle.PicklingError) as error:
+        expected = "numbers and functions, or what can be pickled, by which a store knows it"
+        raise ValueError(f"what drives the ports: {error}: expected {expected}") from None
     return found.hexdigest()
 
 
@@ -217,6 +225,10 @@ def _parts(value: Any, seen: set[Any]) -> Iterator[bytes]:
             yield from _parts((name, known[name]), seen)
         for cell in function.__closure__ or ():
             yield from _parts(cell.cell_contents, seen)
+    elif isinstance(value, partial):
+        yield from _parts((value.func, value.args, value.keywords), seen)
+    elif isinstance(value, MethodType):
+        yield from _parts((value.__func__, value.__self__), seen)
     elif isinstance(value, CodeType):
         yield value.co_code
         yield from _parts((value.co_consts, value.co_names), seen)

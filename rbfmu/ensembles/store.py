@@ -164,7 +164,7 @@ class Store:
 
     def __init__(self, work: Work, path: Path | None = None, file: Path | None = None) -> None:
         self._work, self._path, self._file = work, path, file or path
-        self._identity = identity_of(work)
+        self._identity = identity_of(work) if path else {}
         self.progress = self._whole = Progress.none(work)
         self._rows: dict[str, Any] = {}
         self._first = 0  # the run of the first of these rows

@@ -182,7 +182,10 @@ class Ensemble(rules.Section, path="ensemble"):
                 yield _without_points(variation, wrong[0])
             elif wrong:
                 yield variation.refused('points in a grid alone: design = "grid"')
-        if is_grid and (count := math.prod(m.points or 1 for m in self.varying)) != self.runs:
+        count = math.prod(m.points or 1 for m in self.varying)
+        if is_grid and count > MOST_RUNS:
+            yield f"ensemble.vary: a grid of {count} points: expected at most {MOST_RUNS}"
+        elif is_grid and count != self.runs:
             yield rules.fault("ensemble.runs", self.runs, f"no such key, or {count}: the points of the grid")
 
     def _faults_of_correlation(self, correlation: Correlation) -> Iterator[str]:

@@ -2,6 +2,8 @@
 
 import concurrent.futures as cf
 import multiprocessing
+from functools import partial
+from threading import Lock
 
 import numpy as np
 import pytest
@@ -276,6 +278,19 @@ def test_a_digest_knows_all_that_a_function_computes_by():
         return lambda x: gain * x
 
     assert digest(within(1.0)) == digest(within(1.0)) != digest(within(2.0))
+    assert digest(partial(within(1.0), 3)) == digest(partial(within(1.0), 3)) != digest(partial(within(2.0), 3))
+
+
+def test_what_cannot_be_pickled_drives_members_without_a_store(scene, planned, tmp_path):
+    lock = Lock()
+
+    def none(number):
+        with lock:
+            return {}
+
+    assert_same(run(scene, planned, inputs=none), run(scene, planned))
+    with pytest.raises(ValueError, match=r"what drives the ports: cannot pickle .*: expected numbers and functions"):
+        run(scene, planned, store=tmp_path / "store.npz", inputs=none)
 
 
 # Noise

@@ -257,6 +257,13 @@ FAULTS = [
         {"vary": {"body.mass": {"normal": [50, 1], "points": 3}}, "ensemble": {"design": "grid", "runs": 7}},
         "ensemble.runs = 7: expected no such key, or 3: the points of the grid",
     ),
+    (
+        {
+            "vary": {"loads.torque_b": {"uniform": [[0.0] * 3, [1.0] * 3], "points": 10_000}},
+            "ensemble": {"design": "grid"},
+        },
+        "ensemble.vary: a grid of 1000000000000 points: expected at most 1000000000",
+    ),
 ]
 PAIR = ["body.mass", "loads.torque_b[3]"]
 CORRELATIONS = [
