@@ -261,7 +261,8 @@ def _npz(path: Path) -> dict[str, Array]:
     except FileNotFoundError:
         raise
     except Exception as error:
-        raise ValueError(f"{path}: cannot be read as arrays of NumPy ({error}): expected the result of a run") from None
+        said = f"{error!s:.100}"  # of what is no number NumPy says all of it
+        raise ValueError(f"{path}: cannot be read as arrays of NumPy ({said}): expected the result of a run") from None
 
 
 def incomplete(names: Sequence[str]) -> Iterator[tuple[str, str]]:

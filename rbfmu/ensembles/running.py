@@ -1,5 +1,6 @@
 """Run an ensemble: chunks on threads, any executor or Dask, taken in their order and kept in a store."""
 
+import errno
 import logging
 import os
 import pickle
@@ -79,7 +80,7 @@ def run_ensemble(
 def check_store(store: str | Path | None, resume: bool) -> None:
     """Refuse what cannot be a store, or is one already, before anything is planned.
 
-    Raises ValueError, ModuleNotFoundError without zarr, FileExistsError.
+    Raises ValueError, ModuleNotFoundError without zarr, FileNotFoundError without its folder, FileExistsError.
     """
     if store is None:
         return
@@ -88,6 +89,8 @@ def check_store(store: str | Path | None, resume: bool) -> None:
         raise ValueError(f"store = {str(store)!r}: expected a name that ends in .npz or .zarr")
     if path.suffix == ".zarr":
         needed("zarr", "ensemble")
+    if not path.parent.is_dir():  # where no lock could stand beside it
+        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(path.parent))
     refuse_existing(path, resume)
 
 

@@ -173,6 +173,10 @@ def test_arrays_that_are_no_result_are_refused(tmp_path: Path) -> None:
     np.savez(path, time=np.arange(3.0), omega_b=np.zeros((3, 2)))
     with pytest.raises(ValueError, match=r"omega_b has the shape \(3, 2\): expected \(3, 3\)"):
         Result.load(path)
+    np.savez(path, time=np.arange(3.0), said=np.array("x" * 1000))
+    with pytest.raises(ValueError, match=r"could not convert string to float") as refused:
+        Result.load(path)
+    assert len(str(refused.value)) < 200 + len(str(path))
     path.write_text("no arrays")
     with pytest.raises(ValueError, match=r"cannot be read as arrays of NumPy \(File is not a zip file\)"):
         Result.load(path)

@@ -275,6 +275,9 @@ def test_what_cannot_run_is_refused_before_it_is_planned(scene, tmp_path, monkey
         run_ensemble(scene, tmp_path / "store.npz")
     with pytest.raises(ValueError, match=r"expected a name that ends in .npz or .zarr"):
         run_ensemble(scene, tmp_path / "store.csv")
+    for name in ("store.npz", "store.zarr"):
+        with pytest.raises(FileNotFoundError, match=r"there is no such folder: .*missing'"):
+            run_ensemble(scene, tmp_path / "missing" / name)
     monkeypatch.setitem(sys.modules, "zarr", None)
     with pytest.raises(ModuleNotFoundError, match="zarr is not installed"):
         run_ensemble(scene, tmp_path / "store.zarr")
