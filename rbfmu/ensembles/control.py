@@ -171,6 +171,8 @@ def driven_members(
     """
     each = numbers if callable(control.inputs) else numbers[:1]
     drives = [drive_of(scene, control.tables_of(scene, number), control.interpolate) for number in each]
+    if control.controller and control.interpolate == HOLD:
+        drives = [_controlled(drive) for drive in drives]
     before = np.cumsum([0, *(len(drive.lengths) for drive in drives[:-1])])
     counts = np.array([first + drive.counts for first, drive in zip(before, drives, strict=True)])
     lengths = np.concatenate([drive.lengths for drive in drives])
@@ -182,6 +184,19 @@ def driven_members(
     state, ports = np.array(one.state), _places(scene, kernels.BLOCKS)
     rates = _places(scene, kernels.BLOCKS, "_rate") if slopes.any() else np.empty(0, dtype=np.int64)
     return one.compiled(), Driving(ports, rates, time, lengths, counts, given, slopes, state, noise)
+
+
+def _controlled(drive: Drive) -> Drive:
+    """Return what tables give at communication points and at rows of their own.
+
+    Elsewhere, where a row of another port cuts a step, it is NaN: what a controller wrote goes on.
+    """
+    at_point = np.isin(np.arange(len(drive.lengths)), drive.counts)
+    values = {
+        port: np.where((pieces.at_row | at_point)[:, None], pieces.values, np.nan)
+        for port, pieces in drive.ports.items()
+    }
+    return drive._replace(ports={port: pieces._replace(values=values[port]) for port, pieces in drive.ports.items()})
 
 
 def _rows(scene: Scene, drive: Drive, part: str) -> Array:

@@ -194,10 +194,11 @@ def _faults_of_times(scene: Scene, times: Array, name: str, interpolate: str) ->
 
 
 class PortPieces(NamedTuple):
-    """A port's values at the begin of each piece, and how fast they change in it."""
+    """A port's values at the begin of each piece, how fast they change in it, and whether the table has a row there."""
 
     values: Array
     slopes: Array
+    at_row: NDArray[np.bool_]
 
 
 class Drive(NamedTuple):
@@ -245,7 +246,8 @@ def _points(time: Array, tables: list[Array], near: float) -> Array:
 
 def _held(table: InputTable, points: Array, near: float) -> PortPieces:
     begun = np.maximum(np.searchsorted(table.times, points[:-1] + near, side="right") - 1, 0)
-    return PortPieces(table.values[begun], np.zeros((len(begun), table.values.shape[1])))
+    values = table.values[begun]
+    return PortPieces(values, np.zeros_like(values), np.diff(begun, prepend=-1) > 0)
 
 
 def _linear(table: InputTable, points: Array, near: float) -> PortPieces:
@@ -257,4 +259,4 @@ def _linear(table: InputTable, points: Array, near: float) -> PortPieces:
     jumps = last > first
     ends[jumps], begins[jumps] = table.values[first[jumps]], table.values[last[jumps]]
     slopes = (ends[1:] - begins[:-1]) / np.diff(points)[:, None]
-    return PortPieces(begins[:-1], slopes)
+    return PortPieces(begins[:-1], slopes, (last >= first)[:-1])

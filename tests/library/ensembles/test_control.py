@@ -195,6 +195,23 @@ def test_a_row_between_two_points_acts_from_its_time_on_and_a_controller_keeps_o
         np.testing.assert_allclose(both.all[name], rows, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("interpolate", ["hold"])
+def test_what_a_controller_adds_lasts_while_rows_of_another_port_cut_the_step(scene, planned, interpolate):
+    """A torque along a principal axis of a body at rest: the rate is its integral over the moment of inertia."""
+
+    def add(t, outputs, state, inputs, noise):
+        inputs[0] += 0.5
+
+    still = {"initial.omega_b": [0.0] * 3, "ensemble.vary": {"initial.omega_b": {"normal": [[0.0] * 3, 1e-12]}}}
+    end = 0.8 if interpolate == "linear" else 0.1
+    begin = 0.1 + (end - 0.1) / 5.9  # of the run, at 1 s
+    torque = [0.0, 5.9], [[0.1, 0.0, 0.0], [end, 0.0, 0.0]]
+    force = [0.0, 2.1, 2.2, 4.9, 5.9], np.zeros((5, 3))
+    given = {"inputs": {"torque_b": torque, "force_a": force}, "interpolate": interpolate, "controller": add}
+    found = run(scene.replace(still), planned, **given)
+    assert found.all["omega_b"][3, -1, 0] == pytest.approx((0.5 * (begin + end) + 0.5) * 4.9 / 2.0, rel=1e-9)
+
+
 def test_ends_alone_are_those_of_whole_runs(scene, planned):
     ends = run(scene.replace({"ensemble.keep": ["final"]}), planned, controller=DAMPED)
     assert ends.final["omega_b"].tobytes() == run(scene, planned, controller=DAMPED).all["omega_b"][:, -1].tobytes()
