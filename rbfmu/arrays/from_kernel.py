@@ -283,7 +283,7 @@ def clear_error(kernel: Function, args: Arguments, kwargs: Keywords, refused: Ex
 
 def _of_arguments(name: str, shapes: dict[str, Shape], args: Arguments) -> Exception | None:
     for (argument, shape), value in zip(shapes.items(), args, strict=False):
-        if wrong := _no_numbers(value):
+        if wrong := no_numbers(value):
             return ValueError(f"{name}: {argument} {wrong}")
         array = _plain_array(value)
         if not np.can_cast(array.dtype, np.float64):
@@ -295,7 +295,7 @@ def _of_arguments(name: str, shapes: dict[str, Shape], args: Arguments) -> Excep
     return None
 
 
-def _no_numbers(value: object) -> str:
+def no_numbers(value: object) -> str:
     """Return what is wrong with a value that has to be real numbers; nothing if it is such."""
     if isinstance(value, np.ma.MaskedArray):
         return MASKED
@@ -352,7 +352,7 @@ def _holds(shape: tuple[int, ...], leading: tuple[int, ...], core: Shape) -> boo
 
 def as_floats(function: str, argument: str, value: object) -> Array:
     """Return an argument as an array of floats. Raises ValueError."""
-    if wrong := _no_numbers(value):
+    if wrong := no_numbers(value):
         raise ValueError(f"{function}: {argument} {wrong}")
     return np.asarray(_plain_array(value), dtype=np.float64)
 

@@ -218,8 +218,10 @@ class _Search:
         names = [column.name for chart in self._charts for column in chart.columns]
         if len({*names}) < len(names):
             raise ValueError(f"free: expected each number once, not {', '.join(names)}")
-        if data.count < len(names):
-            raise ValueError(f"data: {data.count} numbers: expected at least {len(names)}, as many as are free")
+        least = len(names) + (len(given) < len(data.values))  # as many tell the numbers, and nothing of the noise
+        if data.count < least:
+            why = "as many as are free" if least == len(names) else "more than are free, unless sigma is given"
+            raise ValueError(f"data: {data.count} numbers: expected at least {least}, {why}")
         self._names = tuple(names)
         self._asked = _scene_to_run(scene, data)
         self._varied = Varied(self._asked, keys)

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
+from rbfmu.arrays.from_kernel import no_numbers
 from rbfmu.csv_table import read_columns
+from rbfmu.ensembles.variables import output_rows
 from rbfmu.result import Result, by_quantity, incomplete
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, ArrayLike
@@ -61,34 +63,44 @@ def read_measured(scene: Scene, data: Data) -> Measured:
 def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:
     if not isinstance(known, Mapping) or "time" not in known:
         raise ValueError("expected a file, a Result, or a mapping with time and outputs by name")
-    sizes = {name: row.size for name, row in OUTPUT.items()}
-    try:
-        columns = {name: np.array(value, dtype=np.float64) for name, value in known.items()}
-    except (TypeError, ValueError):
-        raise ValueError("expected arrays of numbers") from None
+    rows = {**OUTPUT, **output_rows(scene)}
+    columns = {name: _numbers(name, value) for name, value in known.items()}
     time, values = columns.pop("time"), dict[str, Array]()
-    if "rpy" in columns:
-        if QUATERNION in columns:
-            raise ValueError("expected quaternion or rpy, not both")
-        columns[QUATERNION] = arrays.quaternion_from_euler("ZYX", columns.pop("rpy")[..., ::-1])
     if time.ndim != 1 or len(time) < 2 or not np.isfinite(time).all() or np.any(np.diff(time) <= 0.0):
         raise ValueError("time: expected at least two finite times (s) that increase")
     if time[0] < scene.run.start:
         raise ValueError(f"time = {float(time[0])!r} in row 1: expected at least run.start = {scene.run.start!r}")
     for name, value in columns.items():
-        if name not in sizes and name not in scene.outputs.own:
-            shown = ", ".join((*sizes, *scene.outputs.own))
-            raise ValueError(f"{name!r}: expected outputs among {shown}")
-        rows = value.reshape(len(value), -1) if value.ndim else value.reshape(1, 1)
-        if rows.shape[0] != len(time) or rows.shape[1] != sizes.get(name, rows.shape[1]):
-            raise ValueError(f"{name} has shape {value.shape}: expected ({len(time)}, {sizes.get(name, 1)})")
-        if np.isinf(rows).any():
+        if name not in rows:
+            raise ValueError(f"{name!r}: expected outputs among {', '.join(rows)}")
+        values[name] = value[:, None] if value.ndim == 1 else value
+        if values[name].shape != (expected := (len(time), rows[name].size)):
+            raise ValueError(f"{name} has shape {value.shape}: expected {expected}")
+        if np.isinf(value).any():
             raise ValueError(f"{name}: expected finite numbers, or NaN for a gap")
-        values[name] = _unit(rows) if name == QUATERNION else rows
+    if "rpy" in values:
+        if QUATERNION in values:
+            raise ValueError("expected quaternion or rpy, not both")
+        values[QUATERNION] = arrays.quaternion_from_euler("ZYX", values.pop("rpy")[:, ::-1])
+    if QUATERNION in values:
+        values[QUATERNION] = _unit(values[QUATERNION])
     found = Measured(time, values)
     if not found.count:
         raise ValueError("expected at least one measured output")
     return found
+
+
+def _numbers(name: str, value: ArrayLike) -> Array:
+    """Return a copy as floats, NaN where it has None."""
+    try:
+        array = np.asanyarray(value)  # which keeps a mask
+        if array.dtype == object:
+            return array.astype(np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected an array of numbers") from None
+    if wrong := no_numbers(array):
+        raise ValueError(f"{name} {wrong}")
+    return np.array(array, dtype=np.float64)
 
 
 def _unit(rows: Array) -> Array:

@@ -40,7 +40,9 @@ def deviation(rows: Array) -> float:
 
 def scatter(f: Array, loss: str, n: int) -> float:
     """Return by how much the covariance is more than that of least squares with unit noise (P. J. Huber, Robust
-    Statistics, 1981, ch. 7)."""
+    Statistics, 1981, ch. 7); 1 where there are no more data than numbers, n."""
+    if len(f) <= n:
+        return 1.0
     z = f * f
     slope, bend = {
         "linear": (np.ones_like(z), np.zeros_like(z)),
@@ -49,7 +51,7 @@ def scatter(f: Array, loss: str, n: int) -> float:
                   np.where(z <= 1.0, 0.0, -0.5 * np.maximum(z, 1.0) ** -1.5)),
         "cauchy": (1.0 / (1.0 + z), -1.0 / (1.0 + z) ** 2),
     }[loss]  # fmt: skip
-    return float(np.sum(slope * slope * z) / max(len(f) - n, 1) / np.mean(slope + 2.0 * z * bend) ** 2)
+    return float(np.sum(slope * slope * z) / (len(f) - n) / np.mean(slope + 2.0 * z * bend) ** 2)
 
 
 def trends(left: Mapping[str, Array]) -> list[str]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rbfmu.arrays.from_kernel import no_numbers
 from rbfmu.csv_table import read_columns
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError, as_toml, fault
@@ -94,7 +95,7 @@ def _from_mapping(inputs: Mapping[str, Given], scene: Scene, interpolate: str, f
 
 
 def _timed(given: tuple[ArrayLike, ArrayLike], size: int) -> InputTable:
-    times, values = _numbers_of(given[0]), _rows_of(given[1], size)
+    times, values = _numbers_of(given[0], "times"), _rows_of(given[1], size)
     if times.ndim != 1 or not len(times) or values.shape != (len(times), size):
         shapes = f"shapes {times.shape} and {values.shape}"
         raise ValueError(f"{shapes}: expected times (m,) and values (m, {size}), at least one row")
@@ -117,13 +118,12 @@ def _rows_of(given: ArrayLike, size: int) -> Array:
     return values[:, None] if size == 1 and values.ndim == 1 else values
 
 
-def _numbers_of(given: ArrayLike) -> Array:
+def _numbers_of(given: ArrayLike, name: str = "values") -> Array:
     if callable(given):
         raise TypeError("a function: expected (times, values), such as its values at the communication points")
-    try:
-        return np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):  # whose words are NumPy's
-        raise ValueError("no array of numbers: expected (times, values), or a row of numbers for each step") from None
+    if wrong := no_numbers(given):  # NumPy takes dates for nanoseconds, and drops masks and imaginary parts
+        raise ValueError(f"{name} {wrong}: expected (times, values), or a row of numbers for each step")
+    return np.asarray(given, dtype=np.float64)
 
 
 def _not_finite(name: str, values: Array) -> Iterator[str]:

@@ -224,7 +224,7 @@ W = "time,omega_b[1],omega_b[2],omega_b[3]\n"
         ("time,quaternion[1],quaternion[2],quaternion[3],quaternion[4]\n0,2,0,0,0\n1,1,0,0,0\n", "has length 2"),
         (W + "0,nan,2,3\nnan,1,2,3\n", "finite times"),
         ("time;omega_b[1]\n0;1\n1;1\n", "column 'time' is missing"),
-        (W + "0,1,2,3\n1,1,,\n", "data: 4 numbers: expected at least 6"),
+        (W + "0,1,2,3\n1,1,,\n", "data: 4 numbers: expected at least 7, more than"),
     ],
 )
 def test_bad_tables_are_refused_by_one_message(tmp_path, text, said):
@@ -245,15 +245,35 @@ def test_bad_tables_are_refused_by_one_message(tmp_path, text, said):
         ({"sigma": {"rpy": 1.0}}, "sigma: 'rpy': expected some of omega_b"),
         ({"data": 3.0}, "expected a file, a Result, or a mapping"),
         ({"data": {"time": [0, 1], "omega_b": [[1, 2], [1, 2]]}}, r"omega_b has shape \(2, 2\): expected \(2, 3\)"),
-        ({"data": {"time": [0, 1], "omega_b": "x"}}, "expected arrays of numbers"),
+        ({"data": {"time": [0, 1], "omega_b": "x"}}, "omega_b must be real numbers"),
+        ({"data": {"time": [0, 1], "omega_b": [[1, 2, 3], [1]]}}, "omega_b: expected an array of numbers"),
+        ({"data": {"time": np.array([0, 1], "timedelta64[s]"), "omega_b": np.ones((2, 3))}}, "time must be real numb"),
+        ({"data": {"time": [0, 1], "omega_b": np.ma.masked_less(np.eye(2, 3), 1)}}, "omega_b must have no mask"),
+        ({"data": {"time": [0, 1], "rpy": [0.0, 1.0]}}, r"rpy has shape \(2,\): expected \(2, 3\)"),
+        ({"data": {"time": [0, 1], "momentum": [1.0, 2.0]}}, r"momentum has shape \(2,\): expected \(2, 3\)"),
+        ({"data": {"time": [0, 1], "energy": np.ones((2, 3))}}, r"energy has shape \(2, 3\): expected \(2, 1\)"),
+        ({"data": {"time": [0, 1], "omega_b": [[1, 1, 1], [None] * 3]}}, "3 numbers: expected at least 4, more than"),
         ({"data": {"time": [0, 1], "rpy": np.zeros((2, 3)), "quaternion": np.zeros((2, 4))}}, "not both"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused_by_one_message(asked, said):
-    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [1.0, 0.1, 0.2]})
+    scene = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},
+        initial={"omega_b": [1.0, 0.1, 0.2]},
+        outputs={"momentum": "M_c @ omega_b", "energy": "dot(omega_b, M_c @ omega_b)"},
+    )
     data = {"time": [0.0, 1.0, 2.0], "omega_b": np.ones((3, 3))}
     with pytest.raises(ValueError, match=said):
         rbfmu.fit(scene, **{"data": data, "free": ["initial.omega_b"], **asked})
+
+
+def test_as_many_data_as_numbers_leave_the_noise_that_is_given():
+    """Nothing is left of them, and the errors were told to be zero."""
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [1.0, 0.1, 0.2]})
+    data = {"time": [0.0, 1.0], "omega_b": [[1.1, 0.2, 0.1], [np.nan] * 3]}
+    found = rbfmu.fit(scene, data, ["initial.omega_b"], sigma=0.01)
+    assert found.values == pytest.approx(data["omega_b"][0], abs=1e-9)
+    assert found.standard_errors == pytest.approx(0.01, rel=1e-3)
 
 
 def test_inputs_may_be_rows_for_the_scene_s_own_steps():
