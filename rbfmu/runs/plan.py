@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from rbfmu.models.model_buffer import aligned_zeros, put_scene, refusal
-from rbfmu.models.registry import FORMULAS, MODELS, ModelSpec
+from rbfmu.models.registry import FORMULAS, MODELS, PRESCRIBED_RATES, ModelSpec
 from rbfmu.notebook import table
 from rbfmu.scene.scene import PARAMETERS, Scene, SceneError
 from rbfmu.scene.section import as_toml, fault, plain
@@ -93,8 +93,10 @@ class Plan:
         """Return the plan with the kernels of the scene's formulas, if it has any.
 
         A file of a plan holds none, and those of another scene's plan may be made of other texts, or without loads
-        that are zero there.
+        that are zero there. Raises ValueError where the model has no place for what moves the body.
         """
+        if (scene.body is None) != (self.model == PRESCRIBED_RATES.key):
+            raise _refused("model", self.model, "a model of a body" if scene.body else f"{PRESCRIBED_RATES.key!r}")
         is_made = self.formulas.serves(scene) if self.formulas else not scene.has_formulas
         if is_made:
             return self
@@ -102,6 +104,8 @@ class Plan:
 
         formulas = equations_of(scene)
         own_outputs_alone = self.model != FORMULAS.key
+        if own_outputs_alone and (formulas.plain_loads is None or scene.states or scene.events):
+            raise _refused("model", self.model, f"{FORMULAS.key!r}, as formulas take part in the motion")
         return replace(self, formulas=OverClosedForm(formulas, self.spec.module) if own_outputs_alone else formulas)
 
     @property

@@ -226,3 +226,21 @@ def test_a_plan_that_cannot_be_run_is_refused_by_name_and_value(setting, value):
     planned = replace(Plan("body under loads, by series", "", 7, tolerance=1e-9, order=12), **{setting: value})
     with pytest.raises(ValueError, match=f"Plan.{setting} = {value!r}: expected "):
         rbfmu.simulate(scene(), planned=planned)
+
+
+@pytest.mark.parametrize(
+    ("planned", "tables", "expected"),
+    [
+        ("body under loads, by series", {"loads": {"torque_b": "-norm(omega_b)*omega_b"}}, "'formulas', as formulas"),
+        ("torque-free body", {"states": {"x": {"start": 1.0, "rate": "-x"}}}, "'formulas', as formulas take part"),
+        ("torque-free body", {"events": {"over": "omega_b[1]"}}, "'formulas', as formulas take part"),
+        ("prescribed rates", {}, "a model of a body"),
+        ("formulas", {"body": None, "inputs": {"ports": ["omega_b"]}}, "'prescribed rates'"),
+    ],
+)
+def test_a_plan_by_hand_whose_model_has_no_place_for_what_moves_the_body_is_refused(planned, tables, expected):
+    """Loads that were formulas went unheard, and other plans ended in a KeyError."""
+    given = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, "outputs": {"quantities": ["quaternion"]}, **tables}
+    one = rbfmu.Scene(**{name: table for name, table in given.items() if table is not None})
+    with pytest.raises(ValueError, match=f"Plan.model = '{planned}': expected {expected}"):
+        rbfmu.simulate(one, planned=Plan(planned, "", 7, tolerance=1e-9, order=12))
