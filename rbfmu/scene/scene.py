@@ -130,10 +130,10 @@ class Scene(Section):
     def replace(self, changes: Mapping[str, Any] = {}, /, **tables: Any) -> Self:
         """Return a checked scene with other values: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.
 
-        The other keys of a table stay; a section (`Run(...)`) or None replaces the whole table. A new key removes the
-        one that it excludes (omega_b_deg removes omega_b, shape removes inertia). Outputs that were not requested by
-        name follow from the new motion. A shape was turned into its inertia when the scene was made, so a new mass
-        alone does not change the inertia. Raises SceneError.
+        The other keys of a table stay; a section (`Run(...)`) replaces the whole table, and None takes it away. A new
+        key removes the one that it excludes (omega_b_deg removes omega_b, shape removes inertia). Outputs that were not
+        requested by name follow from the new motion. A shape was turned into its inertia when the scene was made, so a
+        new mass alone does not change the inertia. Raises SceneError.
         """
         if not isinstance(changes, Mapping):
             raise SceneError(fault("changes", changes, "a mapping from keys to their values"), self.name)
@@ -143,7 +143,7 @@ class Scene(Section):
             if name == "outputs" and "quantities" not in self.outputs._given:
                 del table["quantities"]
             new[name] = _with_changes(table, value, SECTIONS.get(name))
-        return type(self).from_dict(new, self.name)
+        return type(self).from_dict({name: table for name, table in new.items() if table is not None}, self.name)
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested tables from which `from_dict` makes an equal scene; vectors are lists."""

@@ -147,6 +147,17 @@ def test_events_at_the_time_of_one_that_ends_the_run_are_told_with_it():
     assert found.time[-1] == 1.7
 
 
+def test_an_event_that_ends_a_driven_run_ends_no_pilot_run():
+    """Each plan found the event a bit earlier or later than the other, went on from there or not, and was refused."""
+    driven = scene(stop=8.0).replace({"inputs.ports": ["torque_b"]})
+    inputs = {"torque_b": ([0.0, 2.5, 5.5], [[0.1, 0.0, 0.3], [0.0, 0.2, -0.1], [-0.3, 0.1, 0.0]])}
+    plans = [
+        rbfmu.plan(driven.replace({"events.end": {"when": "omega_b[1]", "stop": stop}}), inputs=inputs)
+        for stop in (False, True)
+    ]
+    assert plans[0].error == plans[1].error < 1e-9
+
+
 def test_a_simulator_tells_events_of_its_last_step_and_stops_at_one():
     simulator = rbfmu.Simulator(scene(tick="sin(3*t)", a="omega_b[1]"))
     told = []

@@ -205,6 +205,14 @@ def test_what_stands_in_place_of_a_key_removes_it() -> None:
     assert ball.body == Body(mass=2.0, shape={"kind": "sphere", "radius": 1.0})
 
 
+def test_none_takes_a_table_away() -> None:
+    """`events = None` was refused, and there was no other way to be rid of an event."""
+    watched = SCENE.replace({"events.over": "omega_b[1]", "loads.torque_b": [1, 2, 3], "run.stop": 3.0})
+    plain = watched.replace(events=None, loads=None, run=None)
+    assert (plain.events, plain.loads, plain.run) == ({}, Scene(body=SCENE.body).loads, Run())
+    assert plain.replace({"events.over": "omega_b[1]"}).events == watched.events
+
+
 def test_quantities_that_nobody_asked_for_by_name_follow_from_the_motion() -> None:
     """A complaint about them would be about a key that nobody wrote."""
     still = SCENE.replace({"initial.omega_b": [0, 0, 0]})
