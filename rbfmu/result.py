@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from rbfmu.arrays.from_kernel import as_floats
 from rbfmu.csv_table import read_columns
 from rbfmu.exceptions import named, path_of
 from rbfmu.extras import needed
@@ -66,7 +67,9 @@ class Result:
 
         An event is where a formula came to zero and went on; where it went back, that is a touch.
         """
-        self.time: Array = np.asarray(time, dtype=np.float64)
+        self.time: Array = as_floats("Result", "time", time)
+        if self.time.ndim != 1:
+            raise ValueError(f"time has the shape {self.time.shape}: expected (n,)")
         self.events, self.touches, self.quantities = map(_arrays, (events or {}, touches or {}, quantities))
         known = {**OUTPUT, **(own or {})}
         if unknown := [name for name in self.quantities if name not in known]:
@@ -241,7 +244,7 @@ def _check_shape(row: Quantity, values: Array, points: int, where: str = "") -> 
 
 
 def _arrays(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
-    return {name: np.asarray(one, dtype=np.float64) for name, one in values.items()}
+    return {name: as_floats("Result", name, one) for name, one in values.items()}
 
 
 def _write_table(path: Path, rows: Iterable[Sequence[object]], quoting: Literal[0, 1, 2] = csv.QUOTE_MINIMAL) -> None:

@@ -116,6 +116,17 @@ def test_a_result_is_made_of_quantities_alone(quantities: dict, said: str) -> No
     assert Result([0.0, 0.1], {"omega_b": [[0, 0, 1]] * 2}).plot().axes
 
 
+@pytest.mark.parametrize(("time", "said"), [
+    (np.array([0, 1], "datetime64[s]"), "time must be real numbers, got an array of datetime64"),
+    (np.ma.masked_less([0.0, 1.0], 1.0), "time must have no mask"),
+    (0.0, r"time has the shape \(\): expected \(n,\)"),
+    ([[0.0, 1.0]], r"time has the shape \(1, 2\): expected \(n,\)"),
+])  # fmt: skip
+def test_the_times_of_a_result_are_numbers_in_a_row(time: Any, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        Result(time, {"kinetic_energy": [0.0, 1.0]})
+
+
 GOOD = "time,omega_b[1],omega_b[2],omega_b[3]\n"
 
 
