@@ -65,9 +65,9 @@ def simulate(
 ) -> Result:
     """Run a scene, or that of a scene file: its FMU's bits at the same communication steps and inputs.
 
-    inputs: what drives the ports, which are at zero without it: a mapping from a port's name to `(times (m,), values
-    (m, 3))` or to an array (n, 3) with a row for each communication step, or the path of a CSV file in FMPy's format
-    (`time`, then FMU variables such as `torque_b[1]`). Ports that are not named stay at zero.
+    inputs: what drives the ports: a mapping from a port's name to `(times (m,), values (m, 3))` or to an array (n, 3)
+    with a row for each communication step, or the path of a CSV file in FMPy's format (`time`, then FMU variables such
+    as `torque_b[1]`). Ports that are not named stay at zero, those of one's own at their start.
     interpolate: "hold", a value from its time on, or "linear" between times. Communication steps are cut where a time
     lies inside. Of linear inputs a model that takes no input derivatives sees the mean over each step.
     planned: a plan, whose model and method are used as they are; without one, a plan that meets the accuracy under the
@@ -260,7 +260,7 @@ class Simulator:
         return ValueError(f"inputs {as_toml(ports)}: expected numbers whose sum is finite")
 
     def reset(self, **parameters: Any) -> None:
-        """Begin anew with the scene's values and the parameters given; inputs are zero. Raises SceneError."""
+        """Begin anew with the scene's values and the parameters given; inputs are as at first. Raises SceneError."""
         self._z[:] = start_run(with_parameters(self.scene, self.plan, parameters), self.plan)
         self.time, self._count = self._start, 0
         self._known = self._told = self._untold

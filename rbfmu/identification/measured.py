@@ -66,8 +66,14 @@ def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:
     rows = {**OUTPUT, **output_rows(scene)}
     columns = {name: _numbers(name, value) for name, value in known.items()}
     time, values = columns.pop("time"), dict[str, Array]()
-    if time.ndim != 1 or len(time) < 2 or not np.isfinite(time).all() or np.any(np.diff(time) <= 0.0):
+    if time.ndim != 1 or len(time) < 2:
         raise ValueError("time: expected at least two finite times (s) that increase")
+    steps = np.diff(time)
+    if bad := np.flatnonzero(~(np.isfinite(steps) & (steps > 0.0))).tolist():
+        first, then = time[bad[0] : bad[0] + 2].tolist()
+        raise ValueError(
+            f"time = {then!r} in row {bad[0] + 2}, after {first!r}: expected finite times (s) that increase"
+        )
     if time[0] < scene.run.start:
         raise ValueError(f"time = {float(time[0])!r} in row 1: expected at least run.start = {scene.run.start!r}")
     for name, value in columns.items():

@@ -58,7 +58,8 @@ def trends(left: Mapping[str, Array]) -> list[str]:
     """Return in words which residuals do not look like noise, as each follows the one before."""
     found = []
     for name, rows in left.items():
-        for element, column in zip(elements(name, rows.shape[1]), rows.T, strict=True):
+        shown = "attitude" if name == QUATERNION else name  # whose residuals are turns
+        for element, column in zip(elements(shown, rows.shape[1]), rows.T, strict=True):
             x = column[np.isfinite(column)]
             far = 3.0 * deviation(x)
             x = np.clip(x - np.median(x), -far, far)
