@@ -76,7 +76,8 @@ def euler_equation(M_c: Matrix, omega: Vec3, torque_c: Vec3) -> Vec3:
     """Return alpha of T_c = M_c alpha + omega x (M_c omega).
 
     About a point o of the body that is fixed in space it holds as well: give M_o and torque_o.
-    Units: M_c in kg m^2, omega in rad/s, torque_c in N m; alpha in rad/s^2.  Frames: all in body axes.
+    Units: M_c in kg m^2, omega in rad/s, torque_c in N m; alpha in rad/s^2.
+    Frames: all in one frame, commonly b, in which M_c is constant.
     Error <= 7 eps |M_c^-1| (|T_c| + |M_c| |omega|^2) times the condition, in principal axes 3.5 eps.
     Singular: about the axis of a zero principal moment (slender beam) alpha is 0; two zero moments give NaN.
     Source: E&G (7.53).

@@ -221,7 +221,8 @@ def attitude_error(q_ad: Quaternion, q_ab: Quaternion) -> Quaternion:
 def attitude_error_rate(q_db: Quaternion, omega_ad_d: Vec3, omega_ab_b: Vec3) -> tuple[Quaternion, Vec3]:
     """Return (dq_db/dt, omega_db_b) of an attitude error, with omega_db_b = omega_ab_b - R_db^T omega_ad_d.
 
-    With both at zero b is d and stays it. To there the torque -k eps - c omega_db_b leads, if d is at rest.
+    Where eps of q_db and omega_db_b are zero, b is at d and stays there. If d is at rest, the torque
+    -k eps - c omega_db_b, with k, c > 0, leads there.
     Units: omega_ad_d, omega_ab_b and omega_db_b in rad/s, dq_db in 1/s; q_db is unit.
     Frames: omega_ad_d, the rate of the desired frame, in d; omega_ab_b and omega_db_b in b.
     Error <= 6 eps (|omega_ad| + |omega_ab|), of either.  Singular: nowhere.

@@ -174,6 +174,8 @@ def _series(hh: float) -> float:
 def rotvec_rate_a(u: Vec3, omega_ab_a: Vec3) -> Vec3:
     """Return du/dt = J_l(u)^-1 omega_ab_a.
 
+    That is omega - u x omega / 2 + c u x (u x omega), with c = (1 - h cot h) / |u|^2 and h = |u| / 2. Where the axis
+    stays, omega lies along u, and du/dt is omega.
     Units: u in rad, omega_ab_a and the result in rad/s.  Frames: omega_ab_a in a; u is the same in a and b.
     Error <= 4 eps |omega| to |u| = pi.
     Singular: at |u| = 2 pi n, n >= 1; |du/dt| grows as 1 / (2 pi - |u|).  Source: E&G 6.9.
@@ -185,6 +187,8 @@ def rotvec_rate_a(u: Vec3, omega_ab_a: Vec3) -> Vec3:
 def rotvec_rate_b(u: Vec3, omega_ab_b: Vec3) -> Vec3:
     """Return du/dt = J_r(u)^-1 omega_ab_b.
 
+    That is omega + u x omega / 2 + c u x (u x omega), with c = (1 - h cot h) / |u|^2 and h = |u| / 2. Where the axis
+    stays, omega lies along u, and du/dt is omega.
     Units: u in rad, omega_ab_b and the result in rad/s.  Frames: omega_ab_b in b; u is the same in a and b.
     Error <= 4 eps |omega| to |u| = pi.
     Singular: at |u| = 2 pi n, n >= 1; |du/dt| grows as 1 / (2 pi - |u|).  Source: E&G 6.9, with J_r(u) = J_l(-u).
