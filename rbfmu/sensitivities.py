@@ -25,7 +25,11 @@ from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import BY_NAME, OUTPUT, elements
 
 TIGHTER = 0.3
-"""The tolerance of the run over the scene's accuracy: an error of the motion is one of where slopes are taken."""
+"""The tolerance of the run over the scene's accuracy: an error of the motion is one of where slopes are taken.
+
+Of three motions at 1e-6, slopes were off by 0.001 to 0.005 of the accuracy, relative to their largest; with the
+accuracy itself for a tolerance by 0.005 to 0.01, with three times as much by 0.04 to 0.1.
+"""
 SHARE = 1e-4
 """What of the tolerance is left for one substep, of a run that has hundreds: what sets the order of least cost."""
 ATTITUDE = "initial.attitude"

@@ -127,6 +127,7 @@ def mapped(function: Callable[[float], float], numbers: Array) -> Array:
 
 
 _MIDDLE, _FAR = 0.425, 5.0
+"""Where one rational function of the algorithm below follows another: of |u - 1/2|, and of sqrt(-ln) of the tail."""
 _RATIOS = {
     "median": (
         (2.5090809287301226727e3, 3.3430575583588128105e4, 6.7265770927008700853e4, 4.5921953931549871457e4,

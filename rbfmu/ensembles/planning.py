@@ -32,7 +32,12 @@ from rbfmu_kernels.integrators.substeps import ROUND_OFF
 
 USUAL, FAR, OF_SERIES = 3, 5, 4
 """The numbers of pilots: drawn as members are, and at points beyond nearly all members; and of those that series are
-fitted to, which scouts try besides."""
+fitted to, which scouts try besides.
+
+Of three bodies with a port, at three seeds each, members ask by their own growth for less than `MARGIN` of the least
+tolerance of these eight in 1 of 80 cases; of one usual pilot alone in 1 of 12, of three in 1 of 30, of five far ones in
+1 of 40. Six usual and ten far ones leave 1 of 90.
+"""
 APART = 1 << 32
 """The attempt by whose numbers pilots are drawn, which no member has."""
 FEW_POINTS = 8
@@ -48,6 +53,7 @@ PARTS = np.outer(0.7 ** np.arange(8), (1.0, -1.0)).ravel()
 MARGIN = 0.3
 """The part of the pilots' least tolerance that is taken: errors of members scatter about those of eight pilots.
 
+Without it 1 of 13 members of these bodies would ask for less, with it 1 of 80 (see `USUAL`).
 Series of a body under loads have a fit of their own instead (`fitting`): with this margin upon those of each pilot's
 own plan they came to errors of a thousandth of the accuracy.
 """

@@ -29,7 +29,11 @@ KEYS: Mapping[str, Parameter | Load] = {
 
 
 ALIKE = 1e-12
-"""The part of a quantity's largest number by which round-off alone makes runs differ."""
+"""The part of a quantity's largest number by which round-off alone makes runs differ.
+
+Members whose mass a shape's inertia makes without effect differed by 5e-16 (free, 10 s) to 8e-13 (a pendulum). Where
+the motion magnifies round-off more, as by 2e-11, nothing is said of a key without effect.
+"""
 
 _ROWS, _COLUMNS = np.transpose(TRIANGLE)
 

