@@ -26,7 +26,11 @@ PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 OWN = {"constants": "value", "states": "start"}
 """By table of numbers of one's own, which entry of a row varies."""
 FAR = 10.0
-"""How many times larger than its unit a number has to be to get a larger one."""
+"""How many times larger than its unit a number has to be to get a larger one.
+
+It is not critical: a thrust of 3e6 N and an orbit's velocity and position, all begun at 1, were found in 60 and 39
+to 42 evaluations with anything from 1.5 to 1e4.
+"""
 Value = float | list[float] | list[list[float]] | dict[str, list[float]]
 """What a scene has for a key: a number, a vector or matrix, an attitude."""
 _BOUNDED = {f"loads.{load.name}" for load in BOUNDED}

@@ -94,7 +94,8 @@ def free_rotation_at(setup: FreeRotationNumbers, t: float) -> tuple[Quaternion, 
 def free_rotation(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3, t: float) -> tuple[Quaternion, Vec3]:
     """Return (q_ab, omega_ab_b) at time t of a body that moves without torque from q_0 and omega_b_0, in closed form.
 
-    Units: moments any, principal; omega_b_0 in rad/s; t in s, of either sign.  Frames: omega_b_0 in b, q_0 from b to a.
+    Units: moments any, principal; omega_b_0 in rad/s; t in s, of either sign.
+    Frames: the axes of b are the principal ones; omega_b_0 in b, q_0 from b to a.
     Error <= 1 eps, at most 5 eps, whatever the number of turns: in rad from the exact attitude at t, and of omega
     relative to |omega|; see `free_rotation_at`.
     Singular: where no motion exists, which gives NaN; see `free_rotation_setup`.  Both serve many times of one body.
