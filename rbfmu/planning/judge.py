@@ -32,7 +32,7 @@ SMALL, LOST = 1e-11, 0.1
 """An error, rad, well above round-off, and the size that it must not grow to.
 
 Of four motions that magnify errors 200 to 6e5 times, the factor is the same to 0.3 % with errors of 1e-12 to 1e-8. With
-1e-13 round-off makes it up to 9 % larger, with 1e-14 up to 60 %; 1e-6 grows to 0.7 in one of them, and is 7 % off.
+1e-13 round-off puts it up to 9 % off, with 1e-14 up to 64 %; 1e-6 grows to 0.7 in one of them, and is 7 % off.
 """
 DIRECTIONS = ((0.48, -0.6, 0.64), (0.8, 0.0, -0.6), (0.36, 0.8, 0.48))
 """Orthogonal directions, none along a body's axis."""
