@@ -18,11 +18,13 @@ over, or never (jupyter/nbclient, issue 312), and the first run may have to comp
 
 def executed(path: Path, folder: Path) -> Any:
     """Return a notebook with what it shows when it runs in a folder."""
-    os.environ["RBFMU_QUIET"] = "1"
+    environment = os.environ | {"RBFMU_QUIET": "1"}
+    environment.pop("MPLBACKEND", None)  # pictures are shown by the notebook's own alone
     for left in reversed(range(TRIES)):
         notebook = nbformat.read(path, 4)
         try:
-            NotebookClient(notebook, timeout=LONGEST, resources={"metadata": {"path": str(folder)}}).execute()
+            client = NotebookClient(notebook, timeout=LONGEST, resources={"metadata": {"path": str(folder)}})
+            client.execute(env=environment)
         except CellTimeoutError:
             if not left:
                 raise

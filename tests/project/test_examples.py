@@ -154,7 +154,10 @@ def test_the_notebook_runs_and_shows_what_is_stored(tmp_path: Path, monkeypatch:
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("chapter", CHAPTERS, ids=lambda path: path.stem)
-def test_a_chapter_of_the_lecture_runs_and_its_assertions_hold(chapter: Path, tmp_path: Path) -> None:
+def test_a_chapter_of_the_lecture_runs_and_its_assertions_hold(
+    chapter: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MPLBACKEND", "agg")  # as where no screen is: pictures are shown all the same
     fresh, stored = outputs(executed(chapter, tmp_path)), outputs(nbformat.read(chapter, 4))
     kinds = [output.output_type for output in fresh]
     assert kinds == [output.output_type for output in stored], "renew by: python -m examples.renew_notebook"
