@@ -64,6 +64,7 @@ def test_torque_free_motion_tells_ratios_of_moments_alone():
         one.posterior()
 
 
+@pytest.mark.thorough
 def test_a_pendulum_tells_no_number_of_those_that_it_tells_together_alone():
     """M_o, m r_oc and damping may all be larger by one factor; where a moment of mass is nearly zero as well."""
     scene = rbfmu.Scene.from_dict({
@@ -317,6 +318,7 @@ def test_noise_is_a_number_or_a_file(tmp_path):
         sigma_of("0,01")
 
 
+@pytest.mark.thorough
 def test_a_long_search_is_ended_or_said_to_have_no_end(monkeypatch):
     scene = rbfmu.Scene.from_dict({
         "body": {"mass": 2.0, "inertia": [[1.2, 0.1, -0.05], [0.1, 2.0, 0.08], [-0.05, 0.08, 2.5]]},

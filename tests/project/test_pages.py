@@ -95,7 +95,7 @@ def test_the_readme_has_two_commands_to_install_and_an_example_of_each_way_in() 
 
 
 @needs_compiler
-@pytest.mark.parametrize("block", some_of([pytest.param(b, id=str(b)) for b in PYTHON], 4))
+@pytest.mark.parametrize("block", some_of([pytest.param(b, id=str(b)) for b in PYTHON], 1))
 def test_python_can_be_pasted(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each block by itself, in a folder that has the page's scene."""
     scenes_of(block.page, tmp_path)

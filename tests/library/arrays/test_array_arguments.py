@@ -90,6 +90,7 @@ def test_numbers_beyond_float64_are_named():
         rbfmu.rotate(Q, V.astype(np.longdouble))
 
 
+@pytest.mark.thorough
 def test_tables_of_others_give_their_numbers():
     """By their places: whatever their labels, and without what these packages make of results."""
     pandas, xarray = pytest.importorskip("pandas"), pytest.importorskip("xarray")
@@ -218,7 +219,7 @@ def numbers(results):
     return [r.tolist() for r in (results if isinstance(results, tuple) else (results,))]
 
 
-@pytest.mark.parametrize("name", some_of([*ARRAY_FUNCTIONS], 8))
+@pytest.mark.parametrize("name", some_of([*ARRAY_FUNCTIONS], 2))
 def test_arguments_may_be_given_by_name(name):
     """All of them, in any order, or the last ones only; `repr`, since a NaN equals none."""
     function, arguments = ARRAY_FUNCTIONS[name], arguments_of(name)
