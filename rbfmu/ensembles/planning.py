@@ -25,7 +25,7 @@ from rbfmu.planning.judge import Judge
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.ensemble import SOBOL
 from rbfmu.scene.scene import Scene, SceneError, faults_of, warn
-from rbfmu.scene.variations import SHAPE
+from rbfmu.scene.variations import INERTIA, SHAPE
 from rbfmu.simulation import SimulationError, simulate
 from rbfmu.types import Array
 from rbfmu_kernels.integrators.substeps import ROUND_OFF
@@ -207,13 +207,22 @@ def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
     with suppress(SceneError, SimulationError):  # of no member that can be tried nothing is said
         own = _quietly(members.member(scene, samples, 0).replace(step), chosen)
         for key in samples.applied:  # a shape's inertia has its mass
-            swapped = [key, "body.inertia"] if key == "body.mass" and shaped else [key]
+            swapped = [key, INERTIA] if key == "body.mass" and shaped else [key]
             reverse = {one: samples.applied[one][::-1] for one in swapped}
             other = replace(samples, applied={**samples.applied, **reverse})
             found = _quietly(members.member(scene, other, 0).replace(step), chosen)
             moved = any(variables.differ(np.stack([own[name].ravel(), found[name].ravel()])).any() for name in own)
-            if not moved and not key.startswith(f"{SHAPE}."):
-                yield f"ensemble.vary: {key} varies without effect on any output"
+            if not moved and (name := _named(scene, key)):
+                yield f"ensemble.vary: {name} varies without effect on any output"
+
+
+def _named(scene: Scene, key: str) -> str:
+    """Return the key by which a scene's ensemble varies what is applied, if there is one that says so."""
+    ensemble = members.ensemble_of(scene)
+    shape = ensemble.variation_of(SHAPE)
+    if key == INERTIA and not ensemble.variation_of(INERTIA):  # it is the shape's
+        return SHAPE if shape and any(marginal.varies for marginal in shape.marginals) else ""
+    return "" if key.startswith(f"{SHAPE}.") else key
 
 
 def _quietly(scene: Scene, chosen: Plan) -> dict[str, Array]:

@@ -216,6 +216,17 @@ def test_a_scene_that_was_run_is_planned_once_and_its_warnings_are_said_each_tim
     np.testing.assert_array_equal(first.final["omega_b"], again.final["omega_b"])
 
 
+@pytest.mark.parametrize(("key", "spread"), [("body.mass", 0.1), ("body.shape.radius", 0.01)])
+def test_a_key_without_effect_is_named_as_the_file_has_it(key, spread, recwarn):
+    body = {"mass": 2.0, "shape": {"kind": "sphere", "radius": 0.5}}  # whose free motion has no moments in it
+    value = body["mass"] if key == "body.mass" else body["shape"]["radius"]
+    vary = {key: {"normal": [value, spread]}, "initial.omega_b": {"relative": 0.1}}
+    plan_ensemble(Scene.from_dict(FREE | {"body": body, "name": "it", "ensemble": {"vary": vary}}))
+    said = [str(w.message) for w in recwarn if issubclass(w.category, rbfmu.SceneWarning)]
+    name = key.removesuffix(".radius")
+    assert said == [f"it: ensemble.vary: {name} varies without effect on any output"]
+
+
 def test_a_mass_that_makes_the_inertia_of_a_shape_has_an_effect(recwarn):
     body = {"mass": 50.0, "shape": {"kind": "box", "sides": [0.6, 0.5, 0.4]}}
     tables = FREE | {"body": body, "loads": {"torque_b": [0.0, 0.0, 0.1]}}
