@@ -171,7 +171,7 @@ def driven_members(
     """
     each = numbers if callable(control.inputs) else numbers[:1]
     drives = [drive_of(scene, control.tables_of(scene, number), control.interpolate) for number in each]
-    if control.controller and control.interpolate == HOLD:
+    if control.controller:
         drives = [_controlled(drive) for drive in drives]
     before = np.cumsum([0, *(len(drive.lengths) for drive in drives[:-1])])
     counts = np.array([first + drive.counts for first, drive in zip(before, drives, strict=True)])

@@ -112,10 +112,14 @@ def note(z: Buffer, i: int, run: Run) -> None:
 def drive(z: Buffer, state: Array, i: int, k: int, piece: int, run: Run) -> bool:
     """Set a member's ports for a piece of the step after point k; return whether what they are given is finite."""
     control, members, driving, room = run
-    ports, inputs = driving.ports, room.inputs
+    ports, inputs, at_point = driving.ports, room.inputs, piece == pieces_before(driving, i, k)
     for j in range(len(ports)):
-        inputs[j] = z[ports[j]] if math.isnan(driving.given[piece, j]) else driving.given[piece, j]
-    if len(ports) > 0 and piece == pieces_before(driving, i, k):
+        inputs[j] = driving.given[piece, j]
+        if math.isnan(inputs[j]):  # goes on as it was
+            inputs[j] = z[ports[j]]
+            if len(driving.rates) > 0 and not at_point:
+                inputs[j] += z[driving.rates[j]] * driving.lengths[piece - 1]
+    if len(ports) > 0 and at_point:
         for j in range(len(members.kept)):
             room.outputs[j] = z[members.kept[j]]
         control(driving.time[k], room.outputs, state, inputs, driving.noise[i, k])

@@ -195,7 +195,7 @@ def test_a_row_between_two_points_acts_from_its_time_on_and_a_controller_keeps_o
         np.testing.assert_allclose(both.all[name], rows, rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("interpolate", ["hold"])
+@pytest.mark.parametrize("interpolate", ["hold", "linear"])
 def test_what_a_controller_adds_lasts_while_rows_of_another_port_cut_the_step(scene, planned, interpolate):
     """A torque along a principal axis of a body at rest: the rate is its integral over the moment of inertia."""
 
