@@ -251,7 +251,7 @@ class _Run:
         tiered(plan.kernels.outputs)(z)
         numbers = (column.element for column in varied.columns)
         self.sizes = np.array([0.0 if name in TURN else abs(z[self._model.place(name)]) for name in numbers])
-        self.time, self.values = run.course((*self._model.shown, "errors", "slopes"))
+        self.time, self.values = run.course((*self._model.shown, "errors", "slopes"), most=judge.MAX_SUBSTEPS)
         self._event = run.events.ended_by if run.events else ""
         self._slopes = self.values.pop("slopes")
         self._errors = self.values.pop("errors").reshape(len(self.time), -1, self._model.columns)

@@ -121,6 +121,13 @@ class _Inertia(Chart):
         values, axes = np.linalg.eigh(E)
         self._L = np.linalg.cholesky((axes * np.maximum(values, least)) @ axes.T)
 
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Return bounds that let E, a square, grow from a plate's to any other, and shrink as far as a mass may."""
+        low, high = super().bounds
+        low[:3] *= 0.5
+        return low, high
+
     def _factor(self, p: Array) -> Array:
         L = self._L.copy()
         for x, (j, i) in zip(p, PLACES, strict=False):

@@ -79,11 +79,12 @@ class Driven:
         self._name, self._time = scene.name, drive.time
 
     def course(
-        self, names: Collection[str], progress: Callable[[Sequence[int]], Iterable[int]] | None = None
-    ) -> tuple[Array, dict[str, Array]]:
+        self, names: Collection[str], progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
+        most: float = math.inf,
+    ) -> tuple[Array, dict[str, Array]]:  # fmt: skip
         """Return the times (n,) up to the event that ends the run, and the rows of blocks at these by name, (n, k).
 
-        Raises SimulationError where a step is refused.
+        most: the number of substeps after which a step is refused. Raises SimulationError where one is.
         """
         places, time = [np.r_[self.kernels.BLOCKS[name]] for name in names], self._time
         at, numbers = np.concatenate(places), range(1, len(time))
@@ -92,6 +93,9 @@ class Driven:
         for k in numbers if progress is None else progress(numbers):
             if not self.advance(k):
                 raise refused_step(self._name, time[k - 1])
+            if most < math.inf and (taken := substeps_counted(self.kernels, self.z)) > most:
+                said = f"t = {float(time[k])!r} s takes {taken:.1e} substeps: expected a shorter run or slower rates"
+                raise SimulationError(f"{self._name}: {said}")
             rows[k] = self.z[at]
             if self.ended is not None:
                 before = self.ended <= time[k - 1]  # the event may be at the communication point before

@@ -135,6 +135,16 @@ def test_an_inertia_stays_one_that_a_body_can_have(inertia):
     np.testing.assert_allclose(chart.value(0.0 * p), scene.body.M_c, rtol=1e-14, atol=1e-14)
 
 
+def test_an_inertia_shrinks_no_further_than_a_mass():
+    """A search that came to a rod of 2e-12 kg m2 under a torque took hours: its rates grow by how thin it is."""
+    scene = rbfmu.Scene(body={"mass": 2.0, "inertia": [1.0, 2.0, 2.5]})
+    for key, lowest in (("body.mass", 2.0), ("body.inertia", 0.25)):
+        chart = chart_of(scene, key)
+        low, high = chart.bounds
+        assert np.all(chart.numbers(np.minimum(low, 0.0)) > 1e-7 * lowest)
+        assert np.all(chart.numbers(np.maximum(high, 0.0))[:3] > 1e6 * lowest)
+
+
 def test_an_attitude_varies_by_turns_of_any_size():
     scene = rbfmu.Scene(
         body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"attitude": {"rotvec": [1.0, 2.0, 0.3]}}

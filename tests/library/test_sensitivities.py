@@ -129,6 +129,19 @@ def test_a_motion_that_grows_beyond_all_bounds_is_refused_as_a_run_of_it_is():
         rbfmu.sensitivity(one, "initial.omega_b")
 
 
+def test_a_motion_of_too_many_substeps_is_refused_without_formulas_too(monkeypatch):
+    """A thin rod that a torque spins up took hours; a run of it is refused when it is planned."""
+    monkeypatch.setattr("rbfmu.planning.judge.MAX_SUBSTEPS", 50.0)
+    rod = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [1e-4, 1.0, 1.0]},
+        loads={"torque_b": [0.01, 0.0, 0.0]},
+        outputs={"quantities": ["omega_b"]},
+        run={"stop": 10.0, "step": 0.5},
+    )
+    with pytest.raises(rbfmu.SimulationError, match=r" s takes \S+ substeps: expected a shorter run or slower rates"):
+        rbfmu.sensitivity(rod, "initial.omega_b")
+
+
 def test_a_picture_names_what_is_without_effect():
     found = rbfmu.sensitivity(scene(), ["initial.omega_b", "body.mass"])
     legend = found.plot().axes[0].get_legend()
