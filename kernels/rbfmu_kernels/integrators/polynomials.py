@@ -114,9 +114,9 @@ Where a root is taken of it, digits that the root has lost are lost by what come
 
 CLOSE has to be above the others, or what counts as zero is passed by. Of 400 polynomials of degree 20 any from 1e-8 to
 0.1 finds the same; a search takes 25 values at 1e-8, 38 at 1e-4, and 150 at 1e-2. TOUCHING and what a series leaves out
-(LEFT_OUT) find the same touches of three formulas from 1e-16 to 1e-6. A body thrown up against drag, norm(v) v, is
-planned to 1e-9 with OF_ROOTS from 1e-14 to 9e-5; where it turns at 1e-5 of the largest speed, from 1e-8 on for a third
-less.
+(LEFT_OUT) find the same touches of two formulas from 1e-16 to 1e-6; what stays above zero by less than TOUCHING is told
+as a touch too. A body thrown up against drag, norm(v) v, is planned to 1e-9 with OF_ROOTS from 1e-14 to 9e-5; where it
+turns at 1e-5 of the largest speed, from 1e-8 on for a third less.
 """
 LEFT_OUT = 100.0
 """How much more than its last two terms what a polynomial leaves out may be: a least value below is zero as well.
