@@ -142,6 +142,12 @@ def test_explicit_euler_is_never_stable() -> None:
     assert all(factor > 1.0 for factor in _measure("growth_factors").columns["explicit Euler, measured"])
 
 
+def test_the_peak_that_the_picture_of_the_resonance_names_is_on_its_curve() -> None:
+    study = _measure("splitting_resonance")
+    named = next(f.measured for f in study.findings if f.what.startswith("Strang, energy error") and f.measured > 1.0)
+    assert max(study.columns["Strang"]) == pytest.approx(named, rel=0.01)
+
+
 def test_rod_keeps_its_nutation_where_the_method_is_not_explicit_in_it() -> None:
     columns = _measure("gyroscopic_blow_up").columns
     assert columns["implicit midpoint"] == pytest.approx([1.0] * 61, rel=2e-10)  # the iteration stops at 3e-14 rad/s
