@@ -11,10 +11,9 @@ import uuid
 import zipfile
 import zlib
 from collections.abc import Sequence
+from importlib.metadata import distribution
 from pathlib import Path
 from xml.etree.ElementTree import Element, tostring
-
-import pythonfmu
 
 import rbfmu_kernels
 from rbfmu import Plan, Scene
@@ -36,7 +35,8 @@ SCRIPT, PACKAGE = ((PYTHON / name).read_text(encoding="utf-8") for name in ("ent
 SHIPPED = ("slave.py", "slave_access.py", "call_rules.py", "pythonfmu_traps.py")
 """The modules of a pythonfmu FMU beside the kernels."""
 
-PYTHONFMU = Path(pythonfmu.__file__).parent
+PYTHONFMU = Path(str(distribution("pythonfmu").locate_file("pythonfmu")))
+"""What is installed: the module of that name may be the one of an FMU that runs in this process, without libraries."""
 UNUSED = ("deploy.py", "csvbuilder.py", "__main__.py")
 """Modules of pythonfmu that no FMU uses."""
 

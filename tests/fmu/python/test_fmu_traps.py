@@ -26,6 +26,7 @@ from tests.support.fmu.c_host import rows_for_c_host, run_c_host
 from tests.support.fmu.fmu_cases import WRONGS
 from tests.support.fmu.fmu_importer import DISCARD, FATAL
 from tests.support.fmu.fmus import built, copied, planned, run_case, scene, unzipped, unzipped_at
+from tests.support.paths import ROOT
 
 STATES = [case for case in NAMED if case.startswith("state_")]
 
@@ -141,6 +142,24 @@ def test_two_fmus_in_one_process_each_compute_their_own():
     a, b = unzipped("driven"), unzipped("pendulum")
     assert run_case("rows", a, b)[0] == [alone("driven"), alone("pendulum")]
     assert run_case("rows", b, a, b)[0] == [alone("pendulum"), alone("driven"), alone("pendulum")]
+
+
+BUILD_WHILE_ONE_RUNS = """
+import sys
+import fmpy
+fmu, scene, path = sys.argv[1:]
+fmpy.simulate_fmu(fmu, stop_time=0.01)
+import rbfmu_fmu
+rbfmu_fmu.build(scene, path)
+"""
+
+
+def test_an_fmu_is_built_whole_where_another_runs_in_the_process(tmp_path):
+    """It brings a pythonfmu of its own, without libraries, which Python then takes for the one that is installed."""
+    file, found = ROOT / "examples/scenes/earth.toml", tmp_path / "found.fmu"
+    first = rbfmu_fmu.build(file, tmp_path / "first.fmu")
+    subprocess.run([sys.executable, "-c", BUILD_WHILE_ONE_RUNS, first, file, found], check=True)
+    assert found.read_bytes() == first.read_bytes()
 
 
 OTHER_UNIT = """
