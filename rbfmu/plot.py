@@ -133,7 +133,12 @@ def with_gaps(time: Array, angles: Array, turn: float) -> tuple[Array, Array]:
 
 def quantity_label(row: Output) -> str:
     """Return what an axis says of a quantity."""
-    return row.label if row.unit == "1" else f"{row.label} ({row.unit.replace('m2', 'm²').replace('s2', 's²')})"
+    return with_unit(row.label, row.unit)
+
+
+def with_unit(label: str, unit: str) -> str:
+    """Return a label with its unit, if it has one."""
+    return label if unit == "1" else f"{label} ({unit.replace('m2', 'm²').replace('s2', 's²')})"
 
 
 def open_frame(axes: Axes, grid: bool = False) -> None:

@@ -10,9 +10,9 @@ from matplotlib.patches import Ellipse
 
 from rbfmu.ensembles import attitudes, variables
 from rbfmu.ensembles.result import Drivers, EnsembleResult
-from rbfmu.plot import COLORS, Picture, open_frame, quantity_label, with_file
+from rbfmu.plot import COLORS, Picture, open_frame, quantity_label, with_file, with_unit
 from rbfmu.types import Array
-from rbfmu_kernels.quantities import indices
+from rbfmu_kernels.quantities import Quantity, indices
 
 BANDS = ((0.05, 0.95, 0.16), (0.25, 0.75, 0.3))
 """Between which parts of the runs a band lies, and how opaque it is."""
@@ -65,6 +65,7 @@ def _bands(axes: Any, result: EnsembleResult, name: str, is_last: bool) -> None:
     turned = name == attitudes.ATTITUDE and name in result.quantiles
     axes.set_ylabel("angle from the mean\nattitude (rad)" if turned else quantity_label(row), fontsize=9)
     axes.tick_params(labelsize=8, labelbottom=is_last)
+    axes.yaxis.get_offset_text().set_fontsize(8)
     axes.margins(x=0.0)
     open_frame(axes, grid=True)
     if is_last:
@@ -73,7 +74,7 @@ def _bands(axes: Any, result: EnsembleResult, name: str, is_last: bool) -> None:
 
 def _ends(axes: Any, result: EnsembleResult, name: str) -> None:
     """Draw the two components that spread most, or how often values of a single number occur."""
-    ends = result.good_ends(name)
+    row, ends = result.rows[name], result.good_ends(name)
     apart = variables.differ(ends)
     if not apart.any():
         _say(axes, "all runs end alike")
@@ -87,7 +88,7 @@ def _ends(axes: Any, result: EnsembleResult, name: str) -> None:
         axis.get_offset_text().set_fontsize(8)  # as large as the numbers that it belongs to
     if np.count_nonzero(apart) == 1:
         axes.hist(ends[:, spread[0]], bins=40, color=COLORS[0], alpha=0.6)
-        axes.set_xlabel(f"{name}{indices(result.rows[name])[spread[0]]}", fontsize=8)
+        axes.set_xlabel(_component(row, spread[0]), fontsize=8)
         axes.set_ylabel("runs", fontsize=8)
         return
     j, k = sorted(spread[:2].tolist())
@@ -96,8 +97,12 @@ def _ends(axes: Any, result: EnsembleResult, name: str) -> None:
     pair = ends[:, [j, k]]
     for sigma in SIGMAS:
         axes.add_patch(_ellipse(pair.mean(axis=0), np.cov(pair.T), sigma))
-    axes.set_xlabel(f"{name}{indices(result.rows[name])[j]}", fontsize=8)
-    axes.set_ylabel(f"{name}{indices(result.rows[name])[k]}", fontsize=8)
+    axes.set_xlabel(_component(row, j), fontsize=8)
+    axes.set_ylabel(_component(row, k), fontsize=8)
+
+
+def _component(row: Quantity, k: int) -> str:
+    return with_unit(f"{row.name}{indices(row)[k]}", row.unit)
 
 
 def _event(axes: Any, beside: Any, result: EnsembleResult, name: str) -> None:
