@@ -120,8 +120,13 @@ def plain_arrays(args: Arguments, count: int) -> Arguments:
 _FLOAT64 = np.dtype(np.float64)
 
 
+def _is_masked(value: object) -> bool:
+    """Return whether an array has a mask; of plain arrays, which most are, without loading NumPy's masked ones."""
+    return type(value) is not np.ndarray and isinstance(value, np.ma.MaskedArray)
+
+
 def _plain_array(value: object) -> Array:
-    if isinstance(value, np.ma.MaskedArray):
+    if _is_masked(value):
         raise ValueError(MASKED)
     array = np.asarray(value)
     if array.dtype == object and all(isinstance(number, Real) for number in array.flat):
@@ -297,7 +302,7 @@ def _of_arguments(name: str, shapes: dict[str, Shape], args: Arguments) -> Excep
 
 def no_numbers(value: object) -> str:
     """Return what is wrong with a value that has to be real numbers; nothing if it is such."""
-    if isinstance(value, np.ma.MaskedArray):
+    if _is_masked(value):
         return MASKED
     try:
         kind = _plain_array(value).dtype.kind
