@@ -164,7 +164,7 @@ def test_attitudes_and_angles_lie_about_their_mean_also_near_half_a_turn():
     for name, truth in [("initial.omega_b[3]", 0.69), ("initial.attitude[4]", 0.72)]:  # 0.1 rad and 6 deg
         found = drivers.correlations[drivers.varied.index(name), drivers.ends.index("rpy[3]")]
         assert abs(found - truth) < 3.0 / np.sqrt(turned.runs)
-    ellipses = [patch for patch in panel(turned.plot(), "rpy[3]").patches if isinstance(patch, Ellipse)]
+    ellipses = [patch for patch in panel(turned.plot(), "rpy[3] (rad)").patches if isinstance(patch, Ellipse)]
     assert abs(abs(ellipses[0].center[1]) - np.pi) < 0.1
 
 
@@ -199,8 +199,8 @@ def test_bands_and_medians_are_the_quantiles(drawn):
 
 
 def test_ellipses_hold_what_normals_hold(drawn):
-    axes = panel(drawn.plot(), "omega_b[1]")
-    j, k = (int(label[-2]) - 1 for label in (axes.get_xlabel(), axes.get_ylabel()))
+    axes = panel(drawn.plot(), "omega_b[1] (rad/s)")
+    j, k = (int(label[len("omega_b[")]) - 1 for label in (axes.get_xlabel(), axes.get_ylabel()))
     ends = drawn.final["omega_b"][drawn.good][:, [j, k]]
     ellipses = [patch for patch in axes.patches if isinstance(patch, Ellipse)]
     # of two normals, a part 1 - exp(-s^2 / 2) lies inside s standard deviations
@@ -241,7 +241,7 @@ def test_round_off_is_not_drawn_and_offsets_are_as_large_as_numbers(drawn):
     assert {"all runs end alike", "no ends of runs that differ"} <= {
         text.get_text().partition(": ")[2] or text.get_text() for axes in alike.plot().axes for text in axes.texts
     }
-    axes = panel(drawn.plot(), "omega_b[1]")
+    axes = panel(drawn.plot(), "omega_b[1] (rad/s)")
     assert axes.xaxis.get_offset_text().get_size() == axes.get_xticklabels()[0].get_size()
 
 
