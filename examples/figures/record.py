@@ -17,9 +17,12 @@ from rbfmu.studies.chart.measure import machine
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(__file__).parent
-_PARTS = ("rotations", "numerics", "mechanics", "exact", "integrators", "body", "models")
-KERNELS = tuple(f"kernels/rbfmu_kernels/{part}/**/*.py" for part in _PARTS)
-"""What is computed. How it is compiled (`compile/`) and planned is left out: plans are compared one by one."""
+_PARTS = ("rotations/**/*", "numerics/**/*", "mechanics/**/*", "exact/**/*", "integrators/**/*", "body/[!m]*",
+          "body/memory", "models/**/*")  # fmt: skip
+KERNELS = tuple(f"kernels/rbfmu_kernels/{part}.py" for part in _PARTS)
+"""What is computed. How it is compiled (`compile/`) and planned is left out: plans are compared one by one. So is
+`body/members`, which ensembles alone run."""
+_MEMBERS = "kernels/rbfmu_kernels/body/members.py"
 _NATIVE = "fmu_build/rbfmu_fmu/native/*.[ch]"
 _STUDY = "rbfmu/studies/chart"
 _BENCH = "examples/benchmarks"
@@ -34,7 +37,8 @@ SOURCES: dict[str, tuple[str, ...]] = {
                 "examples/interop/run.py:by_kernels,job_of,try_importer,comparison"),
     "own_chart": (*KERNELS, f"{_STUDY}/*.py", "rbfmu/planning/*.py",
                   "examples/scenes/top_falling.toml"),
-    "ensembles": (f"{_BENCH}/ensembles.py:scene_of,cost_here,costs,draw", "rbfmu/ensembles/*.py", "rbfmu/plot.py"),
+    "ensembles": (f"{_BENCH}/ensembles.py:scene_of,cost_here,costs,draw", "rbfmu/ensembles/*.py", _MEMBERS,
+                  "rbfmu/plot.py"),
     "tumbling_brick": ("fmu_build/rbfmu_fmu/demo.py:draw,errors_against_nasa,local_angles",
                        "fmu_build/rbfmu_fmu/nasa_brick.csv", "rbfmu/plot.py"),
     "detumbling": ("rbfmu/ensembles/pictures.py", "rbfmu/ensembles/result.py",
