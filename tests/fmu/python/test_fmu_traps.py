@@ -20,6 +20,7 @@ from rbfmu_fmu.native import platforms
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.python import pythonfmu_traps
 from rbfmu_fmu.python.slave import Slave
+from rbfmu_fmu.python.slave_access import Access
 from tests.support.covering import some_of
 from tests.support.fmu.builds import KILLED, NAMED, build_elsewhere
 from tests.support.fmu.c_host import rows_for_c_host, run_c_host
@@ -142,6 +143,14 @@ def test_two_fmus_in_one_process_each_compute_their_own():
     a, b = unzipped("driven"), unzipped("pendulum")
     assert run_case("rows", a, b)[0] == [alone("driven"), alone("pendulum")]
     assert run_case("rows", b, a, b)[0] == [alone("pendulum"), alone("driven"), alone("pendulum")]
+
+
+def test_what_a_value_reference_stands_for_is_said_of_any():
+    (folder,) = unzipped("driven").glob("resources/rbfmu_*")
+    access = Access(str(folder), folder.name.removeprefix("rbfmu_"))
+    assert access.name_of(0) == access.names[0]
+    assert access.name_of(len(access.names)) == "status"
+    assert access.name_of(len(access.names) + 1) == f"value reference {len(access.names) + 1}"
 
 
 BUILD_WHILE_ONE_RUNS = """

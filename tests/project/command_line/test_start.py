@@ -170,6 +170,19 @@ def test_another_scene_option_or_source_is_another_plan(scene, monkeypatch):
     assert len(kept(scene)) == 4
 
 
+def test_sources_and_versions_are_told_from_others(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(on_disk, "PACKAGES", ("one_package", "none_of_this_name"))
+    monkeypatch.setattr(on_disk, "VERSIONS", {"one_package": "version.txt"})
+    (tmp_path / "one_package" / "inner").mkdir(parents=True)
+    stamps = [on_disk._stamp()]
+    for file, content in (("__init__.py", ""), ("inner/one.py", "1"), ("inner/one.py", "12"), ("version.txt", "2")):
+        (tmp_path / "one_package" / file).write_text(content)
+        stamps.append(on_disk._stamp())
+    assert len({*stamps}) == 5
+    assert on_disk._stamp() == stamps[-1]
+
+
 @pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff\xfe", b"null", b"{}", b'a line\n{"doubts": []}'])
 def test_what_cannot_be_read_is_planned_anew(scene, content):
     first = said("plan", scene)
