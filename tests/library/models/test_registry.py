@@ -3,12 +3,13 @@
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
 from rbfmu import load_scene
 from rbfmu.models.question import Question
-from rbfmu.models.registry import MODELS
+from rbfmu.models.registry import MODELS, lost_by_symmetry
 from rbfmu.runs.plan import filled_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.buffer import OK
@@ -88,6 +89,15 @@ def test_the_registry_takes_what_the_kernels_take_at_borders(inertia, place):
                 if found := differing(scene):
                     wrong[spin, name, *asked] = found
     assert wrong == {}
+
+
+def test_what_symmetry_loses_does_not_hang_on_the_unit_of_inertia():
+    """It is the difference of two moments beside the least one, in any unit."""
+    M = np.array([[1.5, 0.5, 0.0], [0.5, 1.5 + 3e-11, 0.0], [0.0, 0.0, 1.0]])  # moments 1, 1 and 2, but for round-off
+    one = Scene.from_dict({"body": {"mass": 1.0, "inertia": M.tolist()}, "initial": {"omega_b": [0.3, 1.2, 0.1]}})
+    lost = [lost_by_symmetry(Question(one.replace({"body.inertia": (unit * M).tolist()}))) for unit in (1.0, 2.0**20)]
+    assert lost[0] > 0.0
+    assert lost[1] == pytest.approx(lost[0], rel=1e-3)
 
 
 def test_an_energy_that_overflows_is_taken_by_neither():
