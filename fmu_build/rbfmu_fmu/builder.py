@@ -32,6 +32,8 @@ PYTHON = Path(__file__).parent / "python"
 SCRIPT, PACKAGE = ((PYTHON / name).read_text(encoding="utf-8") for name in ("entry.txt", "package.txt"))
 """The FMU's entry, which pythonfmu loads, and the beginning of the package that has all else."""
 
+NAME_OF_SCRIPT = "resources/slavemodule.txt"
+"""The file of an FMU that says to pythonfmu's library which script to load; without it that ends the process."""
 SHIPPED = ("slave.py", "slave_access.py", "call_rules.py", "pythonfmu_traps.py")
 """The modules of a pythonfmu FMU beside the kernels."""
 
@@ -134,7 +136,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = Fal
     files["__init__.py"] = PACKAGE.format(identity=identity).encode()
     contents = {f"resources/{package}/{name}": content for name, content in files.items()}
     contents[f"resources/{script}.py"] = SCRIPT.format(package=package).encode()
-    contents |= {"resources/slavemodule.txt": script.encode(), "resources/scene.json": scene_inside(d)}
+    contents |= {NAME_OF_SCRIPT: script.encode(), "resources/scene.json": scene_inside(d)}
     contents |= _parts_of_pythonfmu(d.identifier)
     contents["modelDescription.xml"] = xml_bytes(_identify(FMI2, d, PYTHON_ABILITIES, dict(contents)))
     shown = presentation_files(d, FMI2, needs_python=True, with_terminals=terminals)

@@ -227,10 +227,11 @@ def _model_structure(version: FmiVersion, d: Description) -> Element:
     firsts = ((reference, d.variables[one.elements[0]]) for reference, one in enumerate(named))
     outputs = {reference: first for reference, first in firsts if first.causality == "output"}
     key, begin = ("index", 1) if version.nested else ("valueReference", 0)
-    timed = {r: {len(named)} for r, one in outputs.items() if version.has_time and TIME.name in one.follows}
+    time = {len(named)} if version.has_time else set()
     for name, depends in (("Output", depends_on), ("InitialUnknown", depends_initially_on)):
         known: dict[int, Iterable[int]] = {
-            r: {holder[k] for k in depends(d, one)} | timed.get(r, set()) for r, one in outputs.items()
+            r: {holder[k] for k in depends(d, one)} | (time if TIME.name in one.follows else set())
+            for r, one in outputs.items()
         }
         known |= dict.fromkeys((version.status_reference(d), *(reference for reference, _ in version.counted(d))), ())
         unknowns = SubElement(structure, f"{name}s") if version.nested else structure

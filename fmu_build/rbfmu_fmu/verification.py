@@ -30,7 +30,6 @@ from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.rotations.euler_angles import ZYX, quaternion_from_euler
 
 MAX_STEPS = 10_000
-SCRIPT = "resources/slavemodule.txt"
 HELD_STEPS = 10
 """Communication steps between changes of the inputs."""
 
@@ -100,8 +99,8 @@ def _check_runs_here(path: Path) -> None:
         names = archive.namelist()
     if any(name.startswith("resources/pythonfmu/") for name in names):
         check_plain(tempfile.gettempdir())
-        if SCRIPT not in names:
-            raise VerificationError(f"{path}: has no {SCRIPT}, without which pythonfmu crashes: build it anew")
+        if (script := builder.NAME_OF_SCRIPT) not in names:
+            raise VerificationError(f"{path}: has no {script}, without which pythonfmu crashes: build it anew")
 
 
 def check_plain(folder: str) -> None:

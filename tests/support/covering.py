@@ -47,7 +47,10 @@ DEAREST = {
 
 
 def mark_what_a_covering_set_leaves(items: Sequence[pytest.Item]) -> None:
-    """Mark all cases of each test as thorough but those of its covering set; slow and thorough ones stand apart."""
+    """Mark cases that no covering set has as thorough, and most of those of the dearest tests as slow.
+
+    What is marked as thorough or slow by hand has no covering set.
+    """
     cases, dearest = defaultdict(list), defaultdict(list)
     for item in items:
         name, slow = item.nodeid.partition("[")[0], item.get_closest_marker("slow")
