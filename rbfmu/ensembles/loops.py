@@ -16,7 +16,7 @@ from numba import config, float64, int64, njit, typeof, types, uint64
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.types import Array
 from rbfmu_kernels.body.members import Driving, Members, Room, Run, begin, drive, note, pieces_before, record
-from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.compile.decorator import kernel, loop
 from rbfmu_kernels.compile.simd import WIDEST, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
 from rbfmu_kernels.compile.tiered import has_code
 from rbfmu_kernels.models.formula_models import MARKS
@@ -31,12 +31,8 @@ _INITIALIZE, _STEP = types.FunctionType(int64(_NUMBERS)), types.FunctionType(int
 
 @cache
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a loop of this module as machine code, kept on disk where that can be written."""
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-    try:
-        return njit(_SIGNATURES[function], cache=True, **options)(function)  # type: ignore[no-any-return]
-    except RuntimeError:  # no folder can be written
-        return njit(_SIGNATURES[function], **options)(function)  # type: ignore[no-any-return]
+    """Return a loop of this module as machine code, kept on disk where that can be written, until a kernel changes."""
+    return loop(function, _SIGNATURES[function])  # type: ignore[no-any-return]
 
 
 def entries(model: Any) -> tuple[Any, Any]:

@@ -258,6 +258,16 @@ def reduced_kernel(function: Function, *, inline: bool) -> inside.Dispatcher:
     return compiled
 
 
+def loop(function: Function, signature: object) -> Any:
+    """Return a function compiled at once, for one signature, which may allocate; kept until any kernel changes."""
+    compiled = njit(error_model="numpy", nogil=True)(function)
+    if hasattr(compiled, "_cache"):
+        _keep_on_disk(compiled, DiskCache(function))
+        compiled.compile(signature)
+        compiled.disable_compile()
+    return compiled
+
+
 def _njit(inline: bool) -> Function:
     # _nrt: kernels allocate nothing, and counting references to a buffer costs half of a small model's step
     return partial(njit, error_model="numpy", nogil=True, forceinline=inline, _nrt=False)

@@ -39,10 +39,14 @@ def _plain_code_for_callers(function: Function, signature: Signature) -> object:
     return njit(signature, **numba_private.CALLED_BY_CODE)(function)
 
 
+def _plain_loop(function: Function, signature: object) -> Any:
+    return kept_on_disk(lambda cache: njit(signature, error_model="numpy", nogil=True, cache=cache)(function))
+
+
 if numba_private.MISSING:
-    _compile, code_for_callers = _plain_kernel, _plain_code_for_callers
+    _compile, code_for_callers, loop = _plain_kernel, _plain_code_for_callers, _plain_loop
 else:
-    from .compiler import code_for_callers as code_for_callers, reduced_kernel as _compile
+    from .compiler import code_for_callers as code_for_callers, loop as loop, reduced_kernel as _compile
     from .said import Announcer
 
     numba_private.register("numba:compile", Announcer())

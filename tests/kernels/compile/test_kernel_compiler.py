@@ -14,7 +14,7 @@ from unittest.mock import Mock, call
 
 import pytest
 from llvmlite import binding
-from numba import config, njit, types
+from numba import config, float64, njit, types
 from numba.core import event
 from numba.core.caching import NullCache
 from numba.core.registry import cpu_target
@@ -24,7 +24,7 @@ from rbfmu_kernels import free_rotation, free_rotation_at, free_rotation_setup, 
 from rbfmu_kernels.compile import code_cache, compiler, gufunc
 from rbfmu_kernels.compile.code_cache import made_once
 from rbfmu_kernels.compile.compiler import _IntermediateCode
-from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.compile.decorator import kernel, loop
 from rbfmu_kernels.compile.gufunc import Item
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
@@ -182,6 +182,19 @@ def test_a_change_of_any_module_makes_cached_code_stale(tmp_path):
         path.write_bytes(content)
 
 
+def test_a_loop_of_another_package_is_compiled_anew_after_a_change_of_any_kernel(tmp_path, monkeypatch):
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    compiled = []
+    for sources in ("before", "before", "after"):
+        monkeypatch.setattr(code_cache, "SOURCES", sources)
+        compiled += loop(next_number, float64(float64)).stats.cache_misses.values()
+    assert compiled == [1, 1]
+
+
+def next_number(x):
+    return x + 1.0
+
+
 def test_a_kernel_of_ones_own_that_was_edited_is_compiled_anew(tmp_path):
     file, found = tmp_path / "mine.py", []
     for factor in (2.0, 3.0):
@@ -218,7 +231,7 @@ def test_passes_that_know_no_builder_also_drop_addresses_that_nobody_uses():
 SHARED = """
 import sys
 from numba import float64
-from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.compile.decorator import kernel, loop
 @kernel
 def inlined(x: float) -> float:
     return min(x, 1.0)
