@@ -23,8 +23,7 @@ from rbfmu.planning.select import plan
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe
 from rbfmu_fmu.model_description import FMI2, FmiVersion, model_description, version_of, xml_bytes
-from rbfmu_fmu.native import headers, platforms as native
-from rbfmu_fmu.native.object_code import object_files
+from rbfmu_fmu.native import headers, object_code, platforms as native
 from rbfmu_fmu.presentation import presentation_files
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
@@ -100,7 +99,7 @@ def build_native_fmu(
     platforms: names from `platforms.PLATFORMS`, or "all"; none: this one; terminals: list them in FMI 2.0 as well.
     """
     chosen, d = native.platforms_named(platforms), describe(scene, plan)
-    objects = {p: object_files(d.plan.kernels, p) for p in chosen}
+    objects = {p: object_code.object_files(d.plan.kernels, p) for p in chosen}
     contents, generated = {"resources/scene.json": scene_inside(d)}, headers.headers(d, version)
     parts = contents | {name: native.source(name) for name in (*c_sources(version), *native.HEADERS)}
     parts |= {name: text.encode() for name, text in generated.items()} | {"flags": " ".join(native.FLAGS).encode()}
@@ -167,7 +166,7 @@ def _package_files(d: Description) -> dict[str, bytes]:
 def _shipped_code(plan: Plan) -> tuple[str, bytes]:
     """Return (name, content) of a shared library for this platform or, without a C compiler, of an object file."""
     platform = native.this_platform()
-    objects = object_files(plan.kernels, platform)
+    objects = object_code.object_files(plan.kernels, platform)
     try:
         return CODE + LIBRARY, native.link(["exports.c"], objects, platform, "model")
     except native.NoLinkerError:

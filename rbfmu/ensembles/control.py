@@ -14,10 +14,9 @@ import numpy as np
 from numba import NumbaError, njit
 
 from rbfmu.ensembles import draws, loops, members, variables
-from rbfmu.exceptions import SceneError
 from rbfmu.runs.inputs import HOLD, Drive, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.plan import Plan, start_run
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Indices
 from rbfmu_kernels.body.members import Driving
 from rbfmu_kernels.body.shell import Model

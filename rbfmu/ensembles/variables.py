@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE
-from rbfmu.exceptions import SceneError
 from rbfmu.result import AXES
 from rbfmu.scene.body import TRIANGLE
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.scene.variations import QUANTITY_OF, SHAPE
 from rbfmu.types import Array, Indices, NDArray
 from rbfmu_kernels.buffer import places

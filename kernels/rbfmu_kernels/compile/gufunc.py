@@ -24,8 +24,7 @@ from . import numba_private as inside
 from .code_cache import DiskCache, kept_on_disk, made_once
 
 if not inside.MISSING:
-    from . import tile
-    from .compiler import pipeline
+    from . import compiler, tile
 
 STREAMED = 20 << 20
 """Bytes: results of this size or more go past the caches.
@@ -241,7 +240,7 @@ def tiled_gufuncs(item: Item, *least: int) -> list[np.ufunc]:
 
 def _compiled(loop: Callable[..., None]) -> "inside.CFunc":
     signature = _LOOP_SIGNATURE.args, _LOOP_SIGNATURE.return_type
-    compiled = inside.CFunc(loop, signature, {}, {"error_model": "numpy"}, pipeline_class=pipeline)
+    compiled = inside.CFunc(loop, signature, {}, {"error_model": "numpy"}, pipeline_class=compiler.pipeline)
     compiled._cache = kept = DiskCache(loop)
     with made_once(kept), inside.trigger_event("numba:compile", data={"dispatcher": SimpleNamespace(py_func=loop)}):
         compiled.compile()

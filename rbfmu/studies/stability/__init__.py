@@ -199,8 +199,7 @@ def run_stability(
     progress: wraps the sequence of parts, for instance in a progress bar; a part takes a few seconds. method: a file
     with a method of one's own, which is measured as well (`rbfmu.studies.one_step`).
     """
-    from rbfmu.studies.stability import motions
-    from rbfmu.studies.stability.method_laws import own_laws
+    from rbfmu.studies.stability import method_laws, motions
     from rbfmu.studies.stability.pictures import draw, draw_maps
 
     own = None if method is None else one_step.method_of_file(method)
@@ -220,7 +219,7 @@ def run_stability(
     parts: list[tuple[list[Any], Callable[[], Sequence[object]]]] = [
         *((found, lambda study=study: [study(quick)]) for study in studies),
         *((cells, partial(motions.verdicts, *one, quick)) for one in judged),
-        *([(found, lambda: [own_laws(own, found)])] if own else ()),
+        *([(found, lambda: [method_laws.own_laws(own, found)])] if own else ()),
         (paths, write),
         *((paths, lambda k=k: [draw(found[k], folder)]) for k in range(len(studies))),
         (paths, lambda: [draw_maps(cells, folder / "maps.png")]),

@@ -85,7 +85,7 @@ def test_an_array_has_its_quantitys_shape():
 
 
 def test_libraries_lie_in_the_folders_of_fmi_3(tmp_path, monkeypatch):
-    monkeypatch.setattr(builder, "object_files", lambda kernels, platform: {})
+    monkeypatch.setattr(builder.object_code, "object_files", lambda kernels, platform: {})
     monkeypatch.setattr(builder.native, "link", lambda sources, objects, platform, *rest: platform.name.encode())
     path = rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", "native", PLATFORMS, fmi=3)
     with zipfile.ZipFile(path) as archive:

@@ -259,7 +259,7 @@ def test_what_the_c_compiler_says_is_in_the_message(tmp_path, monkeypatch):
 )
 def test_aarch64_lies_where_importers_look_unless_another_platform_does(platforms, folders, tmp_path, monkeypatch):
     """FMPy looks into binaries/linux64 on any Linux; FMI 2.0.5 has aarch64-linux."""
-    monkeypatch.setattr(builder, "object_files", lambda kernels, platform: {})
+    monkeypatch.setattr(builder.object_code, "object_files", lambda kernels, platform: {})
     monkeypatch.setattr(builder.native, "link", lambda sources, objects, platform, *rest: platform.name.encode())
     path = rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", "native", platforms)
     with zipfile.ZipFile(path) as archive:

@@ -203,7 +203,7 @@ def other_kernels(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         sources = builder.kernel_sources() | {"models/prescribed_rates.py": text.encode()}
         patch.setattr(builder, "kernel_sources", lambda: sources)
-        patch.setattr(builder, "object_files", lambda unit, platform: object_files(other, platform))
+        patch.setattr(builder.object_code, "object_files", lambda unit, platform: object_files(other, platform))
         path = build_python_fmu(*place, tmp_path_factory.mktemp("other") / "prescribed.fmu")
     return unzipped_at(path, path.parent / "unzipped")
 
