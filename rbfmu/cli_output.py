@@ -273,6 +273,8 @@ class SceneCommand(click.Command):
         given = ctx.params
         run = {key: given.pop(key) for key in [*given] if key in RUN}  # as they were typed
         driven = Driven(inputs=given.pop("inputs", None), interpolate=given.pop("interpolate", "hold"))
+        if driven["interpolate"] != "hold" and driven["inputs"] is None:
+            raise click.UsageError(f"--interpolate {driven['interpolate']}: expected --inputs beside it")
         given["asked"] = Asked(given.pop("scene"), run, given.pop("model", "planned"), driven)
         return super().invoke(ctx)
 

@@ -368,6 +368,12 @@ def test_a_run_is_driven_by_a_file(interpolate: str, short: Path, tmp_path: Path
     assert json.loads(planned.output)["error"] == rbfmu.plan(short, inputs=table, interpolate=interpolate).error
 
 
+def test_a_course_between_rows_of_no_table_is_refused(short: Path) -> None:
+    result = call("plan", short, "--interpolate", "linear")
+    assert result.exit_code == 2
+    assert "--interpolate linear: expected --inputs" in result.stderr
+
+
 def test_a_wrong_file_of_inputs_is_one_message_and_status_2(short: Path, tmp_path: Path) -> None:
     short.write_text(SHORT + '[inputs]\nports = ["torque_b"]\n')
     table = tmp_path / "u.csv"
