@@ -158,11 +158,16 @@ def _thinned(sets: Sequence[Points], weight: int, turn: int) -> Points:
     rows = len(sets[0].values)
     thinned = np.empty((rows, len(chosen)))
     at_once = max(1, SUMMED_AT_ONCE // max(count, 1))
+    blocks = 1 << (len(sets) - 1).bit_length()
+    beyond = np.full((min(at_once, rows), lengths[0] * (blocks - len(sets)) if is_even else 0), np.inf)
     for first in range(0, rows, at_once):
-        some = slice(first, first + at_once)
-        values = np.concatenate([points.values[some] for points in sets], axis=1)
-        sort_rows(values, lengths[0] if is_even else 0)
-        values.take(chosen, axis=1, out=thinned[some], mode="clip")
+        some = [points.values[first : first + at_once] for points in sets]
+        values = np.concatenate([*some, beyond[: len(some[0])]], axis=1)
+        if is_even:
+            sort_rows(values, lengths[0])
+        else:
+            values.sort(axis=1, kind="stable")  # Timsort, which merges what is sorted already
+        values.take(chosen, axis=1, out=thinned[first : first + at_once], mode="clip")
     members, before = sum(points.members for points in sets), sum(points.error for points in sets)
     return Points(thinned, weight, members, before + old * error)
 

@@ -8,6 +8,7 @@ from hypothesis import given, strategies as st
 from scipy import stats
 
 from rbfmu import run_ensemble
+from rbfmu.ensembles import statistics
 from rbfmu.ensembles.attitudes import moments_of
 from rbfmu.ensembles.statistics import MOST_POINTS, Statistics, exact_quantiles, most_points, sort_rows, summary_of
 from rbfmu.ensembles.variables import Columns
@@ -103,6 +104,19 @@ def test_sorted_blocks_are_merged(seed, size, blocks):
     wanted = np.sort(rows)
     sort_rows(rows, size)
     assert (rows == wanted).all()
+
+
+@given(
+    st.integers(0, 2**32),
+    st.one_of(st.lists(st.integers(1, 40), min_size=1, max_size=9), st.lists(st.just(8), max_size=9, min_size=1)),
+)
+def test_sets_are_thinned_as_all_of_their_values_are(seed, lengths):
+    values = [np.sort(np.random.default_rng(seed + k).normal(size=(3, n))) for k, n in enumerate(lengths)]
+    sets = [statistics.Points(rows, 2, 2 * rows.shape[1], 0.0) for rows in values]
+    every, _ = statistics._every(4, sum(lengths), 1)
+    found = statistics._thinned(sets, 8, 1)
+    assert (found.values == np.sort(np.concatenate(values, axis=1))[:, every]).all()
+    assert found.members == 2 * sum(lengths)
 
 
 def test_points_are_fewer_where_there_are_many_numbers():
