@@ -59,6 +59,8 @@ PENDING = -1
 """The status of a step that needs a series to go on."""
 CREEPING, MOST_CREPT = 1e-7, 20_000
 """Series that reach over so small a part of a communication step, and how many: what creeps on comes to no end."""
+JUMP = 1e-9
+"""The part of an input by which it is still the one that was kept: one that is linear comes there with round-off."""
 NEAR = 0.2
 """How far from the size that it was estimated for, as a part of it, a step is not estimated once more."""
 
@@ -247,6 +249,21 @@ def holds_inputs(z: Buffer) -> bool:
     return same
 
 
+def inputs_jump(z: Buffer) -> bool:
+    """Return whether inputs are others than those that were kept, by more than round-off of what they change by."""
+    jump = False
+    for i in range(NUMBER_OF_INPUTS):
+        now, before = z[INPUTS[i]], z[HELD + i]
+        jump |= bool(abs(now - before) > JUMP * max(abs(now), abs(before)))
+    return jump
+
+
+def keep_inputs(z: Buffer) -> None:
+    """Keep the inputs, for `holds_inputs`."""
+    for i in range(NUMBER_OF_INPUTS):
+        z[HELD + i] = z[INPUTS[i]]
+
+
 def change_inputs(z: Buffer, h: float) -> None:
     """Set the inputs to what they have become a time h after the step's beginning, from where they change on."""
     for i in range(NUMBER_OF_INPUTS):
@@ -311,12 +328,17 @@ def go_on_with_step(z: Buffer, h: float) -> int:
 
 
 def keep_before_step(z: Buffer) -> None:
-    """Keep what a step that is refused leaves as it was; a series that others inputs were made with serves no more."""
+    """Keep what a step that is refused leaves as it was; a series that other inputs were made with serves no more.
+
+    What stood at its corner need not be there with inputs that jump: its side is then that of its value.
+    """
     copy_numbers(z, MEMORY, KEPT, MEMORY_SIZE)
     if not holds_inputs(z):
         z[STANDS] = 0.0
-        for i in range(NUMBER_OF_INPUTS):
-            z[HELD + i] = z[INPUTS[i]]
+        if inputs_jump(z):
+            for i in range(NUMBER_OF_SIDES):
+                z[NEXT + i] = 0.0
+        keep_inputs(z)
 
 
 def follow_series(z: Buffer, h: float) -> int:
@@ -343,13 +365,16 @@ def end_of_step(z: Buffer, h: float, status: int) -> int:
     put_pair_at(z, TIME, dd.add_float(pair_at(z, KEPT + (TIME - MEMORY)), h))
     if status == OK:
         change_inputs(z, z[REST])
+        if not holds_inputs(z):  # the series goes on with their change, wherever they have come back to
+            z[STANDS] = 0.0
+            keep_inputs(z)
         for i in range(NUMBER_OF_INPUTS):
             z[RATES[i]] = z[RATES_2[i]] = 0.0
         if memory.is_finite(z) and values(z) == 0:
             return outputs(z)
-    copy_numbers(z, KEPT, MEMORY, MEMORY_SIZE)
-    for i in range(NUMBER_OF_INPUTS):
+    for i in range(NUMBER_OF_INPUTS):  # as the step began, which the memory had not kept then
         z[INPUTS[i]] = z[HELD + i]
+    copy_numbers(z, KEPT, MEMORY, MEMORY_SIZE)
     z[STANDS] = 0.0
     return STEP_REJECTED
 

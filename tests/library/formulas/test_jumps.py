@@ -1,4 +1,4 @@
-"""Where formulas jump: the angle of atan2 at half a turn, and comparisons of equal numbers."""
+"""Where formulas jump: the angle of atan2 at half a turn, comparisons of equal numbers, inputs that jump."""
 
 import math
 
@@ -89,3 +89,46 @@ def test_where_a_motion_ends_is_said_to_the_time(load, at, why):
               "loads": {"torque_b": load}, "run": {"start": 2.0, "stop": 3.0, "step": 0.5}}  # fmt: skip
     with pytest.raises(rbfmu.SceneError, match=rf"expected one before t = {at} s, where loads\.torque_b {why}"):
         rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+
+
+U = {
+    "body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["velocity"]},
+    "inputs": {"ports": ["torque_b", {"name": "u", "size": 1, "start": 1.0}]},
+    "run": {"stop": 3.0, "step": 1.0, "accuracy": 1e-9},
+}  # fmt: skip
+
+
+def driven_by(text, **run):
+    """A scene whose force along x is a formula of u."""
+    return rbfmu.Scene.from_dict(U | {"loads": {"gravity_a": [0, 0, 0], "force_a": text}, "run": U["run"] | run})
+
+
+@pytest.mark.parametrize("text", ["[abs(t - u), 0, 0]", "[where(t > u, 1, -1), 0, 0]"])
+def test_an_input_that_jumps_where_a_formula_is_at_its_corner_counts_by_what_it_has_become(text):
+    """At t = 1, a communication point, u goes from 1 to 3: abs(t - u) went on as t - u, and was negative."""
+    scene = driven_by(text, step=0.25)
+    found = rbfmu.simulate(scene, inputs={"u": ([0.0, 1.0, 3.0], [1.0, 3.0, 3.0])})
+    t = found.time
+    distance = np.where(t <= 1.0, t - t * t / 2.0, 0.5 + 3.0 * (t - 1.0) - (t * t - 1.0) / 2.0)
+    np.testing.assert_allclose(found.velocity[:, 0], distance if "abs" in text else -t, rtol=0, atol=1e-9)
+
+
+def test_an_input_that_comes_back_to_what_it_was_holds_from_there_on():
+    """It rises from 1 to 2, and is 1 again at once: the series that it rose in went on, and the plan was refused."""
+    rows = [0.0, 1.0, 1.0, 3.0], [1.0, 2.0, 1.0, 1.0]
+    found = rbfmu.simulate(driven_by("[u, 0, 0]"), inputs={"u": rows}, interpolate="linear")
+    np.testing.assert_allclose(found.velocity[:, 0], [0.0, 1.5, 2.5, 3.5], rtol=1e-15)
+
+
+def test_inputs_that_were_set_before_a_refused_step_stay_set():
+    """They went back to those of the step before."""
+    scene = driven_by("[u, 0, 0]")
+    step, z = rbfmu.compiled_step(scene)
+    blocks = rbfmu.plan(scene).kernels.BLOCKS
+    assert step(z, 1.0) == 0
+    z[blocks["torque_b"]], z[blocks["u"]], z[blocks["torque_b_rate_2"]] = [1.0, 2.0, 3.0], 7.0, 1e308
+    before = z[: blocks["series.kept"].start].copy()
+    assert step(z, 1e10) == 1
+    after = z[: len(before)]
+    for name in ("torque_b", "torque_b_rate", "torque_b_rate_2", "u", "u_rate", "velocity"):
+        np.testing.assert_array_equal(after[blocks[name]], before[blocks[name]], err_msg=name)
