@@ -195,7 +195,7 @@ def with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> 
     changed = scene.replace({keys[name]: value for name, value in numbers.items()})
     blocks, old, new = planned.kernels.BLOCKS, filled_buffer(scene, planned), filled_buffer(changed, planned)
     for name in parameters:
-        place = blocks[block_of[name]]
+        place = blocks.get(block_of[name], slice(0))  # none of a constant that no formula can read
         values = old[place].tolist()
         if name in planned.pinned and values != new[place].tolist():
             made_for = f"{as_toml(values if len(values) > 1 else values[0])}, for which the model was planned"

@@ -56,8 +56,12 @@ class Scene(Section):
 
     @property
     def has_formulas(self) -> bool:
-        """Return whether loads, states, outputs or events are given as formulas."""
-        return bool(self.load_formulas or self.states or self.outputs.own or self.events)
+        """Return whether loads, states, outputs or events are given as formulas, or have numbers that are set for them.
+
+        Those are ports of one's own and listed constants, for which no other model has places.
+        """
+        listed = self.constants.keys() & {*self.inputs.parameters}
+        return bool(self.load_formulas or self.states or self.outputs.own or self.events or self.inputs.own or listed)
 
     @property
     def own_texts(self) -> tuple[object, ...]:
@@ -91,7 +95,7 @@ class Scene(Section):
             good["ensemble"] = without_idle_shape(good["ensemble"], good.get("body"))
         if {"inputs", "constants", "formulas", "states", "tables"} <= good.keys():  # of which formulas read names
             good |= {name: getattr(type(self), name) for name in self._rules.keys() - good.keys()}
-            if self.has_formulas or self.formulas or self.tables:
+            if self.has_formulas or self.formulas or self.tables or self.constants:
                 from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
 
                 yield from faults_of_texts(self._worded())

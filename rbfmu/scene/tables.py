@@ -180,7 +180,7 @@ class Loads(rules.Section, path="loads"):
         return {row.name: math.hypot(*rules.flattened(getattr(self, row.name))) for row in LOADS}
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
-        texts = {name: value for name, value in data.items() if named.is_formula(name, value)}
+        texts = {name: data[name] for name in named.LOADS if name in data and named.is_formula(name, data[name])}
         return {name: value for name, value in data.items() if name not in texts}, {"formulas": texts} if texts else {}
 
 

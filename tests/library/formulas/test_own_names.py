@@ -162,3 +162,21 @@ def test_a_plan_says_with_which_inputs_its_pilot_ran(start, said):
         run={"stop": 1.0, "step": 0.5},
     )
     assert any(f"in a pilot run with {said}, " in reason for reason in rbfmu.plan(one).reasons)
+
+
+def test_ports_and_constants_that_nothing_reads_can_be_set():
+    """Where nothing else was a formula no model had places for them: a `KeyError` came of each of these."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "initial": {"omega_b": [0.1, 0.2, 0.3]},
+              "constants": {"c": 2.0}, "run": {"stop": 1.0, "step": 0.5}}  # fmt: skip
+    unlisted, listed = (rbfmu.Scene.from_dict(tables | {"inputs": inputs}) for inputs in ({}, {"parameters": ["c"]}))
+    ports = [{"name": "u", "size": 1, "start": 3.0}]
+    driven = rbfmu.Scene.from_dict(tables | {"inputs": {"ports": ports}})
+    assert rbfmu.plan(listed).model == rbfmu.plan(unlisted).model == "torque-free body"
+    plain = rbfmu.simulate(unlisted)
+    for one in (rbfmu.Simulator(unlisted, c=3.0), rbfmu.Simulator(listed, c=3.0)):
+        one.step(1.0)
+        np.testing.assert_array_equal(one.quaternion, plain.quaternion[-1])
+    found = rbfmu.simulate(driven, inputs={"u": ([0.0, 1.0], [1.0, 2.0])})
+    np.testing.assert_allclose(found.quaternion, plain.quaternion, rtol=0, atol=1e-6)
+    with pytest.raises(rbfmu.SceneError, match="another name: mass means something else"):
+        rbfmu.Scene.from_dict(tables | {"constants": {"mass": 2.0}})

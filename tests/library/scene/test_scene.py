@@ -176,6 +176,13 @@ def test_a_scene_survives_json_to_the_bit(tables):
     assert again.to_dict() == made.to_dict()
 
 
+def test_loads_are_the_same_in_any_order():
+    """Those that are formulas were written in the order of all loads, and so read back as another scene."""
+    loads = {"torque_b": "[t, 0, 0]", "force_a": "[0, t, 0]"}
+    one, other = (scene(loads=dict(rows)) for rows in ([*loads.items()], [*loads.items()][::-1]))
+    assert one == other == Scene.from_dict(one.to_dict())
+
+
 # Scene.replace
 
 
