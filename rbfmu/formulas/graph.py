@@ -194,7 +194,7 @@ Number = float | Symbol
 KNOWN: Mapping[str, Callable[..., float]] = {
     "add": operator.add, "subtract": operator.sub, "multiply": operator.mul, "divide": operator.truediv,
     "sqrt": math.sqrt, "sin": lambda x: sincos(x)[0], "cos": lambda x: sincos(x)[1], "exp": math.exp, "log": math.log,
-    "power": math.pow, "atan2": lambda y, x, _: math.atan2(y, x), "side": lambda x: math.copysign(1.0, x),
+    "power": math.pow, "atan2": lambda y, x, _: math.atan2(y, x), "side": lambda x: math.copysign(1.0, x + 0.0),
     "select": lambda condition, a, b: a if condition > 0.0 else b,
 }  # fmt: skip
 """What each operation is of floats."""

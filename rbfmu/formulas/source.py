@@ -288,7 +288,7 @@ class _WideWriter(_Writer):
 VALUES = {
     "add": "{} + {}", "subtract": "{} - {}", "multiply": "{} * {}", "divide": "{} / {}", "sqrt": "math.sqrt({})",
     "sin": "sincos({})[0]", "cos": "sincos({})[1]", "exp": "exponential({})", "log": "logarithm({})",
-    "atan2": "atan2({}, {})", "power": "exponential({1} * logarithm({0}))", "side": "math.copysign(1.0, {})",
+    "atan2": "atan2({}, {})", "power": "exponential({1} * logarithm({0}))", "side": "math.copysign(1.0, {} + 0.0)",
     "select": "choose({0} > 0.0, {1}, {2})",
 }  # fmt: skip
 

@@ -148,11 +148,9 @@ class Judge:
         """Return the least sizes that errors are relative to, by name."""
         return least_sizes(self.asked, self.motion)
 
-    def _floors_of(self, run: Steps) -> Mapping[str, float]:
-        """Return the least sizes; of what an event watches its size over the run: it may be zero at every row."""
-        place = run.kernels.BLOCKS.get("events.largest")
-        watched = zip(self.scene.events, run.z[place].tolist(), strict=True) if place else ()
-        return {**self.floors, **{f"when.{name}": size for name, size in watched}}
+    def _floors_of(self, run: Steps) -> dict[str, float]:
+        """Return the least sizes; of what an event watches its size over the run."""
+        return {**self.floors, **watched_sizes(self.scene, run.kernels.BLOCKS, run.z)}
 
     def _refuse_poles(self, largest: Mapping[str, float]) -> None:
         """Raise SceneError where round-off of the largest that an event watches is much beside all at other times."""
@@ -220,6 +218,8 @@ class Judge:
         It is infinite where so small an error changes the motion itself.
         """
         span, truth = self.asked.span, self.truth  # first: it ends where the motion does not
+        whens = (f"when.{name}" for name in self.scene.events)
+        at_rest = {when: 0.0 for when in whens if not self.motion[when].any()}  # but for the error itself
         tight, rows = series_of_all(self.asked, 20, 1e-16), np.array(DIRECTIONS)
         worst = 0.0
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
@@ -228,7 +228,7 @@ class Judge:
             q += 0.5 * SMALL * np.array(evaluated(compose_quaternions, tuple(q.tolist()), (0.0, *turn.tolist())))
             omega += SMALL / span * self._turning(change)
             found = self._pilot(run, self.names)
-            worst = max(worst, largest_error(found, truth, self.names, self._floors_of(run)))
+            worst = max(worst, largest_error(found, truth, self.names, self._floors_of(run) | at_rest))
         return max(worst / SMALL, 1.0) if worst < LOST else math.inf
 
     def _turning(self, change: Array) -> Array:
@@ -244,6 +244,12 @@ class Judge:
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
         """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""
         return largest_error(self.motion_by(smaller, names), truth, names, least_sizes(self.asked, truth), absolute)
+
+
+def watched_sizes(scene: Scene, blocks: Mapping[str, slice], z: Array) -> dict[str, float]:
+    """Return how large what each event watches has been in a run, by its block: it may be zero at every row."""
+    sizes = z[blocks["events.largest"]].tolist() if scene.events else ()
+    return {f"when.{name}": size for name, size in zip(scene.events, sizes, strict=True)}
 
 
 def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, substeps: float) -> None:

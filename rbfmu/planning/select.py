@@ -15,7 +15,7 @@ import numpy as np
 from rbfmu.models import registry
 from rbfmu.models.question import Question
 from rbfmu.planning import closed_forms, fitting, methods
-from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, refuse_unfinished
+from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, refuse_unfinished, watched_sizes
 from rbfmu.runs.inputs import Drive
 from rbfmu.runs.motion import Driven, largest_error, least_sizes, record, substeps_counted
 from rbfmu.runs.plan import Plan
@@ -123,14 +123,14 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
     scene, names = asked.scene, asked.judged
     with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # by which rest is judged
     tight = [methods.series_of_all(asked, order, 1e-18) for order in ORDERS]
-    (truth, taken), (other, more) = (_run_under(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight)
-    for motion, substeps in ((truth, taken), (other, more)):
-        refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps)
-    floors = least_sizes(asked, truth)
+    (truth, run), (other, again) = (_run_under(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight)
+    for motion, one in ((truth, run), (other, again)):
+        refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps_counted(one.kernels, one.z))
+    floors = least_sizes(asked, truth) | watched_sizes(scene, run.kernels.BLOCKS, run.z)
     doubt = largest_error(other, truth, names, floors)
     best = math.inf
     for plan in (found, *_tighter(asked, found)):
-        motion, substeps = _run_under(drive, scene, plan, names, MOST_UNDER_INPUTS)
+        motion, run = _run_under(drive, scene, plan, names, MOST_UNDER_INPUTS)
         error = largest_error(motion, truth, names, floors) + doubt
         if error <= asked.accuracy:
             reasons = [*found.reasons]
@@ -139,18 +139,18 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
                 reasons.append(f"{misses}: {plan.method} at {plan.tolerance:.1e} instead")
             judged = f"judged by series of order {max(ORDERS)} in half steps"
             reasons.append(f"error {error:.1e} in a pilot run with the inputs given, {judged}")
-            cost = _cost_under(asked, plan, found, substeps, drive)
+            cost = _cost_under(asked, plan, found, substeps_counted(run.kernels, run.z), drive)
             return replace(plan, error=error, cost=cost, reasons=tuple(reasons))
         best = min(best, error)
     expected = f"one that these inputs allow; the methods here reach {best:.1e} with them"
     raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", scene.name)
 
 
-def _run_under(drive: Drive, scene: Scene, plan: Plan, names: tuple[str, ...], most: float) -> tuple[Motion, float]:
-    """Return the motion under inputs, which ends after so many substeps, and how many it took."""
+def _run_under(drive: Drive, scene: Scene, plan: Plan, names: tuple[str, ...], most: float) -> tuple[Motion, Driven]:
+    """Return the motion under inputs, which ends after so many substeps, and the run that made it."""
     run = Driven(scene, plan, drive, names)
     run.events = None  # one that ends the run is found by each plan at another time: what comes after would be others'
-    return record(run, names, most), substeps_counted(run.kernels, run.z)
+    return record(run, names, most), run
 
 
 def without_loops(asked: Question, found: Plan) -> Plan:

@@ -103,7 +103,7 @@ def _value(kind: int, i: int, a: int, b: int, c: int, s: Array) -> dd.DoubleDoub
     if kind == _POWER:
         return exponential(dd.multiply(y, natural_logarithm(x)))
     if kind == _SIDE:
-        return (math.copysign(1.0, x[0]), 0.0)
+        return (math.copysign(1.0, x[0] + 0.0), 0.0)
     if kind == _SELECT:
         return dd.at(s, b) if x[0] > 0.0 else dd.at(s, c)
     return dd.at(s, i)

@@ -266,3 +266,24 @@ def test_wrong_events_are_refused(event, said):
 def test_chattering_ends_with_a_message():
     with pytest.raises(rbfmu.SceneError, match="events: expected at most 4,096 in a communication step of 50 s"):
         rbfmu.plan(scene(50.0, fast="sin(300*t)"))
+
+
+def test_what_is_zero_at_every_communication_point_meets_the_accuracy_under_inputs():
+    """Half a turn a step: the round-off of zero stood for the size of what is watched, and the plan was refused."""
+    driven = scene(1.0, 4.0, e="R_ab[1,2]").replace(
+        {"body.inertia": [2.0, 2.0, 2.0], "initial.omega_b": [0.0, 0.0, math.pi], "run.accuracy": 1e-6,
+         "loads.torque_b": "[0, 0, 0.3*sin(pi*t)*(1 - R_ab[3,3])]", "inputs.ports": ["force_a"],
+         "outputs.quantities": ["omega_b", "position"]}
+    )  # fmt: skip
+    pushed = {"force_a": ([0.0, 4.0], [[0.1, 0.2, 0.3], [0.0, 0.0, 0.0]])}
+    found = rbfmu.simulate(driven, inputs=pushed, interpolate="linear")
+    np.testing.assert_allclose(found.events["e"], [0.0, 1.0, 2.0, 3.0], rtol=0, atol=1e-6)
+
+
+def test_a_body_at_rest_may_be_watched_before_a_port_turns_it():
+    """An error of what stays at zero was relative to itself: such plans were refused, as if it grew without bound."""
+    at_rest = {"initial": {"omega_b": [0.0, 0.0, 0.0]}, "inputs": {"ports": ["torque_b"]}}
+    driven = scene(1.0, 4.0, turns_back="omega_b[3]").replace(at_rest)
+    torques = [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    found = rbfmu.simulate(driven, inputs={"torque_b": ([0.0, 1.0, 3.0, 4.0], torques)})
+    np.testing.assert_allclose(found.events["turns_back"], [0.0, 2.0], rtol=0, atol=1e-6)

@@ -45,6 +45,21 @@ def test_a_comparison_of_equal_numbers_is_strict_or_not(sign):
     np.testing.assert_array_equal(found.not_o, 1.0 - found.o)
 
 
+@pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
+def test_zero_of_either_sign_is_zero(sign):
+    """0 - t is -0.0 at t = 0, whose sign alone counted: t > 0 held there, and plans were refused for it."""
+    body = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
+    texts = {"o": f"t {sign} 0", "minus": f"-2*t {sign} 0", "c_o": f"c {sign} 0", "minus_c": f"-2*c {sign} 0"}
+    shown = {"quantities": ["omega_b"], **{name: f"where({text}, 1, 0)" for name, text in texts.items()}}
+    scene = rbfmu.Scene.from_dict({"body": body, "outputs": shown, "constants": {"c": 0.0},
+                                   "loads": {"torque_b": "[sin(t), 0, 0]"},
+                                   "run": {"start": -1.0, "stop": 1.0, "step": 0.5}})  # fmt: skip
+    found, holds = rbfmu.simulate(scene), {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
+    zero = np.zeros(len(found.time))
+    for name, numbers in (("o", found.time), ("minus", -2.0 * found.time), ("c_o", zero), ("minus_c", zero)):
+        np.testing.assert_array_equal(getattr(found, name), holds[sign](numbers, 0.0))
+
+
 def test_a_switch_at_a_communication_point_is_that_of_the_time_shown():
     """Five times 0.1, added up in double-double numbers, is more than 0.5: the plan was refused for round-off."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["alpha_b"]},
