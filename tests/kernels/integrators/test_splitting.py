@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rbfmu.studies.one_step import OneStepMethod
+from rbfmu.studies.reference_methods import SPLITTINGS
 from rbfmu_kernels.exact.free_rotation import free_rotation
 from rbfmu_kernels.integrators import splitting
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
@@ -18,11 +18,6 @@ from rbfmu_kernels.rotations.quaternion import angle_between, normalize, rotate
 
 EPS = 2.0**-52
 ZERO = (0.0, 0.0, 0.0)
-STEPPERS = {
-    "Strang": OneStepMethod("Strang", splitting.strang_steps, 2, 1),
-    "RKN4": OneStepMethod("RKN4", splitting.rkn4_steps, 4, 6),
-    "RKN6": OneStepMethod("RKN6", splitting.rkn6_steps, 6, 11),
-}
 MOMENTS = {"x": (0.4, 1.0, 1.0), "y": (1.0, 1.7, 1.0), "z": (1.0, 1.0, 0.3), "sphere": (0.7, 0.7, 0.7)}
 Q_0 = normalize((0.8, -0.3, 0.4, 0.2))
 TILT = normalize((0.6, 0.1, -0.7, 0.3))
@@ -50,17 +45,17 @@ def _angle(state: State, q: Any) -> float:
 
 @pytest.mark.parametrize(("name", "h"), [("Strang", 0.05), ("RKN4", 0.05), ("RKN6", 0.2)])
 def test_order_of_convergence(name: str, h: float) -> None:
-    method = STEPPERS[name]
+    method = SPLITTINGS[name]
     runs = [method.run(SPIN, h / n, round(4.0 / h) * n, TOP, WEIGHT) for n in (1, 2, 4)]
     order = math.log2(_angle(runs[0], runs[1].q_ab) / _angle(runs[1], runs[2].q_ab))
     assert order == pytest.approx(method.order, abs=0.1)
 
 
-@pytest.mark.parametrize("name", STEPPERS)
+@pytest.mark.parametrize("name", SPLITTINGS)
 @pytest.mark.parametrize("axis", MOMENTS)
 def test_one_step_without_loads_is_exact_about_any_axis(name: str, axis: str) -> None:
     omega = (0.3, -1.0, 0.8)
-    after = STEPPERS[name].run(State(ZERO, ZERO, Q_0, omega), 3.0, 1, _body(diagonal(MOMENTS[axis])), NO_LOADS)
+    after = SPLITTINGS[name].run(State(ZERO, ZERO, Q_0, omega), 3.0, 1, _body(diagonal(MOMENTS[axis])), NO_LOADS)
     q, omega_then = free_rotation(MOMENTS[axis], Q_0, omega, 3.0)
     assert _angle(after, q) < 16 * EPS  # 8 measured: 11 drifts of some rad
     assert np.allclose(after.omega_b, omega_then, rtol=0.0, atol=4 * EPS)  # 2 measured
@@ -90,22 +85,22 @@ def test_true_motion_under_loads(case: str) -> None:
         body, loads = _body(_tilted((1.0, 1.0, 0.3)), (0.2, -0.1, 0.3), 0.5), ALL_LOADS
         state = State(ZERO, (1.0, 0.0, 0.0), Q_0, (0.3, -1.0, 0.8))
     truth = _scipy(state, 2.0, body, loads)
-    after = STEPPERS["RKN6"].run(state, 0.01, 200, body, loads)
+    after = SPLITTINGS["RKN6"].run(state, 0.01, 200, body, loads)
     assert _angle(after, truth[6:10]) < 4e-13  # 2e-13 measured: SciPy's own
     assert np.allclose(np.concatenate(after), truth, rtol=0.0, atol=4e-13)
 
 
-@pytest.mark.parametrize("name", STEPPERS)
+@pytest.mark.parametrize("name", SPLITTINGS)
 def test_steps_are_reversible(name: str) -> None:
-    method = STEPPERS[name]
+    method = SPLITTINGS[name]
     there = method.run(SPIN, 0.05, 100, TOP, WEIGHT)
     back = method.run(there, -0.05, 100, TOP, WEIGHT)
     assert _angle(back, SPIN.q_ab) < 160 * EPS  # 82 measured: round-off of 200 steps
 
 
-@pytest.mark.parametrize("name", STEPPERS)
+@pytest.mark.parametrize("name", SPLITTINGS)
 def test_quaternion_keeps_its_length(name: str) -> None:
-    y = STEPPERS[name].steps(SPIN, 0.05, 20_000, TOP, WEIGHT)
+    y = SPLITTINGS[name].steps(SPIN, 0.05, 20_000, TOP, WEIGHT)
     assert abs(math.hypot(*y.q_ab) - 1.0) < 3 * EPS
 
 
@@ -116,7 +111,7 @@ def test_energy_stays_bounded_over_a_thousand_revolutions() -> None:
 
     y, worst = SPIN, [0.0, 0.0]
     for k in range(1000):
-        y = STEPPERS["Strang"].steps(y, 0.1, 100, TOP, WEIGHT)
+        y = SPLITTINGS["Strang"].steps(y, 0.1, 100, TOP, WEIGHT)
         worst[k >= 500] = max(worst[k >= 500], abs(energy(y) - energy(SPIN)))
     assert worst[0] == pytest.approx(2.1e-3, rel=0.05)  # of m g l = 1
     assert worst[1] == pytest.approx(worst[0], rel=0.01)
@@ -159,8 +154,8 @@ def test_torque_fixed_in_the_body_resonates_with_its_turns() -> None:
 
     def error(h: float) -> float:
         n = round(10.0 / h)
-        truth = STEPPERS["RKN6"].run(start, n * h / 10_000, 10_000, TOP, loads)
-        return _angle(STEPPERS["Strang"].run(start, h, n, TOP, loads), truth.q_ab)
+        truth = SPLITTINGS["RKN6"].run(start, n * h / 10_000, 10_000, TOP, loads)
+        return _angle(SPLITTINGS["Strang"].run(start, h, n, TOP, loads), truth.q_ab)
 
     at_resonance = error(2.0 * math.pi / 50.0)
     assert at_resonance == pytest.approx(0.670, abs=2e-3)  # rad in 10 s: the kicks all point the same way in space

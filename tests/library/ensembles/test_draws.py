@@ -204,6 +204,12 @@ def test_a_grid_has_every_combination_the_last_changing_first():
     assert Scene.from_dict({"body": BODY, "ensemble": {"design": "grid", "vary": vary}}).ensemble.runs == 6
 
 
+@pytest.mark.parametrize(("points", "expected"), [(1, [50.0]), (2, [40.0, 60.0]), (5, [40.0, 45.0, 50.0, 55.0, 60.0])])
+def test_a_grid_goes_from_end_to_end_of_what_is_uniform(points, expected):
+    scene = ensemble({"body.mass": {"uniform": [40.0, 60.0], "points": points}}, runs=points, design="grid")
+    assert draw(scene, 0, points).applied["body.mass"].tolist() == expected
+
+
 def test_sobol_points_fill_the_cube_evenly():
     scene = ensemble({"body.mass": {"uniform": [1.0, 2.0]}, "initial.position": {"uniform": [[0.0] * 3, [1.0] * 3]}},
                      runs=1024, design="sobol")  # fmt: skip
