@@ -1,7 +1,9 @@
 """The demonstration passes, says what the README says, and leaves its files; and it can fail."""
 
 import io
+import re
 from pathlib import Path
+from time import perf_counter
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,14 +18,19 @@ from tests.support.paths import SHARED
 
 
 def test_demo_passes_and_leaves_a_picture(tmp_path: Path) -> None:
-    text = io.StringIO()
+    text, begin = io.StringIO(), perf_counter()
     assert demo.run_demo(tmp_path / "out", Console(file=text, width=100))
+    seconds = perf_counter() - begin
     assert ("the same bits in all three ways" in text.getvalue()) == (demo.ROUND_OFF == 0.0)
     assert "DIFFER" not in text.getvalue()
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert names == {"tumbling_brick.png", "tumbling_brick.fmu", "kernels.csv", "kernels.units.csv", "fmpy_command.csv"}
     picture = imread(tmp_path / "out" / "tumbling_brick.png")
     assert picture.min() < picture.max()  # something is drawn
+    steps = len((tmp_path / "out" / "kernels.csv").read_text().splitlines()) - 2
+    costs = re.findall(r"│ +([\d.e+]+)(?: \(with .*\))? +│$", text.getvalue(), re.MULTILINE)
+    assert len(costs) == 3
+    assert 0.0 < 1e-6 * steps * sum(map(float, costs)) < seconds  # the three runs are a part of all
 
 
 @pytest.mark.thorough
