@@ -17,11 +17,11 @@ from rbfmu.studies.chart.measure import machine
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(__file__).parent
-_PARTS = ("rotations/**/*", "numerics/**/*", "mechanics/**/*", "exact/**/*", "integrators/**/*", "body/[!m]*",
-          "body/memory", "models/**/*")  # fmt: skip
+_PARTS = ("rotations/**/*", "numerics/**/*", "mechanics/**/*", "exact/**/*", "integrators/[!f]*", "body/[!m]*",
+          "body/memory", "models/[!f]*", "models/free")  # fmt: skip
 KERNELS = tuple(f"kernels/rbfmu_kernels/{part}.py" for part in _PARTS)
-"""What is computed. How it is compiled (`compile/`) and planned is left out: plans are compared one by one. So is
-`body/members`, which ensembles alone run."""
+"""What is computed. How it is compiled (`compile/`) and planned is left out: plans are compared one by one. So are
+`body/members`, which ensembles alone run, and what scenes with formulas run: no figure has such a scene."""
 _MEMBERS = "kernels/rbfmu_kernels/body/members.py"
 _NATIVE = "fmu_build/rbfmu_fmu/native/*.[ch]"
 _STUDY = "rbfmu/studies/chart"
