@@ -268,7 +268,7 @@ class Run(rules.Section, path="run"):
             yield rules.fault("run.stop", self.stop, f"a time after run.start = {self.start!r} (s)")
         elif not math.isfinite(span):
             yield rules.fault("run.stop", self.stop, "a span from run.start that is a number (s)")
-        elif self.step > span:
+        elif self.step > span + self._round_off(self.stop):
             yield rules.fault("run.step", self.step, f"at most stop - start = {span!r} (s)")
         elif span > MAX_STEPS * self.step:
             yield rules.fault("run.step", self.step, f"at least {span / MAX_STEPS:.2g}: a run has at most 1e8 steps")

@@ -176,6 +176,13 @@ def test_a_scene_survives_json_to_the_bit(tables):
     assert again.to_dict() == made.to_dict()
 
 
+@pytest.mark.parametrize(("start", "stop", "step"), [(0.1, 0.3, 0.2), (-0.3, 0.1, 0.4), (0.35, 2.37, 2.02)])
+def test_a_step_may_be_the_whole_run_to_round_off(start, stop, step):
+    """0.3 - 0.1 is less than 0.2, so that this step was refused."""
+    whole = Scene.from_dict({"inputs": {"ports": ["omega_b"]}, "run": {"start": start, "stop": stop, "step": step}})
+    assert whole.run.grid().tolist() == pytest.approx([start, stop], rel=1e-15)
+
+
 def test_loads_are_the_same_in_any_order():
     """Those that are formulas were written in the order of all loads, and so read back as another scene."""
     loads = {"torque_b": "[t, 0, 0]", "force_a": "[0, t, 0]"}
