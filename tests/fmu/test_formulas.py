@@ -35,7 +35,11 @@ SCENE = {
         "pull": {"value": "norm(torque_b + [3, 0, 0])", "unit": "N m"},
         "root": "sqrt(2 + torque_b[3]) + gain**2",
     },
-    "events": {"wave": {"when": "sin(2*t)", "about": "a wave"}, "late": {"when": "t - 6.1", "direction": "falling"}},
+    "events": {
+        "wave": {"when": "sin(2*t)", "about": "a wave"},
+        "late": {"when": "t - 6.1", "direction": "falling"},
+        "graze": "(t - 0.5)*(2e-15 - abs(t - 1))",
+    },
     "run": {"stop": 4.0, "step": 0.25, "accuracy": 1e-9},
 }
 KINDS = {"native": {"kind": "native"}, "fmi3": {"kind": "native", "fmi": 3, "scalars": True}, "python": {}}
@@ -91,6 +95,9 @@ def test_counts_are_integers_that_a_saved_state_has(fmus: dict[str, Path], kind:
     saved = save()
     unit.doStep(1.0, 1.0)
     assert counts([at["wave_count"], at["status"], at["late_count"]]) == [2, 0, 0]  # at the start and at pi / 2
+    assert counts([at["graze_count"]]) == [1]  # by round-off it crosses zero twice more at 1 s, which is a touch
+    read = unit.getFloat64 if kind == "fmi3" else unit.getReal
+    assert read([at["graze_time"]]) == pytest.approx([0.5], abs=1e-12)
     restore(saved)
     assert counts([at["wave_count"]]) == [1]
     with pytest.raises(FMICallException):
