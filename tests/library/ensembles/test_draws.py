@@ -77,6 +77,12 @@ def test_seeds_give_other_members():
     assert all(not np.any(one.drawn[name] == other.drawn[name]) for name in one.drawn)
 
 
+def test_a_seed_gives_the_numbers_that_it_always_gave():
+    """So that a kept store goes on with the members with which it began."""
+    assert draws.uniform(7, "body.mass", 0, 3).tolist() == [0.06452718786181794, 0.686550338221972, 0.28989470730341843]
+    assert draws.uniform(7, "body.mass", 1, 2, attempt=1).tolist() == [0.2547971648692861, 0.592962479178113]
+
+
 def test_numbers_of_one_member_are_independent():
     names = [m.name for m in ensemble(EVERYTHING).ensemble.varying]
     cube = np.column_stack([draws.uniform(0, name, 0, MANY) for name in names])
