@@ -75,13 +75,16 @@ def test_bits_are_those_of_simulate_with_other_parameters_and_start(fmus: dict[s
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_counts_are_integers_that_a_saved_state_has(fmus: dict[str, Path], kind: str, tmp_path: Path) -> None:
+def test_counts_are_integers_that_a_saved_state_has(
+    fmus: dict[str, Path], kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     fmpy.extract(str(fmus[kind]), str(tmp_path))
     model = fmpy.read_model_description(str(tmp_path))
     at = {v.name: v.valueReference for v in model.modelVariables}
     types = {v.type for v in model.modelVariables if v.name.endswith("_count")}
     assert types == {"Int32" if kind == "fmi3" else "Integer"}
-    log = lambda *_: None  # noqa: E731 - kept while the unit is there: FMPy calls that of an earlier one where none is
+    said: list[object] = []
+    log = lambda *told: said.append(told)  # noqa: E731 - kept while the unit is there: FMPy calls an earlier one's else
     unit = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=log)
     if kind == "fmi3":
         unit.enterInitializationMode(startTime=0.0)
@@ -104,6 +107,9 @@ def test_counts_are_integers_that_a_saved_state_has(fmus: dict[str, Path], kind:
         counts([at["wave_time"]])
     with pytest.raises(FMICallException):
         counts([max(at.values()) + 1])
+    with pytest.raises(FMICallException):
+        read([at["graze_count"]])
+    assert "graze_count is no" in f"{said} {capfd.readouterr().err}"  # the pythonfmu FMU says it on stderr alone
     unit.terminate()
     unit.freeInstance()
 
