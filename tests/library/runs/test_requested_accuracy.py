@@ -60,3 +60,15 @@ def test_torque_free_scenes_are_exact_whatever_is_asked(key: str, accuracy: floa
     planned, errors = run(key, accuracy)
     assert planned.model == "torque-free body"
     assert errors["attitude"] <= 1e-13  # 60 to 100 rad in inputs that are exact; measured 2e-15
+
+
+@pytest.mark.parametrize("accuracy", [1e-3, 1e-6])
+def test_what_comes_of_small_numbers_meets_the_accuracy_with_ports_as_well(accuracy: float) -> None:
+    """Positions count relative to 1 m, accelerations to themselves: one tolerance was tried, and the plan refused."""
+    swing = Scene(
+        body={"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, initial={"position": [1e-3, 0, 0]},
+        loads={"gravity_a": [0, 0, 0], "force_a": "-4*position"}, inputs={"ports": ["force_a"]},
+        outputs={"quantities": ["acceleration"]}, run={"stop": 10.0, "step": 0.5, "accuracy": accuracy},
+    )  # fmt: skip
+    found = rbfmu.simulate(swing)
+    np.testing.assert_allclose(found.acceleration[:, 0], -4e-3 * np.cos(2.0 * found.time), rtol=0, atol=4e-3 * accuracy)
