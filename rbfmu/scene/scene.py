@@ -95,7 +95,7 @@ class Scene(Section):
             good["ensemble"] = without_idle_shape(good["ensemble"], good.get("body"))
         if {"inputs", "constants", "formulas", "states", "tables"} <= good.keys():  # of which formulas read names
             good |= {name: getattr(type(self), name) for name in self._rules.keys() - good.keys()}
-            if self.has_formulas or self.formulas or self.tables or self.constants:
+            if self.has_formulas or self.formulas or self.tables or (self.constants and self.body):
                 from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
 
                 yield from faults_of_texts(self._worded())
