@@ -119,6 +119,7 @@ class Simulator:
         self._quantities = {name: self._z[blocks[name]] for name in self.scene.outputs.names}
         self._identity = _identity(self.scene, self.plan)
         self._start, self._h, self._last_time = run.start, run.step, run.last_time
+        self._last, self._end = run.count, run.end
         self.time, self._count = run.start, 0
         self._events = Events(self.scene, self.plan, self._z) if self.scene.events else None
         self._untold = (math.nan,) * len(self.scene.events)
@@ -194,6 +195,8 @@ class Simulator:
         if h is None:
             count = 1 + (self._count if self._count >= 0 else self.scene.run.steps_until(self.time))
             end = self._start + count * self._h
+            if count == self._last and self.time < self._end < end:  # the last step is shorter
+                count, end = _UNKNOWN, self._end
             length = end - self.time
         else:
             length = h if type(h) is float else _seconds(h)

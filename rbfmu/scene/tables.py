@@ -289,9 +289,14 @@ class Run(rules.Section, path="run"):
         run within 1e-9 of the time itself.
         """
         points: Array = self.start + np.arange(self.count + 1, dtype=np.float64) * self.step
-        if not abs(points[-1] - self.stop) <= self._round_off(self.stop):
-            points[-1] = self.stop
+        points[-1] = self.end
         return points
+
+    @property
+    def end(self) -> float:
+        """Return the last of these points."""
+        point = self.start + self.count * self.step
+        return point if abs(point - self.stop) <= self._round_off(self.stop) else self.stop
 
     def thinned_steps(self, most: int) -> list[float]:
         """Return the lengths of the steps, s, or of several together where there are more than `most`."""

@@ -150,6 +150,21 @@ def test_a_step_of_no_given_size_goes_to_the_next_communication_point(parts):
         assert sim.time == point * h
 
 
+def test_the_last_step_to_a_communication_point_ends_where_the_run_does():
+    """It went on to a time beyond the scene's stop where that is no whole number of steps."""
+    scene = rbfmu.load_scene(SATELLITE).replace({"run": {"start": -0.2, "stop": 0.8, "step": 0.3}})
+    sim, run = rbfmu.Simulator(scene), rbfmu.simulate(scene)
+    rows = [sim.values()]
+    while sim.time < scene.run.stop:
+        sim.step()
+        rows.append(sim.values())
+    assert [row["time"] for row in rows] == run.time.tolist() == pytest.approx([-0.2, 0.1, 0.4, 0.7, 0.8])
+    np.testing.assert_array_equal([row["quaternion"] for row in rows], run.quaternion)
+    assert sim.status == 0
+    sim.step()
+    assert (sim.time, sim.status) == (pytest.approx(1.0), 2)
+
+
 def test_a_step_that_leaves_the_range_of_numbers_is_refused_and_changes_nothing():
     sim, other = rbfmu.Simulator(SATELLITE), rbfmu.Simulator(SATELLITE)
     with pytest.raises(rbfmu.SimulationError, match="no finite motion, or none that the accuracy allows"):
