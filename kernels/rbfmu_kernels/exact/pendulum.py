@@ -3,7 +3,8 @@
 With W^2 = (w_0 sin(phi / 2))^2 + (phi' / 2)^2, constant, and Jacobi's functions of modulus k at u (DLMF 22.19(i)):
 swinging, W < w_0: u' = w_0, k = W / w_0, (sin, cos)(phi / 2) = (k sn, dn), phi' = 2 W cn;
 turning over, W >= w_0: u' = W, k = w_0 / W, (sin, cos)(phi / 2) = (sn, cn), phi' = 2 W dn, or both mirrored.
-What grows with time is double-double, so the error does not grow; tiny swings keep all their digits.
+What grows with time is double-double, so the error does not grow, but near the separatrix; tiny swings keep all their
+digits.
 """
 
 import math
@@ -106,8 +107,10 @@ def sincos_of_half_angle(x: DoubleDouble, z: DoubleDouble) -> tuple[float, float
 def pendulum_at(setup: Pendulum, t: DoubleDouble) -> tuple[float, float, float]:
     """Return (sin(phi / 2), cos(phi / 2), phi') at a time t after the start, s.
 
-    Error <= 4 eps of their largest size, of phi' and cos(phi / 2) near the separatrix (w_0 t + 1) eps of themselves;
-    beyond 1e14 turns plus 3e-31 a turn, and NaN beyond 1e28.
+    Error <= 4 eps of their largest size; near the separatrix that of cos(phi / 2) and phi' / (2 w_0) is 4 eps of the
+    length of both, on it 4 (w_0 |t| + 1) eps. Near it the complementary modulus kc is small, and as differences in
+    double-double know kc^2 to some 1e-32, 1e-32 w_0 |t| / kc^2 comes on top. Beyond 1e14 turns plus 3e-31 a turn, and
+    NaN beyond 1e28.
     """
     kind, swings, amplitude, fastest, rate, start, series = setup
     if kind == ORDINARY:

@@ -198,7 +198,8 @@ def principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
     The columns of R are the principal axes. A diagonal matrix gives its own numbers and a permutation.
     Units: M symmetric, any unit and scale, commonly kg m^2; the moments alike.
     Frames: M in b gives R_bp, from principal axes p to b.
-    Error: M is rebuilt to 2 eps of the trace, R is orthonormal to 2 eps.
+    Error: M is rebuilt to 2 eps of the trace, where a moment is negative to 6 eps of the largest; R is orthonormal to
+    2 eps.
     Singular: equal moments give any axes of their plane.  Source: cyclic Jacobi, Golub & Van Loan 8.5.
     """
     (a, d, e), (_, b, f), (_, _, c) = M

@@ -48,7 +48,7 @@ def climb_scale(
 
     They give Pi(-n) = pi / (4 AGM) (2 - n / (1 + n) sum), and x / pi = u / (2 K) of tan am = s / c.
     1e-300 <= kc <= 1, 0 <= n <= 1, s, c >= 0.  Pi: DLMF 19.8.7; x by Landen's descent, am' = am + atan(g / a tan am),
-    in products of complex numbers.  Relative error about 1e-31, of x 1e-19.
+    in products of complex numbers.  Relative error about 1e-31 of the AGM, some 1e-29 of Pi; error 1e-19 of x.
     """
     a: DoubleDouble = (1.0, 0.0)
     g = kc
@@ -246,7 +246,7 @@ def place_near(x: DoubleDouble, width: DoubleDouble) -> Place:
 def jacobi_near(e: float, side: float, near: Near) -> tuple[float, float, float]:
     """Return (sn, cn, dn) of u, |u| <= K, from e = exp(-pi |u| / 2K') and side, the sign of u.
 
-    Error <= 5 eps, of cn and dn relative.
+    Error <= 5 eps, of cn and dn relative to dn: cn is 0 at u = K.
     """
     root_q, for_sn, for_cn, for_dn = near
     p, q = root_q / e, root_q * root_q

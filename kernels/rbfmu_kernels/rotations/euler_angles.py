@@ -189,7 +189,7 @@ def euler_from_matrix(seq: int, R_ab: Matrix) -> Vec3:
 
     seq is a sequence's constant, for array functions its name.
     Units: angles in rad; R_ab is a rotation to round-off.  Frames: R_ab takes coordinates in b to a.
-    Error <= 5 eps in the rotation, 4 eps in the middle angle.
+    Error <= 5 eps in the rotation, 4.5 eps in the middle angle.
     Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0; where det R_ab <= 0, as of
     a reflection, NaN.
     Source: Bernardes & Viollet 2022; E&G 6.5.

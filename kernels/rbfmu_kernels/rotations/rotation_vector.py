@@ -72,7 +72,7 @@ def quaternion_from_axis_angle(k: Vec3, theta: float) -> Quaternion:
 
     Units: theta in rad; k has any length from 1e-150 to 1e150.  Frames: k is the same in a and b; q_ab takes
     coordinates in b to a.
-    Error <= 1 eps for a unit k, else 3 eps; of a theta beyond 4e5 that of `sincos`.
+    Error <= 1 eps for a unit k, taken as it is, else 3 eps; of a theta beyond 4e5 that of `sincos`.
     Singular: a k of no such length, as zero, has no direction and gives NaN.  Source: E&G 6.7.
     """
     square = vec3.dot(k, k)
@@ -139,7 +139,7 @@ def axis_angle_from_matrix(R_ab: Matrix) -> tuple[Vec3, float]:
     """Return (k, theta) of R_ab with theta in [0, pi].
 
     Units: theta in rad; R_ab is a rotation to round-off.  Frames: k is the same in a and b.
-    Error <= 3.5 eps in k and relative in theta.
+    Error <= 4.5 eps in k and relative in theta.
     Singular: where nothing turns k is (1, 0, 0); at half a turn it is one of two; where det R_ab <= 0, as of a
     reflection, NaN.  Source: E&G 6.6.
     """
@@ -162,7 +162,7 @@ def _rate(u: Vec3, side: float, omega: Vec3) -> Vec3:
 
 @kernel
 def _series(hh: float) -> float:
-    """Return (1 - h cot h) / (4 h^2) for h^2 <= 1/4, by a minimax polynomial to 2^-51."""
+    """Return (1 - h cot h) / (4 h^2) for h^2 <= 1/4, by a minimax polynomial with an error of 2^-51."""
     low = 0.08333333333333363 + hh * (0.005555555555501095 + hh * 0.0005291005314961205)
     high = 5.2910007920860135e-05 + hh * (
         5.34487944815658e-06 + hh * (5.389144953373273e-07 + hh * 6.043161256145148e-08)

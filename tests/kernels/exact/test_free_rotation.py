@@ -120,6 +120,26 @@ def test_modulus_below_double_counts_over_many_turns():
     assert max(errors((moments, Q, omega, 1e4))) <= 5.0
 
 
+def test_the_worst_attitude_that_hill_climbing_found():
+    moments = (19.369439909422496, 22.847430185392536, 13.578866073086271)
+    q = (0.29167642368145885, -0.03568217881790747, -0.4411452027673638, -0.5106480417215391)
+    omega = (0.020883999302736593, -2.053803515011934e-19, -2.266815033150636e-15)
+    assert 5.0 < max(max(errors((moments, q, omega, t))) for t in (453.2640523923582, 283638457693.2572)) <= 6.0
+
+
+def test_a_difference_in_double_double_that_loses_8_digits_shows_after_1e13_turns():
+    """6e-9 from the separatrix, the most at which terms are not added exactly; 1e-2 from it there is nothing to see."""
+    moments, omega = (
+        (3.417827024813804, 1.1060552866017404, 3.7781901925119104),
+        (0.9294044789833651, -1.07755267246588),
+    )
+    for z, bound in ((-1.4766830778072884, 5e-26), (-1.46, 5e-29)):
+        turned = 8e13
+        error = max(errors((moments, Q, (*omega, z), turned / math.hypot(*omega, z))))
+        assert error <= 6.0 + bound * turned / EPS
+    assert errors((moments, Q, (*omega, -1.4766830778072884), 4e8))[0] <= 6.0
+
+
 @pytest.mark.parametrize(("t", "bound"), [
     (1e9, 2.0), (-1e12, 2.0), (1e15, 3.0), (1e18, 3e-31 * 1e18 / EPS), (1e22, 3e-31 * 1e22 / EPS),
 ])  # fmt: skip

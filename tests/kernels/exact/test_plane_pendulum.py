@@ -102,6 +102,26 @@ def test_a_pendulum_on_the_separatrix_creeps_to_the_top(sign):
         assert 0.0 < sign * rate < 1e-250
 
 
+@pytest.mark.parametrize("kc2", [1e-3, 1e-12, 1e-17, 1e-25])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_near_the_separatrix_the_error_is_of_the_digits_of_the_modulus(kc2, seed):
+    """After some 1e6 swings or turns; cos(phi / 2) and phi' are small at the top, relative to which they are right."""
+    rng = np.random.default_rng(seed)
+    for beyond in (1.0 - kc2, 1.0 + kc2):
+        for t in (0.7, 19.0, 1e3, 1e7 * (1.0 + rng.random())):
+            with mp.workdps(80):
+                beside = 1 + (mp.mpf(beyond < 1.0) * -2 + 1) * mp.mpf(kc2) / 2
+                start = as_dd(mp.mpf(rng.uniform(-1.0, 1.0))), as_dd(beside), as_dd(mp.mpf(1))
+                x, y, z = map(value, start)
+                sine, cosine, rate = truth(x, y, z, mp.mpf(t))
+                found, w_0 = pendulum_at(pendulum_setup(*start), (t, 0.0)), mp.hypot(x, z)
+                digits = mp.mpf(1e-32) * w_0 * t / (abs(z * z - y * y) / max(w_0, mp.hypot(x, y)) ** 2)
+                assert abs(found[0] - sine) <= 4 * EPS + digits
+                length = mp.hypot(cosine, rate / (2 * w_0))
+                errors = found[1] - cosine, (found[2] - rate) / (2 * w_0)
+                assert max(map(abs, errors)) <= (4 * EPS + digits) * length
+
+
 @pytest.mark.parametrize("t", [0.0, 0.3, 1e3, 1e20])
 def test_equilibria_stay(t):
     zero, three = (0.0, 0.0), (3.0, 0.0)

@@ -80,6 +80,16 @@ def test_principal_axes_rebuild_the_matrix_and_are_a_rotation(name):
         assert np.linalg.det(np.array(R)) > 0.99
 
 
+def test_principal_axes_of_a_matrix_that_is_no_inertia_rebuild_it_to_its_largest_moment():
+    """The worst that hill climbing found; its trace says nothing of its size."""
+    x, y, z = 2.1339978090163543e-07, 0.13495343153842437, 0.0011758797391388594
+    M = ((7.459158996101356e-09, x, y), (x, 0.0665559289837617, z), (y, z, 1.951837320094553e-06))
+    moments, R = inertia.principal_axes(M)
+    R_exact = exact(R)
+    rebuilt = product(product(R_exact, exact(diagonal(moments))), transposed(R_exact))
+    assert 2.0 < largest_difference(rebuilt, exact(M)) / (EPS * max(map(abs, moments))) <= 6.0
+
+
 def test_principal_axes_take_a_denormal_off_the_diagonal():
     M = ((1.0, 5e-324, 0.0), (5e-324, 1.0, 0.0), (0.0, 0.0, 1.5))
     assert inertia.principal_axes(M) == ((1.0, 1.0, 1.5), inertia.diagonal((1.0, 1.0, 1.0)))

@@ -110,6 +110,16 @@ def test_middle_angle_is_within_2_eps(convert):
         assert abs(convert(seq, value)[1] - angles[1]) <= 2.0 * EPS, (NAME[seq], angles)
 
 
+def test_middle_angle_of_a_matrix_within_3_eps_of_a_pole():
+    """The pole's takes its place, and the matrix is rounded: the worst that hill climbing found is 4.1 eps."""
+    q = exact.unit(exact.exact((0.6459963108286482, -0.28755654469299974, 0.6459963108286475, -0.2875565446929999)))
+    R = exact.matrix_from_quaternion(q)
+    truth = mp.atan2(R[0][2], mp.hypot(R[0][0], R[0][1]))
+    middle = euler.euler_from_matrix(euler.XYZ, exact.rounded(R))[1]
+    assert middle == math.pi / 2
+    assert 4.0 < abs(middle - truth) / EPS <= 4.5
+
+
 @pytest.mark.parametrize("convert", [euler.euler_from_quaternion, euler.euler_from_matrix])
 def test_small_angles_keep_their_digits(convert):
     inputs = with_quaternions() if convert is euler.euler_from_quaternion else with_rotations()
