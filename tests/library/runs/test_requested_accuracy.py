@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import rbfmu
 from rbfmu import Plan, Scene
@@ -72,3 +73,19 @@ def test_what_comes_of_small_numbers_meets_the_accuracy_with_ports_as_well(accur
     )  # fmt: skip
     found = rbfmu.simulate(swing)
     np.testing.assert_allclose(found.acceleration[:, 0], -4e-3 * np.cos(2.0 * found.time), rtol=0, atol=4e-3 * accuracy)
+
+
+def test_a_motion_by_formulas_that_magnifies_errors_has_the_accuracy_asked() -> None:
+    """A body that turns over; its tolerance is far below the accuracy, and is found by more than one pilot run."""
+    start, moments, accuracy = [1e-3, 1.0, 1e-3], np.array([1.0, 2.0, 3.0]), 1e-6
+    scene = Scene(
+        body={"mass": 2.0, "inertia": moments}, initial={"omega_b": start}, outputs={"quantities": ["omega_b"]},
+        loads={"torque_b": "-0.1*omega_b*cos(t)"}, run={"stop": 60.0, "step": 2.0, "accuracy": accuracy},
+    )  # fmt: skip
+
+    def rates(t: float, omega: np.ndarray) -> np.ndarray:
+        return (-0.1 * omega * np.cos(t) - np.cross(omega, moments * omega)) / moments
+
+    found = rbfmu.simulate(scene)
+    truth = solve_ivp(rates, (0.0, 60.0), start, "DOP853", found.time, rtol=1e-12, atol=1e-14).y.T
+    assert 0.01 * accuracy <= np.max(relative_error(found.omega_b, truth, 0.0)) <= accuracy
