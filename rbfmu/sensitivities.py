@@ -231,7 +231,7 @@ def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:
     elif whole == "body.inertia" and scene.body is not None:
         M = scene.body.M_c
         found = found[:3] if not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2))) else found
-    if whole in {f"loads.{name}" for name in scene.load_formulas}:
+    if whole in {f"loads.{name}" for name in scene.loads.made}:
         raise ValueError(f"{expected} a load of numbers; this one is a formula, whose constants may vary")
     if block in ("inertia", "r_oc_b") and model_buffer.BodyAtStart(scene).principal_axes[0][0] <= 0.0:
         raise ValueError(f"{expected} another; a slender beam has no inertia about its axis to begin with")

@@ -152,12 +152,13 @@ class Motion:
         force = -1.0 * slopes[4:]
         return {"force_a": force, "torque_b": _add(torque, -1.0, cross(self._arm, self.to_b(force)))}
 
-    def potential_energy(self, potential: Number) -> Number:
-        """Return the potential of gravity, of a constant force_a and of a load's own."""
+    def potential_energy(self, potential: Number, force_a: Array | None) -> Number:
+        """Return the potential of gravity, of a constant force_a, if it is not the buffer's, and of a load's own."""
         is_free, mass = not self.given.pivot, self._places("mass")[0]
         centre = self._r_c if is_free else self.position + self.to_a(self._places("r_oc_b"))
         total: Number = potential - mass * (self._places("gravity_a") @ centre)
-        return total - self._places("constant_force_a") @ self.position if is_free else total
+        force = self._places("constant_force_a") if force_a is None else force_a
+        return total - force @ self.position if is_free else total
 
     def rates(self, loads: Mapping[str, Array]) -> Mapping[str, Number]:
         """Return the rates of the body's states by their elements' names; loads: those given by formulas."""

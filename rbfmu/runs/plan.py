@@ -187,6 +187,9 @@ def with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> 
             meant = next((key for key in (whole, f"{whole}_0") if key in keys and key != name), "")
             expected = f"{meant}, with all of its numbers" if meant else f"one of {', '.join(keys)}"
             raise SceneError(f"parameter {name!r}: expected {expected}", scene.name)
+        if name in scene.loads.made:
+            expected = "none, as this load is a formula, whose constants may vary"
+            raise SceneError(fault(name, parameters[name], expected), scene.name)
     numbers = {name: plain(value) for name, value in parameters.items()}
     for row in own.values():
         if row.name in numbers and isinstance(numbers[row.name], list | tuple) != (row.size > 1):

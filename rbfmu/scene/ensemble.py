@@ -305,6 +305,8 @@ def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
             yield variation.refused("no such key: the pivot holds o")
         elif table is None:
             continue
+        elif name == "loads" and key in table.made:
+            yield variation.refused("a load of numbers; this one is a formula, whose constants may vary")
         elif own and key not in table:
             known = ", ".join(f"{name}.{key}" for key in table) or f"none: the scene has no {name}"
             yield variation.refused(f"a key out of {known}")

@@ -65,11 +65,12 @@ class Scene(Section):
 
     @property
     def own_texts(self) -> tuple[object, ...]:
-        """Return what kernels of formulas are made of, but the numbers of parameters."""
+        """Return what kernels of formulas are made of, but the numbers of parameters; also what loads add to them."""
         rates = {name: row.rate for name, row in self.states.items()}
         events = {name: (row.when, row.direction) for name, row in self.events.items()}
         own = {name: row.value for name, row in self.outputs.own.items()}
-        return self.load_formulas, self.formulas, self.tables, rates, events, own
+        added = [getattr(self.loads, name) for name in sorted(self.loads.made - {"potential"})]
+        return self.load_formulas, added, self.formulas, self.tables, rates, events, own
 
     @property
     def own_parameters(self) -> dict[str, Parameter]:
@@ -215,7 +216,7 @@ def default_quantities(body: Body | None, inputs: Inputs | None) -> tuple[str, .
 
 def faults_between(good: Mapping[str, Any]) -> Iterator[str]:
     """Yield all contradictions between those sections that are valid by themselves; a missing body is None."""
-    inputs, body, initial = good.get("inputs"), good.get("body"), good.get("initial")
+    inputs, body, initial, loads = (good.get(name) for name in ("inputs", "body", "initial", "loads"))
     if inputs is not None:
         prescribed = "omega_b" in inputs.ports
         if "body" in good and body is None and not prescribed:
@@ -223,6 +224,9 @@ def faults_between(good: Mapping[str, Any]) -> Iterator[str]:
         for name in inputs.parameters:
             if name in inputs.ports:
                 yield fault("inputs.parameters", inputs.parameters, f"no {name}: it is an input, by inputs.ports")
+            elif loads is not None and name in loads.made:
+                expected = f"no {name}: it is a formula, whose constants may be listed"
+                yield fault("inputs.parameters", inputs.parameters, expected)
         if prescribed:
             yield from _faults_of_prescribed_rates(good)
             return

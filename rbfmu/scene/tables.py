@@ -179,6 +179,11 @@ class Loads(rules.Section, path="loads"):
         """Return how large each load is, by its name and in its unit."""
         return {row.name: math.hypot(*rules.flattened(getattr(self, row.name))) for row in LOADS}
 
+    @property
+    def made(self) -> frozenset[str]:
+        """Return the names of the loads that formulas make: of a potential a force and a torque."""
+        return frozenset((*self.formulas, *(("force_a", "torque_b") if "potential" in self.formulas else ())))
+
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
         texts = {name: data[name] for name in named.LOADS if name in data and named.is_formula(name, data[name])}
         return {name: value for name, value in data.items() if name not in texts}, {"formulas": texts} if texts else {}

@@ -41,6 +41,43 @@ def test_constants_and_starts_are_parameters_where_they_are_listed():
         rbfmu.Simulator(one, c=6.0)
 
 
+POTENTIAL = {"potential": "0.5*k*dot(position, position)", "force_a": [0.1, 0.2, -0.3]}
+
+
+@pytest.mark.parametrize("load", ["force_a", "torque_b"])
+@pytest.mark.parametrize("loads", [POTENTIAL, {"force_a": "-k*position", "torque_b": "-k*omega_b"}])
+def test_loads_that_are_formulas_are_no_parameters(load, loads):
+    """Values that were set for them, or varied, were left out without a word; so was what a potential adds to."""
+    tables = scene(constants={"k": 3.0}, loads=loads, outputs={"quantities": ["position", "omega_b"]})
+    vary = {f"loads.{load}": {"uniform": [[0.0] * 3, [1.0] * 3]}}
+    for more in ({"inputs": {"parameters": [load]}}, {"ensemble": {"runs": 2, "vary": vary}}):
+        with pytest.raises(rbfmu.SceneError, match="is a formula, whose constants may"):
+            rbfmu.Scene.from_dict(tables | more)
+    one = rbfmu.Scene.from_dict(tables)
+    with pytest.raises(rbfmu.SceneError, match=f"{load}.*is a formula"):
+        rbfmu.Simulator(one, **{load: [1.0, 0.0, 0.0]})
+    with pytest.raises(ValueError, match="is a formula"):
+        rbfmu.sensitivity(one, [f"loads.{load}"])
+
+
+def test_a_force_beside_a_potential_is_that_of_the_scene_whose_plan_it_is_not_and_counts_in_the_energy():
+    """Kernels of one scene ran another's force, and the energy had the force of both: no plan met the accuracy."""
+    body = {"mass": 2.0, "inertia": [1.0, 1.2, 1.5]}
+    at_rest = {
+        "body": body,
+        "initial": {"position": [0.5, 0.3, -0.2]},
+        "outputs": {"quantities": ["position", "total_energy"]},
+    }
+    one = rbfmu.Scene.from_dict(scene(constants={"k": 3.0}, loads={"gravity_a": [0, 0, 0]} | POTENTIAL, **at_rest))
+    planned = rbfmu.plan(one)
+    for two in (one, one.replace({"loads.force_a": [1.0, 0.0, 0.0]})):
+        found = rbfmu.simulate(two, planned=planned)
+        middle, swing = np.array(two.loads.force_a) / 3.0, math.sqrt(3.0 / two.body.mass)
+        exact = middle + np.outer(np.cos(swing * found.time), np.array([0.5, 0.3, -0.2]) - middle)
+        np.testing.assert_allclose(found.position, exact, rtol=0, atol=10.0 * two.run.accuracy)
+        np.testing.assert_allclose(found.total_energy, found.total_energy[0], rtol=1e-6)
+
+
 def test_names_of_ones_own_are_not_mistaken_for_those_of_a_body():
     names = {"constants": {"M": 2.0, "arm": 0.5}, "states": {"q": {"start": 0.1, "rate": "-M*q"},
              "omega": {"start": [0.1, 0.2, 0.3], "rate": "-arm*omega"}}}  # fmt: skip
