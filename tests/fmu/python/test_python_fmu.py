@@ -203,6 +203,7 @@ def test_refused_parameters_can_be_put_right():
     for wrong in (-1.0, 0.0, -0.0):
         assert instance.set({"mass": wrong}) == OK
         assert instance.exit() == FATAL
+        assert f": mass = {wrong}: expected" in str(instance.log[-1])
     assert instance.set({"mass": 3.0}) == OK
     assert instance.exit() == OK
     assert instance.steps(5) == right.steps(5)
