@@ -71,7 +71,8 @@ def _said(reason: int, M: Array) -> str:
     low, middle, high = _principal_axes(M)[0]
     if reason == _inertia.NEGATIVE:
         return f"has a negative principal moment: {low:.6g}, {middle:.6g}, {high:.6g} kg m2"
-    return f"breaks the triangle inequality: {high:.6g} kg m2 is above {low:.6g} + {middle:.6g}"
+    above = f"{high:.6g} kg m2 is above {low:.6g} + {middle:.6g} by {high - low - middle:.2g}"
+    return f"breaks the triangle inequality: {above}"
 
 
 # Exact free motion

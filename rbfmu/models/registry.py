@@ -45,7 +45,7 @@ class ModelSpec:
     may_be_unstable: whether a disturbance of its motion may grow, which a reason then says.
     angle_round_off: whether its angle is a double, whose round-off grows with it.
     rates_from: its rates from those of a motion (n, 3), rad/s; None where only a run can tell.
-    conditioning: the error, rad, that the round-off of the body's moments makes.
+    conditioning: the error, rad, that the round-off of the body's moments or of its modulus makes.
     costs: ns a communication step, by what makes it necessary, where "" always counts; see `planning.methods`.
     substep_without_attitude: the cost of a substep without attitude, as a part of that of one with it.
     integrates_path: whether the path is part of the integration, and costs nothing besides.
@@ -143,6 +143,17 @@ def lost_near_separatrix(asked: Question) -> float:
     motion = interpreted(free_rotation_of)(moments, (1.0, 0.0, 0.0, 0.0), rates)
     half_turns = 2.0 * float(abs(motion.unit * motion.phase_rate[0])) * asked.span
     return half_turns * _lost_distance(moments, rates, asked.scene.initial.omega_b)
+
+
+def lost_at_the_top(asked: Question) -> float:
+    """Return the error that a pendulum makes near the separatrix by the digits of its modulus, see `pendulum_at`."""
+    from rbfmu_kernels.exact.pendulum import half_angle_rates  # as large
+
+    x, z = interpreted(half_angle_rates)(*asked.start.swing)
+    y = 0.5 * float(np.dot(asked.start.axis, asked.scene.initial.omega_b))
+    w_0, fastest = math.hypot(x[0], z[0]), math.hypot(x[0], max(abs(y), z[0]))
+    distance = abs((z[0] - abs(y)) + z[1]) * (z[0] + abs(y))
+    return 1e-32 * w_0 * asked.span * (fastest / distance) * fastest if distance > 0.0 else 0.0
 
 
 def lost_by_symmetry(asked: Question) -> float:
@@ -279,6 +290,7 @@ PENDULUM = closed_form(
     "undamped pendulum", "one_axis.PENDULUM", method="elliptic functions", states=2, rate_states=2, costs={"": 57.0},
     holds=lambda start: not start.leaves_axis and not any(start.drive_and_damping),
     rests_on=loads_start_and_shape, drops=quantities.TORQUES | quantities.NOT_IN_CLOSED_FORMS, rates_from=along_axis,
+    conditioning=lost_at_the_top,
     reason=lambda asked: f"rotation: one angle from {_rate(asked)}, swung by forces fixed in space, undamped",
 )  # fmt: skip
 

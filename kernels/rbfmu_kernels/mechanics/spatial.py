@@ -43,6 +43,7 @@ def _parts(T: Transform) -> tuple[Matrix, Vec3]:
 def transform_compose(T_ab: Transform, T_bc: Transform) -> Transform:
     """Return T_ac = T_ab T_bc, with the last row (0, 0, 0, 1).
 
+    The last rows of T_ab and T_bc are not read.
     Units: rotations are dimensionless, last columns in m.  Frames: T_ab takes points from b to a, T_bc from c to b.
     Error <= 2 eps of R_ac, and of r_ac by |r_ab| + |r_bc|.  Singular: nowhere.  Source: E&G 6.4.
     """
@@ -54,6 +55,7 @@ def transform_compose(T_ab: Transform, T_bc: Transform) -> Transform:
 def transform_invert(T_ab: Transform) -> Transform:
     """Return T_ba = [R_ab^T, -R_ab^T r_ab_a; 0, 1], for a rotation R_ab.
 
+    The last row of T_ab is not read.
     Units: rotations are dimensionless, last columns in m.  Frames: T_ab takes points from b to a, T_ba from a to b.
     Error <= 1.5 eps |r_ab|; R_ba is exact.  Singular: nowhere.  Source: E&G 6.4.
     """
@@ -66,6 +68,7 @@ def transform_invert(T_ab: Transform) -> Transform:
 def transform_point(T_ab: Transform, p_b: Vec3) -> Vec3:
     """Return p_a = r_ab_a + R_ab p_b, the coordinates in a of a point.
 
+    The last row of T_ab is not read.
     Units: m.  Frames: p_b from the origin of b, in b; the result from the origin of a, in a.
     Error <= 2 eps (|r_ab| + |p_b|).  Singular: nowhere.  Source: E&G 6.4.
     """

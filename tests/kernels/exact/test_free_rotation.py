@@ -129,10 +129,8 @@ def test_the_worst_attitude_that_hill_climbing_found():
 
 def test_a_difference_in_double_double_that_loses_8_digits_shows_after_1e13_turns():
     """6e-9 from the separatrix, the most at which terms are not added exactly; 1e-2 from it there is nothing to see."""
-    moments, omega = (
-        (3.417827024813804, 1.1060552866017404, 3.7781901925119104),
-        (0.9294044789833651, -1.07755267246588),
-    )
+    moments = (3.417827024813804, 1.1060552866017404, 3.7781901925119104)
+    omega = (0.9294044789833651, -1.0775526724658817)
     for z, bound in ((-1.4766830778072884, 5e-26), (-1.46, 5e-29)):
         turned = 8e13
         error = max(errors((moments, Q, (*omega, z), turned / math.hypot(*omega, z))))

@@ -1,4 +1,4 @@
-"""Torque-free motion of bodies with a full inertia matrix: it stays exact over many radians."""
+"""Exact motions stay exact over many radians, or promise less: bodies with a full inertia, a pendulum at its top."""
 
 import math
 from fractions import Fraction
@@ -7,6 +7,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from rbfmu.exceptions import SceneError
 from rbfmu.models.question import Question
 from rbfmu.models.registry import MODELS
 from rbfmu.planning.select import plan
@@ -190,3 +191,30 @@ def test_a_rate_along_an_axis_but_for_round_off_is_not_constant():
         scene = made(M, omega_0=(-s, c, 0.0))
         assert keeps_its_rate(filled_buffer(scene, Plan("constant rate", "", 0)), (-s, c, 0.0)) == stays
         assert MODELS["constant rate"].accepts(Question(scene)) == stays
+
+
+@pytest.mark.filterwarnings("ignore:.*turns a communication step")
+def test_a_pendulum_sent_to_the_top_is_promised_no_more_than_its_modulus_keeps():
+    """2026-11-26: 1e-14 was promised, and the error was 1.3e-10 after 5e5 turns a rounding beside the separatrix."""
+    gravity, arm, mass, moment = 9.80665, 1.3, 1.3, 0.11
+    with mp.workdps(80):
+        w_0 = mp.sqrt(mp.mpf(mass) * mp.mpf(gravity) * mp.mpf(arm) / (mp.mpf(moment) + mp.mpf(mass) * mp.mpf(arm) ** 2))
+    rate, stop = float(2 * w_0), 1e7
+
+    def sent(rate, accuracy):
+        return Scene(
+            body={"mass": mass, "inertia": [moment, moment, 0.02], "r_oc_b": [0.0, 0.0, -arm], "pivot": True},
+            initial={"omega_b": [rate, 0.0, 0.0]}, loads={"gravity_a": [0.0, 0.0, -gravity]},
+            outputs={"quantities": ["quaternion"]}, run={"stop": stop, "step": stop / 60.0, "accuracy": accuracy},
+        )  # fmt: skip
+
+    result, worst = simulate(sent(rate, 1e-6)), 0.0
+    with mp.workdps(80):
+        half = mp.mpf(rate) / 2
+        for t, q in zip(result.time.tolist(), result.quaternion.tolist(), strict=True):
+            name, u, m = ("dn", w_0 * t, (half / w_0) ** 2) if half < w_0 else ("cn", half * t, (w_0 / half) ** 2)
+            worst = max(worst, abs(abs(q[0]) - abs(mp.ellipfun(name, u, m=m))))
+    assert 1e-12 < worst <= plan(sent(rate, 1e-6)).error
+    with pytest.raises(SceneError, match="what double precision keeps"):
+        plan(sent(rate, 1e-12))
+    assert plan(sent(1.5 * rate, 1e-12)).error <= 2e-14
