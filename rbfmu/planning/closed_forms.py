@@ -57,10 +57,10 @@ def _refuse_below(asked: Question, error: float) -> None:
 
 
 def prescribed_rates_error(scene: Scene) -> float:
-    """Return what prescribed rates lose of the attitude, rad: up to 0.6 eps for each change of the rates.
+    """Return what prescribed rates lose of the quaternion: up to 0.6 eps for each change of the rates.
 
-    It does not matter how far the body turns between them. Rates that change within a step, which the native FMU takes,
-    lose as much for each radian.
+    In rad that is 1.1 eps, where all changes err the same way. It does not matter how far the body turns between them.
+    Rates that change within a step, which the native FMU takes, lose as much for each radian.
     """
     return ROUND_OFF * (1.0 + scene.run.count)
 
