@@ -100,7 +100,7 @@ def components(value: Any, shape: tuple[int, ...]) -> list[float]:
     if len(shape) < 2:
         return list(flattened(value))
     largest = max(map(abs, flattened(value)))
-    if any(not math.isclose(value[i][j], value[j][i], abs_tol=1e-12 * largest) for i, j in body.TRIANGLE):
+    if any(not math.isclose(value[i][j], value[j][i], rel_tol=0.0, abs_tol=1e-12 * largest) for i, j in body.TRIANGLE):
         raise ValueError("a symmetric matrix")
     return body.six_numbers(value)
 
