@@ -188,7 +188,8 @@ class Model:
         if self.now.phase == INITIALIZING:
             with np.errstate(all="ignore"):  # as the FMU's code, which divides by zero and goes beyond all numbers
                 exec(self.facts.changes, {"sqrt": math.sqrt, "z": self.now.z, "change": change})
-        return OK, [float(change[self.facts.offsets[r]]) for r in unknowns]
+        found = [float(change[self.facts.offsets[r]]) for r in unknowns]
+        return (OK, found) if np.isfinite(found).all() else self.refused
 
     def _rates(self, references, orders, among):
         """Places of derivatives, or None where one of them is not provided."""
