@@ -159,6 +159,7 @@ def _diagonal(s: float, plus: float, minus: float) -> float:
 def quaternion_from_matrix(R_ab: Matrix) -> Quaternion:
     """Return q_ab of R_ab with eta >= 0: the row of 4 q q^T with the largest diagonal element, normalised.
 
+    Of a matrix that is no rotation to round-off take `nearest_rotation` first.
     Units: dimensionless; R_ab is a rotation to round-off.  Frames: R_ab and q_ab take coordinates in b to a.
     Error <= 1.5 eps.  Singular: at half a turn q_ab is one of two; where det R_ab <= 0, as of a reflection, NaN.
     Source: Shepperd 1978, Markley 2008.

@@ -115,7 +115,7 @@ def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
 
     With p the end nearer to s, D the step to the other end, t the distance in s and w the angle, it is
     p cos(t w) + (D + p |D|^2 / 2) sin(t w) / sin w: nothing cancels at any angle, the ends are exact.
-    s outside [0, 1] extrapolates.
+    s outside [0, 1] extrapolates. Quaternions of other lengths, zero among them, give no attitude: `normalize` them.
     Units: dimensionless; q0 and q1 are unit.  Frames: q0, q1 and the result are between the same two frames.
     Error <= 5 eps in [0, 1], beyond it 4 eps (1 + |s|).
     Singular: at half a turn from q0 to q1, where one of two arcs is taken.  Source: Shoemake 1985, rearranged.
@@ -140,6 +140,7 @@ def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
 def angle_between(q0: Quaternion, q1: Quaternion) -> float:
     """Return the angle of the rotation from q0 to q1, in [0, pi]: 4 atan2(|q1 - q0|, |q1 + q0|), signs aside.
 
+    Quaternions of two lengths give another angle, and zero gives half a turn: `normalize` them.
     Units: rad; q0 and q1 are unit, of any signs.  Frames: q0 and q1 are between the same two frames.
     Error <= 3.5 eps relative, from 1e-7 on.  Singular: nowhere.  Source: W. Kahan, How Futile are Mindless Assessments
     of Roundoff in Floating-Point Computation?, 12, "Mangled Angles".
