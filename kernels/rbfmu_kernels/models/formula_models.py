@@ -16,7 +16,7 @@ from ..body.shell import Lanes, Model, bind, make_model
 from ..buffer import OK, STEP_REJECTED, Layout
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..types import Array, Buffer
-from . import formula_events, formula_variations, formulas
+from . import formula_events, formula_outputs, formula_variations, formulas
 from .formulas import PENDING, begin_step, evaluate_at_end, go_on_by_series, prepare_series, reaches_over, settle_sides
 
 MARKS = 8
@@ -153,7 +153,8 @@ def run_in_lanes(
 Kernels = Mapping[str, Callable[..., Any]]
 _HOME = formulas.__name__
 """The module of all that is bound."""
-_TEMPLATES = {__name__, *(module.__name__ for module in (formula_events, formula_variations, formulas))}
+_BESIDE = formula_events, formula_outputs, formula_variations
+_TEMPLATES = {__name__, _HOME, *(module.__name__ for module in _BESIDE)}
 """The modules whose functions are templates."""
 
 
@@ -189,9 +190,9 @@ def make_over(constant: str, base: Model, layout: Layout, generated: Kernels, pl
     return Model(
         f"formulas.{constant}",
         *layout,
-        initialize=_bound(formulas.initialize_over, constant, own),
-        step=_bound(formulas.step_over, constant, own),
-        outputs=_bound(formulas.outputs_over, constant, own),
+        initialize=_bound(formula_outputs.initialize_over, constant, own),
+        step=_bound(formula_outputs.step_over, constant, own),
+        outputs=_bound(formula_outputs.outputs_over, constant, own),
         output_rates=base.output_rates,
         feedthrough=generated["feedthrough"],
     )

@@ -68,16 +68,15 @@ NEAR = 0.2
 # relative to, and whether they are relative to the largest that it has been. Of inputs: the places of their numbers and
 # of the rates of these, at least one each, as an empty tuple has no type.
 _missing: Any = None
-constants = first = further = values = loads = begin = advance = refresh = _missing
+constants = first = further = values = _missing
 _places: tuple[int, ...] = ()
 INPUTS = RATES = RATES_2 = STATES = FIRSTS = ENDS = OF_EVENT = _places
 LEASTS: tuple[float, ...] = ()
 RELATIVE: tuple[bool, ...] = ()
-SHOWN: tuple[float, ...] = ()
 ORDER = TOLERANCE = SPAN = TIME = STARTS = LONGEST = SIZES = HELD = STANDS = REACH = SINCE = BEGUN = 0
 NUMBER_OF_INPUTS = NUMBER_TOUCHING = NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
 NUMBER_OF_EVENTS = LISTED = NUMBER_OF_ERRORS = BOUNDED = REST = CREPT = TRIED = 0
-ACTIVE = KEPT = MEMORY = MEMORY_SIZE = LAST = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
+KEPT = MEMORY = MEMORY_SIZE = LAST = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
 
 
 def set_up_formulas(z: Buffer) -> int:
@@ -365,12 +364,13 @@ def end_of_step(z: Buffer, h: float, status: int) -> int:
     put_pair_at(z, TIME, dd.add_float(pair_at(z, KEPT + (TIME - MEMORY)), h))
     if status == OK:
         change_inputs(z, z[REST])
-        if not holds_inputs(z):  # the series goes on with their change, wherever they have come back to
-            z[STANDS] = 0.0
-            keep_inputs(z)
+        hold = holds_inputs(z)
         for i in range(NUMBER_OF_INPUTS):
             z[RATES[i]] = z[RATES_2[i]] = 0.0
         if memory.is_finite(z) and values(z) == 0:
+            if not hold:  # the series goes on with their change, wherever they have come back to
+                z[STANDS] = 0.0
+                keep_inputs(z)
             return outputs(z)
     for i in range(NUMBER_OF_INPUTS):  # as the step began, which the memory had not kept then
         z[INPUTS[i]] = z[HELD + i]
@@ -382,31 +382,3 @@ def end_of_step(z: Buffer, h: float, status: int) -> int:
 def outputs_now(z: Buffer) -> int:
     """Refresh the outputs, as inputs were set since the step."""
     return values(z) or outputs(z)
-
-
-# Over a closed form: own outputs are functions of its motion and of the time
-
-
-def initialize_over(z: Buffer) -> int:
-    """Set up the closed form, which also shows what own outputs read, then these."""
-    loads(z)
-    for i in range(len(SHOWN)):
-        z[ACTIVE + i] = max(z[ACTIVE + i], SHOWN[i])
-    put_pair_at(z, TIME, (z[STARTS], 0.0))
-    return begin(z) or values(z)  # type: ignore[no-any-return]
-
-
-def step_over(z: Buffer, h: float) -> int:
-    """Advance the closed form by h; reject the step and change nothing where an output is not finite."""
-    copy_numbers(z, MEMORY, KEPT, MEMORY_SIZE)
-    if advance(z, h) == OK:
-        put_pair_at(z, TIME, dd.add_float(pair_at(z, TIME), h))
-        if values(z) == 0:
-            return OK
-    copy_numbers(z, KEPT, MEMORY, MEMORY_SIZE)
-    return STEP_REJECTED
-
-
-def outputs_over(z: Buffer) -> int:
-    """Refresh the outputs."""
-    return refresh(z) or values(z)  # type: ignore[no-any-return]

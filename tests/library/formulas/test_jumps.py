@@ -147,3 +147,19 @@ def test_inputs_that_were_set_before_a_refused_step_stay_set():
     after = z[: len(before)]
     for name in ("torque_b", "torque_b_rate", "torque_b_rate_2", "u", "u_rate", "velocity"):
         np.testing.assert_array_equal(after[blocks[name]], before[blocks[name]], err_msg=name)
+
+
+def test_inputs_that_have_changed_in_a_refused_step_are_what_they_were_before():
+    """They reach the pole of an output just at the step's end, where the step is refused."""
+    scene = driven_by("[u, 0, 0]").replace({"outputs.pole": "1/(3 - u) + 1/(2 - torque_b[1])"})
+    step, z = rbfmu.compiled_step(scene)
+    blocks = rbfmu.plan(scene).kernels.BLOCKS
+    assert step(z, 0.5) == 0
+    z[blocks["u_rate"]], z[blocks["torque_b_rate"]] = 4.0, [4.0, 0.0, 0.0]
+    names = "u", "u_rate", "torque_b", "torque_b_rate", "velocity", "pole"
+    before = {name: z[blocks[name]].tolist() for name in names}
+    assert step(z, 0.5) == 1
+    assert {name: z[blocks[name]].tolist() for name in names} == before
+    z[blocks["u_rate"]] = z[blocks["torque_b_rate"]] = 0.0
+    assert step(z, 0.5) == 0
+    np.testing.assert_allclose(z[blocks["velocity"]], [1.0, 0.0, 0.0], rtol=0, atol=1e-15)
