@@ -81,7 +81,7 @@ class Texts:
             self.faults += self._without_potential(asked[0])
         rates = self.motion.rates({name: load for name, load in self.loads.items() if load is not None})
         kinetic = self.motion.outputs(rates)["kinetic_energy"][0]
-        # with a potential the buffer has the force of both
+        # with a potential the buffer has the force of both; a load that is not given is one zero here
         force_a = None if potential is None else np.zeros(3) + np.array(self.scene.loads.force_a)
         energy = self.motion.potential_energy(0.0 if potential is None else potential, force_a)
         energies = {"kinetic_energy": kinetic, "potential_energy": energy, "total_energy": kinetic + energy}

@@ -231,7 +231,7 @@ def test_passes_that_know_no_builder_also_drop_addresses_that_nobody_uses():
 SHARED = """
 import sys
 from numba import float64
-from rbfmu_kernels.compile.decorator import kernel, loop
+from rbfmu_kernels.compile.decorator import kernel
 @kernel
 def inlined(x: float) -> float:
     return min(x, 1.0)

@@ -352,38 +352,6 @@ def test_verify_of_a_missing_file_is_a_message() -> None:
     assert "no_such.fmu" in result.stderr
 
 
-@pytest.mark.parametrize("interpolate", ["hold", "linear"])
-def test_a_run_is_driven_by_a_file(interpolate: str, short: Path, tmp_path: Path) -> None:
-    short.write_text(SHORT + '[inputs]\nports = ["torque_b"]\n')
-    table = tmp_path / "u.csv"
-    table.write_text("time,torque_b[1],torque_b[2],torque_b[3]\n0,0,0,0\n0.25,1,0,2\n1,0,-1,0\n")
-    options = ("--inputs", table, "--interpolate", interpolate)
-    result = call("run", short, "-o", tmp_path / "out.npz", *options)
-    assert result.exit_code == 0, result.output
-    assert "with the inputs given, accuracy asked 1e-06" in result.output
-    driven = rbfmu.simulate(short, inputs=table, interpolate=interpolate)
-    np.testing.assert_array_equal(np.load(tmp_path / "out.npz")["omega_b"], driven.omega_b)
-    assert np.any(driven.omega_b != rbfmu.simulate(short).omega_b)
-    planned = call("plan", short, "--json", *options)
-    assert json.loads(planned.output)["error"] == rbfmu.plan(short, inputs=table, interpolate=interpolate).error
-
-
-def test_a_course_between_rows_of_no_table_is_refused(short: Path) -> None:
-    result = call("plan", short, "--interpolate", "linear")
-    assert result.exit_code == 2
-    assert "--interpolate linear: expected --inputs" in result.stderr
-
-
-def test_a_wrong_file_of_inputs_is_one_message_and_status_2(short: Path, tmp_path: Path) -> None:
-    short.write_text(SHORT + '[inputs]\nports = ["torque_b"]\n')
-    table = tmp_path / "u.csv"
-    table.write_text("time,torque_b[1],torque_b[2],torque_b[3]\n0,0,nan,0\n1,0,-1,0\n")
-    result = call("run", short, "-o", tmp_path / "out.npz", "--inputs", table)
-    assert result.exit_code == 2
-    assert 'u.csv: torque_b[2] = "nan" in row 1: expected a finite number' in result.stderr
-    assert not (tmp_path / "out.npz").exists()
-
-
 def test_results_of_run_are_those_of_python(short: Path, tmp_path: Path) -> None:
     call("run", short, "-o", tmp_path / "out.npz")
     with np.load(tmp_path / "out.npz") as file:
