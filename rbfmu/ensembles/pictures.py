@@ -88,7 +88,7 @@ def _ends(axes: Any, result: EnsembleResult, name: str) -> None:
         axis.get_offset_text().set_fontsize(8)  # as large as the numbers that it belongs to
     if np.count_nonzero(apart) == 1:
         axes.hist(ends[:, spread[0]], bins=40, color=COLORS[0], alpha=0.6)
-        axes.set_xlabel(_component(row, spread[0]), fontsize=8)
+        axes.set_xlabel(_component(row, spread[0]), fontsize=8, loc="left")
         axes.set_ylabel("runs", fontsize=8)
         return
     j, k = sorted(spread[:2].tolist())
@@ -97,7 +97,7 @@ def _ends(axes: Any, result: EnsembleResult, name: str) -> None:
     pair = ends[:, [j, k]]
     for sigma in SIGMAS:
         axes.add_patch(_ellipse(pair.mean(axis=0), np.cov(pair.T), sigma))
-    axes.set_xlabel(_component(row, j), fontsize=8)
+    axes.set_xlabel(_component(row, j), fontsize=8, loc="left")  # a power of ten stands on the right
     axes.set_ylabel(_component(row, k), fontsize=8)
 
 
