@@ -11,6 +11,7 @@ import pytest
 import rbfmu
 from rbfmu_kernels.compile import tiered
 from rbfmu_kernels.mechanics import inertia
+from tests.support.references.hard_cases import of_all_sizes
 from tests.support.references.hard_inertia import HARD_MOMENTS, SCALES, hard_matrices, random_rotation
 from tests.support.references.rational_matrices import (
     diagonal,
@@ -136,7 +137,7 @@ def test_inverse_inertia_is_the_inverse_within_its_condition(name):
 def test_inverse_inertia_of_a_diagonal_matrix_loses_three_eps_at_most(scale):
     rng = np.random.default_rng(9)
     for _ in range(50):
-        d = [float(x) * scale for x in 10 ** rng.uniform(-5, 0, 3)]
+        d = [float(x) * scale for x in of_all_sizes(rng, -5, 0, 3)]
         found = inertia.inverse_inertia(inertia.diagonal(tuple(d)))
         for i in range(3):
             assert abs(found[i][i] * d[i] - 1.0) <= 2.5 * EPS

@@ -12,6 +12,7 @@ from tests.support.references.exact import EPS
 from tests.support.references.hard_cases import (
     any_quaternion,
     any_vector,
+    of_all_sizes,
     random_quaternions,
     random_vectors,
     rng,
@@ -20,7 +21,7 @@ from tests.support.references.hard_cases import (
 from tests.support.references.laws import Law
 
 A, B, C, D = (random_vectors(300, seed) for seed in range(101, 105))
-MASSES = (10.0 ** rng(105).uniform(-3, 3, 300)).tolist()
+MASSES = of_all_sizes(rng(105), -3, 3, 300).tolist()
 BOXES = [inertia.box_inertia(m, tuple(s)) for m, s in zip(MASSES, rng(106).uniform(0.1, 2.0, (300, 3)), strict=True)]
 INERTIAS = [
     inertia.rotate_inertia(R, M) for R, M in zip(rotation_matrices(random_quaternions(300, 107)), BOXES, strict=True)

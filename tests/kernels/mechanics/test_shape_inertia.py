@@ -10,6 +10,7 @@ from numba import njit
 
 import rbfmu
 from rbfmu_kernels.mechanics import inertia
+from tests.support.references.hard_cases import of_all_sizes
 from tests.support.references.rational_matrices import (
     exact,
     exact_trace,
@@ -50,7 +51,7 @@ def test_inertia_of_a_shape_is_its_integral(shape):
     worst = 0.0
     with mp.workdps(30):
         for _ in range(15):
-            mass, *lengths = (10.0 ** rng.uniform(-2, 2, 1 + sizes)).tolist()
+            mass, *lengths = (of_all_sizes(rng, -2, 2, 1 + sizes)).tolist()
             x, y, z = second_moments(*map(mp.mpf, lengths))
             truth = [mass * (y + z), mass * (z + x), mass * (x + y)]
             M = kernel(mass, tuple(lengths)) if shape in ("box", "ellipsoid") else kernel(mass, *lengths)

@@ -6,7 +6,7 @@ import pytest
 
 from rbfmu_kernels.numerics.double_double_functions import angle_of, exponential, natural_logarithm, sine_and_cosine
 from tests.support.references.exact import mp
-from tests.support.references.hard_cases import rng
+from tests.support.references.hard_cases import of_all_sizes, rng
 
 BOUND = 5e-32
 """The largest error over the size of result and argument: two units in the last place of a double-double number."""
@@ -23,14 +23,14 @@ def pairs(values, seed):
     return [(float(x), float(part * math.ulp(x))) for x, part in zip(values, low, strict=True)]
 
 
-def of_all_sizes(seed, smallest, largest, n=150):
-    """Numbers between two powers of two in size, of both signs."""
+def of_both_signs(seed, smallest, largest, n=150):
+    """Numbers between two powers of two in size."""
     r = rng(seed)
-    return 2.0 ** r.uniform(smallest, largest, n) * r.choice([-1.0, 1.0], n)
+    return of_all_sizes(r, smallest, largest, n, 2.0) * r.choice([-1.0, 1.0], n)
 
 
 def test_exponential_has_30_digits_beside_those_of_its_argument():
-    for x in pairs([*of_all_sizes(1, -100, 0), *rng(2).uniform(-660.0, 660.0, 150), 0.0, 699.9], 3):
+    for x in pairs([*of_both_signs(1, -100, 0), *rng(2).uniform(-660.0, 660.0, 150), 0.0, 699.9], 3):
         truth = mp.exp(value(x))
         assert abs(value(exponential(x)) - truth) <= BOUND * truth * max(1.0, abs(x[0])), x
 
@@ -43,8 +43,8 @@ def test_exponential_out_of_range_is_zero_or_infinite(x, power):
 
 def test_logarithm_has_30_digits_beside_those_of_its_argument():
     r = rng(4)
-    near_one = 1.0 + r.uniform(-1.0, 1.0, 100) * 10.0 ** r.uniform(-14.0, 0.0, 100)
-    for x in pairs([*abs(of_all_sizes(5, -960, 960)), *near_one, 1.0], 6):
+    near_one = 1.0 + r.uniform(-1.0, 1.0, 100) * of_all_sizes(r, -14, 0, 100)
+    for x in pairs([*abs(of_both_signs(5, -960, 960)), *near_one, 1.0], 6):
         truth = mp.log(value(x))
         assert abs(value(natural_logarithm(x)) - truth) <= BOUND * max(1.0, abs(truth)), x
 
@@ -57,7 +57,7 @@ def test_logarithm_out_of_range_is_infinite_or_not_a_number(x, found):
 
 
 def test_sine_and_cosine_have_30_digits_beside_those_of_their_argument():
-    for x in pairs([*of_all_sizes(7, -100, 0), *rng(8).uniform(-8.0, 8.0, 200), *of_all_sizes(9, 3, 20)], 10):
+    for x in pairs([*of_both_signs(7, -100, 0), *rng(8).uniform(-8.0, 8.0, 200), *of_both_signs(9, 3, 20)], 10):
         angle, (s, c) = value(x), sine_and_cosine(x)
         assert abs(value(s) - mp.sin(angle)) <= BOUND * abs(x[0]), x
         assert abs(value(c) - mp.cos(angle)) <= BOUND * max(1.0, abs(x[0])), x
@@ -70,7 +70,7 @@ def test_what_is_not_finite_or_has_no_digit_of_a_turn_left_has_no_sine(x):
 
 def test_angle_has_30_digits():
     r = rng(11)
-    near_axes = 10.0 ** r.uniform(-20.0, 20.0, 100)
+    near_axes = of_all_sizes(r, -20, 20, 100)
     sines = [*r.standard_normal(200), *near_axes * r.choice([-1.0, 1.0], 100)]
     for y, x in zip(pairs(sines, 12), pairs(r.standard_normal(300), 13), strict=True):
         truth = mp.atan2(value(y), value(x))

@@ -18,7 +18,7 @@ from rbfmu_kernels.numerics.elementary import (
 from rbfmu_kernels.rotations.vec3 import norm
 from tests.support.references import exact
 from tests.support.references.exact import EPS, mp
-from tests.support.references.hard_cases import angles, rng
+from tests.support.references.hard_cases import angles, of_all_sizes, rng
 from tests.support.references.laws import Law
 
 
@@ -37,7 +37,7 @@ def nearest_to_multiples_of_quarter_turns(n):
 
 def angles_to_2e5():
     r = rng(11)
-    values = [*r.uniform(-4, 4, 1000), *r.uniform(-2e5, 2e5, 1000), *(2.0 ** r.uniform(-1000, 17, 300))]
+    values = [*r.uniform(-4, 4, 1000), *r.uniform(-2e5, 2e5, 1000), *of_all_sizes(r, -1000, 17, 300, 2.0)]
     return [(float(x),) for x in [*values, *nearest_to_multiples_of_quarter_turns(100)]]
 
 
@@ -63,7 +63,7 @@ def powers_of_e():
     values = [
         *r.uniform(-708, 708, 1000),
         *r.uniform(-1, 1, 1000),
-        *(2.0 ** r.uniform(-1000, 0, 100)),
+        *of_all_sizes(r, -1000, 0, 100, 2.0),
         0.0,
         708.0,
         -708.0,
@@ -74,8 +74,8 @@ def powers_of_e():
 def positive_numbers():
     """All sizes, also those with fewer digits, and many near 1, where the logarithm has a root."""
     r = rng(18)
-    near_one = 1.0 + r.uniform(-1, 1, 500) * 10.0 ** r.uniform(-15.5, -1, 500)
-    values = [*(2.0 ** r.uniform(-1074, 1024, 1000)), *r.uniform(0.5, 2, 1000), *near_one, 5e-324, 1.7e308]
+    near_one = 1.0 + r.uniform(-1, 1, 500) * of_all_sizes(r, -15.5, -1, 500)
+    values = [*of_all_sizes(r, -1074, 1024, 1000, 2.0), *r.uniform(0.5, 2, 1000), *near_one, 5e-324, 1.7e308]
     return [(float(x),) for x in values if x != 1.0]
 
 
@@ -83,8 +83,8 @@ def points():
     """All octants, all ratios, and sizes from 1e-150 to 1e150."""
     r = rng(12)
     y, x = r.standard_normal((2, 2000))
-    x[1000:] *= 10.0 ** r.uniform(-20, 20, 1000)
-    size = 10.0 ** r.uniform(-150, 150, 2000)
+    x[1000:] *= of_all_sizes(r, -20, 20, 1000)
+    size = of_all_sizes(r, -150, 150, 2000)
     return [(float(a), float(b)) for a, b in zip(size * y, size * x, strict=True)]
 
 
@@ -95,7 +95,7 @@ LAWS = [
     Law(atan2, lambda y, x: mp.atan2(y, x), points, 1.7, measure=ulps),
     Law(exponential, mp.exp, powers_of_e, 1.0, measure=ulps),
     Law(logarithm, mp.log, positive_numbers, 1.0, measure=ulps),
-    Law(norm, exact.norm, lambda: [((s, -2.0 * s, 0.3 * s),) for s in 10.0 ** rng(13).uniform(-300, 300, 300)], 1.3,
+    Law(norm, exact.norm, lambda: [((s, -2.0 * s, 0.3 * s),) for s in of_all_sizes(rng(13), -300, 300, 300)], 1.3,
         scale=exact.norm),
 ]  # fmt: skip
 

@@ -13,6 +13,7 @@ from tests.support.references.exact import EPS, mp
 from tests.support.references.hard_cases import (
     any_quaternion,
     any_vector,
+    of_all_sizes,
     quaternions,
     random_quaternions,
     random_vectors,
@@ -53,7 +54,7 @@ def apart():
 
 def scaled():
     """All sizes that a float can have."""
-    sizes = (10.0 ** rng(34).uniform(-307, 307, len(QUATERNIONS))).tolist()
+    sizes = of_all_sizes(rng(34), -307, 307, len(QUATERNIONS)).tolist()
     return [(tuple(s * x for x in q),) for s, q in zip(sizes, QUATERNIONS, strict=True)]
 
 

@@ -15,6 +15,7 @@ from tests.support.references.hard_cases import (
     SMALL,
     any_quaternion,
     any_vector,
+    of_all_sizes,
     quaternions,
     random_quaternions,
     random_vectors,
@@ -118,7 +119,7 @@ def test_error_is_as_stated(law):
     (rotation_vector.matrix_from_axis_angle, matrix_from_axis_angle, 5.0),
 ])  # fmt: skip
 def test_an_axis_of_any_length_is_a_direction(kernel, truth, bound):
-    sizes = 10.0 ** rng(59).uniform(-140, 140, len(AXIS_AND_ANGLE))
+    sizes = of_all_sizes(rng(59), -140, 140, len(AXIS_AND_ANGLE))
     cases = [(vec3.scale(float(size), k), a) for size, (k, a) in zip(sizes, AXIS_AND_ANGLE, strict=True)]
     cases.append(((9.683108800683478e-09, -4.1481184077252e-09, 1.0000000000000004), 2.4201851487990953))
     law = Law(kernel, lambda k, a: truth(exact.unit(k), a), lambda: cases, bound)

@@ -6,7 +6,7 @@ import pytest
 import rbfmu
 from tests.kernels.rotations import test_attitude_error, test_quaternion, test_rodrigues, test_rotation
 from tests.support.references.exact import EPS
-from tests.support.references.hard_cases import rng
+from tests.support.references.hard_cases import of_all_sizes, rng
 
 Long = np.longdouble
 TABLES = (test_quaternion, test_rotation, test_rodrigues, test_attitude_error)
@@ -18,8 +18,8 @@ def many_quaternions(n, seed):
     """A quarter each: near half a turn, with components of unlike sizes, and uniform (half)."""
     r = rng(seed)
     q = r.standard_normal((n, 4))
-    q[: n // 4, 0] *= 10.0 ** r.uniform(-9, 0, n // 4)
-    q[n // 4 : n // 2] *= 10.0 ** r.uniform(-2, 0, (n // 4, 4))
+    q[: n // 4, 0] *= of_all_sizes(r, -9, 0, n // 4)
+    q[n // 4 : n // 2] *= of_all_sizes(r, -2, 0, (n // 4, 4))
     return r.permutation(q / np.linalg.norm(q, axis=1, keepdims=True))
 
 

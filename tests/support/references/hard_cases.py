@@ -22,10 +22,22 @@ def rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
+def of_all_sizes(
+    r: np.random.Generator, low: float, high: float, shape: int | tuple[int, ...], base: float = 10.0
+) -> np.ndarray:
+    """Numbers from base^low to base^high, as many of each size, the same on every machine.
+
+    Those of `base ** r.uniform(low, high)` are not: some of NumPy's powers have another last bit where the processor
+    has AVX-512.
+    """
+    exponents = r.integers(round(low * math.log2(base)), round(high * math.log2(base)), shape)
+    return np.ldexp(r.uniform(1.0, 2.0, shape), exponents)
+
+
 def random_vectors(n: int, seed: int = 1) -> list[Tuple]:
     """Directions at random, lengths from 1e-3 to 1e3."""
     r = rng(seed)
-    lengths = 10.0 ** r.uniform(-3, 3, (n, 1))
+    lengths = of_all_sizes(r, -3, 3, (n, 1))
     return [tuple(v) for v in (lengths * r.standard_normal((n, 3))).tolist()]
 
 
