@@ -105,6 +105,7 @@ def test_constants_and_inputs_and_angles_take_part():
     assert one.values == pytest.approx([0.3], abs=1e-7)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("guess", [0.0, 1.0])
 def test_large_numbers_are_found_from_a_guess_that_knows_no_size(guess):
     scene = rbfmu.Scene.from_dict({

@@ -19,7 +19,6 @@ from rbfmu import arrays
 from rbfmu.cli import main
 from rbfmu.models.registry import MODELS
 from rbfmu.studies.chart.cases import CASES
-from tests.support.covering import some_of
 from tests.support.paths import ROOT
 
 NAMES = [path.relative_to(ROOT).as_posix() for path in pages.PAGES]
@@ -94,8 +93,9 @@ def test_the_readme_has_two_commands_to_install_and_an_example_of_each_way_in() 
 # --- code
 
 
+@pytest.mark.thorough
 @needs_compiler
-@pytest.mark.parametrize("block", some_of([pytest.param(b, id=str(b)) for b in PYTHON], 1))
+@pytest.mark.parametrize("block", PYTHON, ids=str)
 def test_python_can_be_pasted(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each block by itself, in a folder that has the page's scene."""
     scenes_of(block.page, tmp_path)

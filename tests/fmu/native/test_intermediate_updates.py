@@ -56,6 +56,7 @@ def test_inputs_that_are_parabolas_are_exact(kind):
     assert importer.instance.get(*TORQUES) == list(quadratic(1.0).values())
 
 
+@pytest.mark.thorough
 def test_they_are_the_input_derivatives_of_fmi_2_to_the_bit():
     importer, older = Importer("torqued", quadratic), started(quadratic(0.0), "torqued")
     importer.instance.start(quadratic(0.0))

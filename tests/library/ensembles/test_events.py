@@ -43,6 +43,7 @@ def result(scene, planned):
     return rbfmu.run_ensemble(scene, planned=planned, executor=1)
 
 
+@pytest.mark.thorough
 def test_they_are_those_of_each_run_alone_which_no_event_ends(scene, planned, result):
     samples = draw(scene, 0, len(result.samples["initial.omega_b"]))
     for row in range(0, 40, 3):

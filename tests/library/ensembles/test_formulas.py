@@ -40,6 +40,7 @@ def planned(scene):
     return plan_ensemble(scene)
 
 
+@pytest.mark.thorough
 def test_members_have_the_bits_of_single_runs(scene, planned):
     found = rbfmu.run_ensemble(scene, executor=1, planned=planned, progress=False)
     samples = draw(scene, 0, 12)

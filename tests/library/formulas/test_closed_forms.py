@@ -96,6 +96,7 @@ def test_what_is_more_than_own_outputs_is_integrated(more):
     assert rbfmu.plan(scene(**{"own": {"spin": "norm(omega_b)"}, **more})).model == "formulas"
 
 
+@pytest.mark.thorough
 def test_members_of_an_ensemble_have_the_bits_of_single_runs_over_a_closed_form():
     vary = {"constants.k": {"normal": [0.5, 0.1]}, "initial.omega_b": {"relative": [0.1, 0.1, 0.1]}}
     one = scene(own=OWN, ensemble={"runs": 6, "vary": vary})

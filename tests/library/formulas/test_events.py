@@ -102,6 +102,7 @@ def test_scenes_that_differ_in_a_direction_alone_have_kernels_of_their_own():
     np.testing.assert_array_equal(found["any"], both)
 
 
+@pytest.mark.thorough
 def test_an_angle_passes_zero_once_a_turn_and_jumps_once():
     """A series of it went on beyond pi: a body that spins passed zero once."""
     yaw = "atan2(R_ab[2,1], R_ab[1,1])"
@@ -125,6 +126,7 @@ def test_what_is_zero_at_communication_points_has_no_poles():
     np.testing.assert_allclose(found, 0.5 * np.arange(8), rtol=0, atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_an_event_ends_the_run_and_is_its_last_row():
     one = scene(end={"when": "omega_b[1]", "stop": True, "direction": "rising"}, before="sin(3*t)")
     found, free = rbfmu.simulate(one), rbfmu.simulate(scene(end={"when": "omega_b[1]", "direction": "rising"}))
@@ -139,6 +141,7 @@ def test_an_event_ends_the_run_and_is_its_last_row():
     assert len(at_point.time) == 4
 
 
+@pytest.mark.thorough
 def test_events_at_the_time_of_one_that_ends_the_run_are_told_with_it():
     stops = {"when": "t - 1.7", "stop": True}
     found = rbfmu.simulate(scene(first="1.7 - t", end=stops, other=stops | {"when": "2*t - 3.4"}, after="t - 1.7001"))
@@ -159,6 +162,7 @@ def test_an_event_that_ends_a_driven_run_ends_no_pilot_run():
     assert plans[0].error == plans[1].error < 1e-9
 
 
+@pytest.mark.thorough
 def test_a_simulator_tells_events_of_its_last_step_and_stops_at_one():
     simulator = rbfmu.Simulator(scene(tick="sin(3*t)", a="omega_b[1]"))
     told = []

@@ -149,6 +149,7 @@ def test_inputs_that_were_set_before_a_refused_step_stay_set():
         np.testing.assert_array_equal(after[blocks[name]], before[blocks[name]], err_msg=name)
 
 
+@pytest.mark.thorough
 def test_inputs_that_have_changed_in_a_refused_step_are_what_they_were_before():
     """They reach the pole of an output just at the step's end, where the step is refused."""
     scene = driven_by("[u, 0, 0]").replace({"outputs.pole": "1/(3 - u) + 1/(2 - torque_b[1])"})

@@ -24,6 +24,7 @@ def test_own_outputs_stand_without_quantities_and_rows_keep_their_neighbours():
     assert other.outputs.names[-1] == "turned"
 
 
+@pytest.mark.thorough
 def test_constants_and_starts_are_parameters_where_they_are_listed():
     tables = CASES["spring, thrust and a lag"][0] | {"inputs": {"parameters": ["k", "u_0"]}}
     one = rbfmu.Scene.from_dict(tables)
@@ -201,6 +202,7 @@ def test_a_plan_says_with_which_inputs_its_pilot_ran(start, said):
     assert any(f"in a pilot run with {said}, " in reason for reason in rbfmu.plan(one).reasons)
 
 
+@pytest.mark.thorough
 def test_ports_and_constants_that_nothing_reads_can_be_set():
     """Where nothing else was a formula no model had places for them: a `KeyError` came of each of these."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "initial": {"omega_b": [0.1, 0.2, 0.3]},
