@@ -192,7 +192,9 @@ def _blocks_of(parameters: Iterable[str]) -> Iterator[str]:
         yield name
         yield f"constant_{name}"
         if name in ("inertia", "mass", "r_oc_b"):
-            yield from ("M", "M_inverse", "arm")
+            yield from ("M", "M_inverse")
+        if name == "r_oc_b":
+            yield "arm"
 
 
 def unit_numbers() -> dict[str, list[float]]:

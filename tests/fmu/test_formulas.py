@@ -16,6 +16,7 @@ from fmpy.simulation import instantiate_fmu
 
 import rbfmu
 import rbfmu_fmu
+from rbfmu.models.formulas import equations_of
 from tests.support.paths import ROOT
 
 SCENE = {
@@ -209,6 +210,17 @@ def test_variables_say_what_they_are_and_depend_on(fmus: dict[str, Path]) -> Non
     assert depends["InitialUnknowns"]["h[1]"] == {f"h_0[{k}]" for k in (1, 2, 3)}
     assert depends["InitialUnknowns"]["tilt"] == {f"quaternion_0[{k}]" for k in (1, 2, 3, 4)}
     assert "3*n**2 * cross(u_b, M_c @ u_b) - c*h" in page
+
+
+@pytest.mark.parametrize("listed", ["mass", "inertia", "r_oc_b"])
+def test_only_a_centre_of_mass_that_may_change_couples_forces_and_torques(listed: str) -> None:
+    """With a mass listed, outputs followed ports that nothing links, and depended on an r_oc_b that is not said."""
+    tables = {"body": SCENE["body"], "constants": {"k": 0.3}, "loads": {"torque_b": "-k*omega_a"}}
+    inputs, outputs = {"ports": ["force_a"], "parameters": [listed]}, {"quantities": ["omega_b", "alpha_b"]}
+    scene = rbfmu.Scene.from_dict(tables | {"inputs": inputs, "outputs": outputs})
+    found, coupled = equations_of(scene), listed == "r_oc_b"
+    assert found.follows("alpha_b") == ({"force_a"} if coupled else set())
+    assert ("r_oc_b" in found.parameters) == coupled
 
 
 def test_outputs_follow_the_time_that_stands_in_their_formulas(fmus: dict[str, Path]) -> None:
