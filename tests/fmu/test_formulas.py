@@ -295,3 +295,22 @@ def test_derivatives_refusals_and_what_is_not_finite(fmus: dict[str, Path], tmp_
         one.getReal([reference["root"]])
     assert "an output is not finite" in said[-1]
     one.freeInstance()
+
+
+@pytest.mark.thorough
+def test_a_body_at_rest_has_derivatives_by_inputs_at_the_start_beside_a_norm_that_has_none(tmp_path: Path) -> None:
+    """In Initialization Mode they were refused, as if a parameter changed the norm of the rates, which is zero."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "loads": {"torque_b": "-0.2*norm(omega_b)*omega_b"}}
+    more = {"inputs": {"ports": ["torque_b"]}, "outputs": {"quantities": ["alpha_b"]}, "run": {"stop": 1.0}}
+    path = str(rbfmu_fmu.build(rbfmu.Scene.from_dict(tables | more), tmp_path / "drag.fmu", kind="native"))
+    model = fmpy.read_model_description(path)
+    at = {v.name: v.valueReference for v in model.modelVariables}
+    log = lambda *_: None  # noqa: E731
+    one = instantiate_fmu(fmpy.extract(path, str(tmp_path)), model, "CoSimulation", logger=log)
+    shown = [at[f"alpha_b[{k}]"] for k in (1, 2, 3)]
+    one.setupExperiment(startTime=0.0)
+    one.enterInitializationMode()
+    assert one.getDirectionalDerivative(shown, [at["torque_b[2]"]], [1.0]) == [0.0, 0.5, 0.0]
+    with pytest.raises(FMICallException):
+        one.getDirectionalDerivative(shown, [at["omega_b_0[2]"]], [1.0])
+    one.freeInstance()

@@ -92,10 +92,17 @@ static double share(Elements e, size_t k) {
     return 1.0 / times;
 }
 
+/* Whether a parameter changes. Where none does, formulas without a derivative by one, as a norm at zero, say nothing. */
+static int changes_parameters(const double *change) {
+    for (unsigned r = FIRST_PARAMETER; r < FIRST_OUTPUT; r++)
+        if (change[OFFSETS[r]] != 0.0) return 1;
+    return 0;
+}
+
 /* Set how much outputs change at once with inputs, and at the start with parameters. */
 static void change_outputs(const Instance *m, double *change) {
     feedthrough((double *)m->now.z, change);
-    if (m->now.phase == INITIALIZING) add_changes(m->now.z, change);
+    if (m->now.phase == INITIALIZING && changes_parameters(change)) add_changes(m->now.z, change);
 }
 
 /* A function of one's own may have no derivative where it stands, as a root at zero. */
