@@ -109,10 +109,12 @@ class Simulator:
         self._begin(*of_scene_or_path(lambda one: (one, plan(one)), "Simulator")(scene), parameters)
 
     def _begin(self, scene: Scene, planned: Plan, parameters: dict[str, Any]) -> None:
+        changed = with_parameters(scene, planned, parameters)
+        planned = planned.of_scene(changed)  # own outputs may read what was zero
         self.scene, self.plan = scene, planned
         kernels, run = planned.kernels, scene.run
         blocks = kernels.BLOCKS
-        self._z = start_run(with_parameters(scene, planned, parameters), planned)
+        self._z = start_run(changed, planned)
         self._bytes, self._step = self._z.data.cast("B"), tiered(kernels.step)
         self._ports = {name: 8 * blocks[name].start for name in self.scene.inputs.ports}
         self._scalars = {name for name, port in self.scene.inputs.own.items() if port.size == 1}
@@ -264,7 +266,10 @@ class Simulator:
 
     def reset(self, **parameters: Any) -> None:
         """Begin anew with the scene's values and the parameters given; inputs are as at first. Raises SceneError."""
-        self._z[:] = start_run(with_parameters(self.scene, self.plan, parameters), self.plan)
+        changed = with_parameters(self.scene, self.plan, parameters)
+        if self.plan.of_scene(changed) is not self.plan:
+            self._begin(self.scene, self.plan, parameters)
+        self._z[:] = start_run(changed, self.plan)
         self.time, self._count = self._start, 0
         self._known = self._told = self._untold
 

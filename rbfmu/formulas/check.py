@@ -182,11 +182,11 @@ def given_to(scene: Any, numbers: Mapping[str, Sequence[float]], varied: Iterabl
     ports = {name: own[name].size if name in own else 3 for name in scene.inputs.ports}
     listed = (*scene.inputs.parameters, *(scene.ensemble.parameters if scene.ensemble else ()))
     blocks = (name.partition("[")[0] for name in varied)
-    symbolic = frozenset({*(f"{CONSTANT}{name}" for name in constants), *_blocks_of(listed), *blocks})
+    symbolic = frozenset({*(f"{CONSTANT}{name}" for name in constants), *blocks_of(listed), *blocks})
     return Given(numbers, symbolic, ports, states, constants, bool(scene.body and scene.body.pivot))
 
 
-def _blocks_of(parameters: Iterable[str]) -> Iterator[str]:
+def blocks_of(parameters: Iterable[str]) -> Iterator[str]:
     """Yield the blocks whose zeros may become other numbers where parameters are listed."""
     for name in parameters:
         yield name

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.formulas.check import Texts, given_to
+from rbfmu.formulas.check import Texts, blocks_of, given_to
 from rbfmu.formulas.graph import SYMBOLIC, Symbol, gradient, numbers_of, side
 from rbfmu.formulas.motion import CONSTANT, STATE, Given, by_element, closure, groups_of
 from rbfmu.formulas.program import Program
@@ -313,7 +313,8 @@ class OverClosedForm(FormulaModel):
     """The model of own outputs over a closed form, of whose motion and of the time they are functions."""
 
     def __init__(self, formulas: FormulaModel, base: str) -> None:
-        super().__init__(formulas.texts)
+        # it serves with other values of parameters that are not listed too, also where numbers are zero here
+        super().__init__(texts_of(formulas.scene, blocks_of(formulas.parameters)))
         self._base, self._closed_form = base, model_named(base)
         self.program = Program(self.motion.graph, {}, dict(by_element(self.texts.own)))
 

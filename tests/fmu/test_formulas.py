@@ -17,6 +17,8 @@ from fmpy.simulation import instantiate_fmu
 import rbfmu
 import rbfmu_fmu
 from rbfmu.models.formulas import equations_of
+from rbfmu_fmu.description import describe
+from rbfmu_kernels.buffer import OK
 from tests.support.paths import ROOT
 
 SCENE = {
@@ -221,6 +223,21 @@ def test_only_a_centre_of_mass_that_may_change_couples_forces_and_torques(listed
     found, coupled = equations_of(scene), listed == "r_oc_b"
     assert found.follows("alpha_b") == ({"force_a"} if coupled else set())
     assert ("r_oc_b" in found.parameters) == coupled
+
+
+def test_own_outputs_over_a_closed_form_read_every_number_of_a_parameter() -> None:
+    """A closed form takes another value of what is not listed; energies were without the numbers that had been zero."""
+    tables = {"body": SCENE["body"], "initial": {"omega_b": [0.1, 0.2, 0.3], "position": [1.0, 0.0, 0.0]}}
+    tables |= {"outputs": {"quantities": ["kinetic_energy", "total_energy"]}, "run": {"stop": 1.0, "step": 0.5}}
+    scene = rbfmu.Scene.from_dict(tables)
+    found = describe(scene, rbfmu.plan(scene))
+    z, place = np.array(found.start_buffer), {v.name: v.offset for v in found.variables}
+    assert not any(v.pinned for v in found.variables)
+    z[[place[name] for name in ("gravity_a[1]", "inertia[1,2]")]] = [2.0, 0.5]
+    assert found.plan.kernels.initialize(z) == OK
+    kinetic = 0.5 * (0.9 * 0.01 + 1.1 * 0.04 + 1.4 * 0.09) + 0.5 * 0.1 * 0.2
+    shown = [z[place[name]] for name in ("kinetic_energy", "total_energy")]
+    np.testing.assert_allclose(shown, [kinetic, kinetic - 12.0 * 2.0 * 1.0], rtol=1e-14)
 
 
 def test_outputs_follow_the_time_that_stands_in_their_formulas(fmus: dict[str, Path]) -> None:

@@ -72,6 +72,29 @@ def test_its_plan_is_read_back_and_its_steps_are_those_of_a_run():
     assert simulator.time == other.time[2]
 
 
+@pytest.mark.parametrize("changed", [
+    {"body.inertia": [[0.3, 0.02, 0.01], [0.02, 0.4, 0.03], [0.01, 0.03, 0.5]]},
+    {"loads.gravity_a": [1.0, 2.0, -3.0]},
+    {"loads.force_a": [1.0, 0.0, -2.0]},
+    {"body.r_oc_b": [0.1, -0.2, 0.3]},
+])  # fmt: skip
+def test_own_outputs_read_parameters_that_were_zero(changed):
+    """A closed form serves with other values of what nobody lists; own outputs took what was zero for zero."""
+    one = scene(own=OWN)
+    parameter = {key.partition(".")[2]: value for key, value in changed.items()}
+    expected, begun, reset = (
+        rbfmu.simulate(one.replace(changed)),
+        rbfmu.Simulator(one, **parameter),
+        rbfmu.Simulator(one),
+    )
+    reset.reset(**parameter)
+    for simulator in (begun, reset):
+        assert simulator.plan.model == FREE
+        simulator.step()
+        for name in OWN:
+            np.testing.assert_array_equal(getattr(simulator, name), expected.quantities[name][1])
+
+
 def test_a_step_is_refused_where_an_own_output_is_not_finite_and_all_is_as_it_was():
     one = scene(own={"end": "log(10*k - t)"}, constants={"k": 1.0}, inputs={"parameters": ["k"]})
     planned = rbfmu.plan(one)
