@@ -116,9 +116,15 @@ class FormulaModel:
         return "t" in self._leaves("state", self._numbers(name))
 
     def begins_with(self, name: str) -> set[str]:
-        """Return the names of the parameters on which an output depends at the start."""
-        numbers = self._numbers(name)
-        return self._parameters(numbers, self._leaves("state", numbers))
+        """Return the names of those parameters on which an output depends at the start, as its derivatives tell too."""
+        numbers = self._without_zeros._numbers(name)
+        found = self._without_zeros._parameters(numbers, self._without_zeros._leaves("state", numbers))
+        return found & {*self.parameters, *self.scene.inputs.parameters}
+
+    @cached_property
+    def _without_zeros(self) -> "FormulaModel":
+        """Return the model in which no number of a parameter is taken for zero."""
+        return FormulaModel(texts_of(self.scene, blocks_of(self.parameters)))
 
     def _numbers(self, *names: str) -> list[Any]:
         return [x for name in names for x in np.ravel(self.shown[name])]

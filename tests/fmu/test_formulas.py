@@ -225,6 +225,17 @@ def test_only_a_centre_of_mass_that_may_change_couples_forces_and_torques(listed
     assert ("r_oc_b" in found.parameters) == coupled
 
 
+def test_initial_dependencies_are_of_numbers_that_are_zero_as_well() -> None:
+    """The derivative by position_0[3], which is zero here, is 117.72, and dependencies said that there is none."""
+    body = SCENE["body"] | {"pivot": True, "r_oc_b": [0.0, 0.0, -0.5]}
+    tables = {"body": body, "initial": {"position": [1.0, 0.0, 0.0]}}
+    outputs = {"quantities": ["omega_b", "potential_energy"], "place": "position"}
+    found = equations_of(rbfmu.Scene.from_dict(tables | {"outputs": outputs}))
+    assert found.begins_with("potential_energy") == {"mass", "gravity_a", "position_0", "r_oc_b", "quaternion_0"}
+    assert found.begins_with("place") == {"position_0"}
+    assert found.begins_with("omega_b") == {"omega_b_0"}
+
+
 def test_own_outputs_over_a_closed_form_read_every_number_of_a_parameter() -> None:
     """A closed form takes another value of what is not listed; energies were without the numbers that had been zero."""
     tables = {"body": SCENE["body"], "initial": {"omega_b": [0.1, 0.2, 0.3], "position": [1.0, 0.0, 0.0]}}
