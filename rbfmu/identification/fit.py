@@ -196,7 +196,8 @@ def fit(
     turn, rad); estimated for each output without it. loss: "linear", or "soft_l1", "huber", "cauchy" where some data
     may be far off (`scipy.optimize.least_squares`). inputs, interpolate: what drove the ports, see `simulate`.
 
-    Standard errors are those of a motion that is linear in the numbers near the fit. What the data do not tell, as
+    Standard errors are those of a motion that is linear in the numbers near the fit, with noise of the size that
+    residuals have, or (by the loss "linear") that `sigma` gives of all outputs. What the data do not tell, as
     torque-free motion tells ratios of moments alone, is found by singular values and named in `unknown`.
     Needs SciPy. Raises SceneError, ValueError.
     """
@@ -327,7 +328,8 @@ class _Search:
         values = np.concatenate([chart.numbers(row) for chart, row in by_chart(self._charts, p)])
         # by numbers, as a coordinate that is a logarithm of nearly nothing would hide what no data tell
         sizes = np.concatenate([np.full(chart.count, chart.scale(row)) for chart, row in by_chart(self._charts, p)])
-        told, unknown = self._tell_apart(J * sizes, noise.scatter(f, self._loss, len(p)))
+        is_known = len(self._given) == len(self._data.values)
+        told, unknown = self._tell_apart(J * sizes, noise.scatter(f, self._loss, len(p), is_known))
         covariance = told * np.outer(sizes, sizes)
         lost = np.zeros(len(p), dtype=bool)
         for direction in unknown:

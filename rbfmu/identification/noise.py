@@ -16,6 +16,10 @@ FOLLOWS = 4.0
 Of a hundred thousand columns of normal noise with 20 to 1,000 rows none came to 4; one in a thousand came to 3, so that
 one fit in a hundred to seven columns would be doubted for nothing.
 """
+OF_DEVIATION = 1.17
+"""The standard deviation of `deviation` of n normal numbers, times the root of n."""
+SMALL, LARGE = 0.1, 0.5
+"""By which part residuals may be larger than the noise given, however many there are, and however few."""
 
 
 def given_deviations(sigma: float | Mapping[str, float] | None, data: Measured) -> dict[str, float]:
@@ -42,10 +46,10 @@ def deviation(rows: Array) -> float:
     return max(float(1.4826 * np.median(np.abs(known))), 1e-15) if len(known) else 1.0
 
 
-def scatter(f: Array, loss: str, n: int) -> float:
+def scatter(f: Array, loss: str, n: int, is_known: bool) -> float:
     """Return by how much the covariance is more than that of least squares with unit noise (P. J. Huber, Robust
-    Statistics, 1981, ch. 7); 1 where there are no more data than numbers, n."""
-    if len(f) <= n:
+    Statistics, 1981, ch. 7); 1 where there are no more data than numbers, n, and in least squares with known noise."""
+    if len(f) <= n or (is_known and loss == "linear"):
         return 1.0
     z = f * f
     slope, bend = {
@@ -74,6 +78,7 @@ def trends(left: Mapping[str, Array]) -> list[str]:
 
 
 def too_large(f: Array, given: Mapping[str, float]) -> list[str]:
-    """Return in words whether residuals over their standard deviation are far larger than the noise that was given."""
-    size = deviation(f)
-    return [f"residuals are {size:.2g} times the noise that was given"] if given and size > 1.5 else []
+    """Return in words whether residuals over their standard deviation are larger than the noise that was given."""
+    size, by_chance = deviation(f), FOLLOWS * OF_DEVIATION / math.sqrt(len(f))
+    too_much = size > 1.0 + min(LARGE, max(SMALL, by_chance))
+    return [f"residuals are {size:.3g} times the noise that was given"] if given and too_much else []

@@ -7,6 +7,7 @@ import rbfmu
 from rbfmu.ensembles.members import draw
 from rbfmu.identification.charts import chart_of
 from rbfmu.identification.measured import sigma_of
+from rbfmu.identification.noise import too_large
 from rbfmu_fmu.demo import NASA
 from tests.support import fits
 from tests.support.paths import ROOT
@@ -288,6 +289,18 @@ def test_as_many_data_as_numbers_leave_the_noise_that_is_given():
     found = rbfmu.fit(scene, data, ["initial.omega_b"], sigma=0.01)
     assert found.values == pytest.approx(data["omega_b"][0], abs=1e-9)
     assert found.standard_errors == pytest.approx(0.01, rel=1e-3)
+
+
+def test_a_noise_that_is_given_makes_the_errors_whatever_residuals_are():
+    """They were scaled by residuals: those of two rows that happen to be alike told errors of zero."""
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, initial={"omega_b": [1.0, 0.1, 0.2]})
+    rows = np.array([[1.0, 0.1, 0.2], [1.0, 0.1, 0.2 + 1e-6]])
+    found = rbfmu.fit(scene, {"time": [0.0, 1.0], "omega_b": rows}, ["initial.omega_b"], sigma=0.01)
+    assert found.standard_errors == pytest.approx(0.01 / np.sqrt(2.0), rel=1e-3)
+    assert found.doubts == ()
+    f, given = np.random.default_rng(RNG_SEED + 5).normal(size=900), {"omega_b": 0.01}
+    assert too_large(f, given) == too_large(1.3 * f, {}) == too_large(1.3 * f[:60], given) == []
+    assert too_large(1.3 * f, given)[0].startswith("residuals are 1.3")
 
 
 def test_inputs_may_be_rows_for_the_scene_s_own_steps():
