@@ -250,10 +250,18 @@ class _Search:
         if self._misfit(given, sigma) < self._misfit(p, sigma):
             p = self._nearest(given, self._data, sigma, HELD_LAST)
         for _ in range(0 if len(self._given) == len(self._data.values) else 2):
-            left, _ = self._evaluate(p, self._data)
-            sigma = {name: self._given.get(name) or noise.deviation(left[name]) for name in sigma}
+            sigma = self._estimated(p, sigma)
             p = self._nearest(p, self._data, sigma, HELD_LAST)
         return self._finish(p, sigma)
+
+    def _estimated(self, p: Array, sigma: Mapping[str, float]) -> dict[str, float]:
+        """Return standard deviations, of what none is given by residuals and how many of them a fit follows."""
+        left, _ = self._evaluate(p, self._data)
+        U, s, _ = np.linalg.svd(self._stack(p, self._data, sigma)[1] @ self._slopes(p), full_matrices=False)
+        ends = np.cumsum([np.isfinite(rows).sum() for rows in left.values()])[:-1]
+        followed = map(np.sum, np.split(U**2 @ (s**2 / (s**2 + HELD_LAST**2)), ends))
+        of = zip(left, followed, strict=True)
+        return {name: self._given.get(name) or noise.estimated(name, left[name], float(n)) for name, n in of}
 
     def _measure_zeros(self, p: Array) -> None:
         """Give what begins at zero a size: the change that moves some output by as much as was measured of it."""
@@ -324,7 +332,8 @@ class _Search:
     def _finish(self, p: Array, sigma: Mapping[str, float]) -> Fit:
         scene = self._scene.replace(changes(self._charts, p))
         left, _ = self._evaluate(p, self._data)  # raises what the scene refuses
-        f, J = self._stack(p, self._data, sigma)
+        f = np.concatenate([noise.noisy(rows) / sigma[name] for name, rows in left.items()])
+        J = self._stack(p, self._data, sigma)[1]
         values = np.concatenate([chart.numbers(row) for chart, row in by_chart(self._charts, p)])
         # by numbers, as a coordinate that is a logarithm of nearly nothing would hide what no data tell
         sizes = np.concatenate([np.full(chart.count, chart.scale(row)) for chart, row in by_chart(self._charts, p)])

@@ -18,6 +18,10 @@ one fit in a hundred to seven columns would be doubted for nothing.
 """
 OF_DEVIATION = 1.17
 """The standard deviation of `deviation` of n normal numbers, times the root of n."""
+STILL = 1e-9
+"""The size of a column's residuals, over the largest of its output, below which it has no noise."""
+LEAST_LEFT = 0.5
+"""How many numbers of an output a fit has to leave free, at least, to tell its noise."""
 SMALL, LARGE = 0.1, 0.5
 """By which part residuals may be larger than the noise given, however many there are, and however few."""
 
@@ -40,10 +44,28 @@ def size_of(name: str, rows: Array) -> float:
     return 0.01 * size or 1.0
 
 
-def deviation(rows: Array) -> float:
+def noisy(rows: Array) -> Array:
+    """Return residuals (times, k) that may be noise: columns of zeros, as of a rate that always is zero, tell none."""
+    sizes = np.sqrt(np.nansum(rows * rows, axis=0))
+    found = rows[:, sizes >= STILL * np.max(sizes)]
+    return np.asarray(found[np.isfinite(found)])
+
+
+def deviation(known: Array) -> float:
     """Return the standard deviation of noise, by the median of sizes, which outliers do not move."""
-    known = rows[np.isfinite(rows)]
     return max(float(1.4826 * np.median(np.abs(known))), 1e-15) if len(known) else 1.0
+
+
+def estimated(name: str, rows: Array, followed: float) -> float:
+    """Return the standard deviation of an output's noise, of which a fit follows so many numbers. Raises ValueError."""
+    known = noisy(rows)
+    left = len(known) - followed
+    if not len(known):  # of gaps alone
+        return 1.0
+    if left < LEAST_LEFT:
+        said = f"{np.isfinite(rows).sum()} numbers of {name}: the fit follows them, which tells no noise"
+        raise ValueError(f"data: {said}: expected its sigma, or more of them")
+    return deviation(known) * math.sqrt(len(known) / left)
 
 
 def scatter(f: Array, loss: str, n: int, is_known: bool) -> float:
@@ -69,10 +91,12 @@ def trends(left: Mapping[str, Array]) -> list[str]:
         shown = "attitude" if name == QUATERNION else name  # whose residuals are turns
         for element, column in zip(elements(shown, rows.shape[1]), rows.T, strict=True):
             x = column[np.isfinite(column)]
+            if len(x) <= 10:
+                continue
             far = 3.0 * deviation(x)
             x = np.clip(x - np.median(x), -far, far)
             r = float(np.sum(x[1:] * x[:-1]) / (np.sum(x * x) or 1.0))
-            if len(x) > 10 and r > FOLLOWS / math.sqrt(len(x)):
+            if r > FOLLOWS / math.sqrt(len(x)):
                 found.append(f"residuals of {element} follow each other (correlation {r:.2f}): not noise alone")
     return found
 
