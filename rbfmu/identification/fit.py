@@ -142,9 +142,8 @@ def _put(tomlkit: Any, document: Any, scene: Scene, key: str, comment: str) -> N
         rows[name][OWN[table]] = value
         rows[name].comment(comment)
         return
-    rows.pop(name, None)
     value.comment(comment)
-    rows.add(name, value)
+    rows[name] = value
 
 
 def _as_written(scene: Scene, key: str) -> Any:

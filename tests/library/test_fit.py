@@ -181,6 +181,27 @@ def test_a_fit_is_written_with_comments_and_read_again(tmp_path, found):
     assert rbfmu.load_scene(tmp_path / "alone.toml").initial.omega_b == found.scene.initial.omega_b
 
 
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("body.mass = 2.0\nbody.inertia = [1.0, 2.0, 2.5]\n", "body.mass"),
+        ('[body]\nmass = 2.0\n[run]\nstop = 2.0\n[body.shape]\nkind = "sphere"\nradius = 0.5\n', "body.inertia"),
+    ],
+)
+def test_any_spelling_of_a_table_may_be_written_over(tmp_path, text, key):
+    """Keys with dots, and tables in parts, ended in a traceback."""
+    file = tmp_path / "scene.toml"
+    file.write_text(text)
+    scene = rbfmu.load_scene(file)
+    fitted = scene.replace({key: 2.2 if key == "body.mass" else [1.1, 2.1, 2.6]})
+    names = [column.name for column in chart_of(scene, key).columns]
+    n = len(names)
+    found = rbfmu.Fit(fitted, tuple(names), np.ones(n), np.ones(n), np.eye(n), (), {}, {}, (), None)
+    found.save(file, file)
+    assert rbfmu.load_scene(file).body == fitted.body
+    assert "# fitted; standard error 1" in file.read_text()
+
+
 def test_the_posterior_is_an_ensemble(found):
     drawn = draw(found.posterior(400), 0, 400).applied["initial.omega_b"]
     np.testing.assert_allclose(drawn.std(axis=0), found.standard_errors[3:6], rtol=0.2)
