@@ -15,7 +15,7 @@ import numpy as np
 from rbfmu.exceptions import SceneError, SimulationError, named
 from rbfmu.extras import needed
 from rbfmu.identification import noise
-from rbfmu.identification.charts import INERTIA, OWN, Chart, by_chart, changes, chart_of, value_of
+from rbfmu.identification.charts import INERTIA, MASS, OWN, Chart, by_chart, changes, chart_of, value_of
 from rbfmu.identification.measured import QUATERNION, Data, Measured, read_measured, residuals
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables, with_times
 from rbfmu.scene.scene import SECTIONS, Scene, of_scene_or_path
@@ -116,6 +116,8 @@ class Fit:
             for key, at in self._places.items():
                 errors = ("not told" if np.isinf(e) else f"{e:.2g}" for e in self.standard_errors[at])
                 _put(tomlkit, document, self.scene, key, f"fitted; standard error {', '.join(errors)}")
+            if MASS in self._places and "shape" in document["body"]:
+                _put(tomlkit, document, self.scene, INERTIA, "of the shape, with the mass that it had")
             written = tomlkit.dumps(document)
             Scene.from_dict(tomllib.loads(written), str(path))  # what cannot be read again is not written
             Path(path).write_text(written, encoding="utf-8")

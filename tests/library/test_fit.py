@@ -186,10 +186,11 @@ def test_a_fit_is_written_with_comments_and_read_again(tmp_path, found):
     [
         ("body.mass = 2.0\nbody.inertia = [1.0, 2.0, 2.5]\n", "body.mass"),
         ('[body]\nmass = 2.0\n[run]\nstop = 2.0\n[body.shape]\nkind = "sphere"\nradius = 0.5\n', "body.inertia"),
+        ('[body]\nmass = 2.0\nshape = { kind = "sphere", radius = 0.5 }\n', "body.mass"),
     ],
 )
 def test_any_spelling_of_a_table_may_be_written_over(tmp_path, text, key):
-    """Keys with dots, and tables in parts, ended in a traceback."""
+    """Keys with dots, and tables in parts, ended in a traceback; a shape gave another inertia beside a fitted mass."""
     file = tmp_path / "scene.toml"
     file.write_text(text)
     scene = rbfmu.load_scene(file)
