@@ -260,12 +260,13 @@ def read_npz(path: Path) -> dict[str, Any]:
 
 def _npz(path: Path) -> dict[str, Array]:
     try:
-        return {name: np.asarray(rows, dtype=np.float64) for name, rows in read_npz(path).items()}
+        arrays = read_npz(path)
     except FileNotFoundError:
         raise
     except Exception as error:
         said = f"{error!s:.100}"  # of what is no number NumPy says all of it
         raise ValueError(f"{path}: cannot be read as arrays of NumPy ({said}): expected the result of a run") from None
+    return {name: as_floats(str(path), name, rows) for name, rows in arrays.items()}
 
 
 def incomplete(names: Sequence[str]) -> Iterator[tuple[str, str]]:
