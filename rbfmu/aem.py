@@ -7,7 +7,7 @@ its scalar part stands last. Angular velocities are in deg/s.
 import math
 import re
 from datetime import UTC, date, datetime, timedelta
-from decimal import Decimal
+from decimal import Context, Decimal
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,8 @@ EPOCH = f"{DAY}T12:00:00"
 """What stands for a scene's time 0, as scenes have no date."""
 WIDTHS = {"QUATERNION": 4, "QUATERNION/DERIVATIVE": 8, "QUATERNION/ANGVEL": 7, "QUATERNION/RATE": 7}
 """Numbers in a line, by ATTITUDE_TYPE. Derivatives, and the rates of B-1, which are none of the body, are left out."""
+EXACT = Context(prec=400)
+"""Digits for sums of any times: the usual 28 lose the last of what is shorter than a microsecond."""
 TOLERANCE = 1e-3
 """By which the square of a quaternion's length may differ from 1, as of numbers with few digits."""
 _TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d(?:\.\d*)?)Z?")
@@ -81,7 +83,7 @@ def read_aem(path: Path) -> dict[str, Array]:
     except ValueError as error:
         raise ValueError(f"{path}: line {number}: {error}") from None
     start = rows[0][0] if origin is None else origin
-    columns = {"time": np.array([float(row[0] - start) for row in rows])}
+    columns = {"time": np.array([float(EXACT.subtract(row[0], start)) for row in rows])}
     columns["quaternion"] = np.array([row[1] for row in rows])
     rates = {row[2] for row in rows}
     if len(rates) == 1 and (name := rates.pop()):
@@ -118,14 +120,14 @@ def _seconds(text: str) -> Decimal:
         raise ValueError(f"{text!r}: expected a time such as {EPOCH}.25")
     year, month, day, of_year, hour, minute, second = found.groups()
     days = date(int(year), int(month or 1), int(day or 1)) + timedelta(int(of_year or 1) - 1) - DAY
-    return Decimal(SECONDS * days.days + 3600 * int(hour) + 60 * int(minute) - NOON) + Decimal(second)
+    return EXACT.add(Decimal(SECONDS * days.days + 3600 * int(hour) + 60 * int(minute) - NOON), Decimal(second))
 
 
 def _epoch(t: float) -> str:
     """Return the time so many seconds after `EPOCH`, in decimals that give t again."""
-    after = Decimal(repr(t)) + NOON
+    after = EXACT.add(Decimal(repr(t)), Decimal(NOON))
     days = math.floor(after / SECONDS)
-    minutes, second = divmod(after - SECONDS * days, 60)
+    minutes, second = EXACT.divmod(EXACT.subtract(after, Decimal(SECONDS * days)), Decimal(60))
     try:
         day = DAY + timedelta(days)
     except OverflowError:

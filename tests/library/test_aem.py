@@ -138,6 +138,7 @@ def some_result(time: list[float]) -> Result:
     (0.1 * np.arange(50)).tolist(),
     [-1e9, -43200.0, -0.1, 0.1 + 0.2, 1e-9 + 1.0, 59.99999999999999, 60.0, 86399.9, 1e6 / 3.0, 1e9],
     [5.0, 5.000000000000001],
+    [-1e-9 / 3.0, 1e-300, 3.5966052440001177e-09, 1e-6 / 7.0],
 ])  # fmt: skip
 def test_times_and_attitudes_go_round_to_the_last_digit(time: list[float], tmp_path: Path) -> None:
     """Rates are turned into deg/s and back."""
