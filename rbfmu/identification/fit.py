@@ -53,7 +53,8 @@ class Fit:
     """What `fit` gives.
 
     scene: the fitted one; names, values, standard_errors: of the numbers that were free, (n,), NaN and infinite where
-    the data do not tell them; of an attitude the turn in b from the scene's, rad; covariance, correlation: (n, n);
+    the data do not tell them; of an attitude the turn in b from the scene's, rad, with the errors of a small turn in b
+    from the fitted one (which its components have too where the turn is small); covariance, correlation: (n, n);
     unknown: what the data do not tell, in words; residuals: measured less fitted by output, of a quaternion a turn in
     b, rad, (times, k), NaN at gaps; sigma: the standard deviation of each output's; doubts: in which way residuals do
     not look like noise, in words; measured: the data.
