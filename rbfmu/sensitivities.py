@@ -11,6 +11,7 @@ import numpy as np
 
 from rbfmu import arrays
 from rbfmu.exceptions import SceneError, named, path_of
+from rbfmu.extras import plain
 from rbfmu.models import formulas, model_buffer, question
 from rbfmu.models.registry import FORMULAS
 from rbfmu.models.varied import TURN, Column, VariedModel
@@ -100,7 +101,7 @@ class Sensitivity:
         """
         from rbfmu.plot import plot_changes
 
-        return plot_changes(self.time, {name: self.changes(name) for name in self.of}, path, title)
+        return plot_changes(self.time, {name: self.changes(name) for name in self.of}, path, plain(title))
 
 
 @of_scene_or_path

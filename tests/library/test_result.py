@@ -106,6 +106,12 @@ def test_a_plot_names_units_and_draws_no_stroke(tmp_path: Path, monkeypatch: pyt
     assert max(steps) < np.pi
 
 
+def test_dollars_of_a_title_are_no_mathematics(tmp_path: Path) -> None:
+    """Two of them ended in a traceback of Matplotlib's, or were left out."""
+    result_of(3, ("omega_b",)).plot(tmp_path / "it.svg", "a $_{x$")
+    assert "a $_{x$" in (tmp_path / "it.svg").read_text()
+
+
 @pytest.mark.parametrize(("quantities", "said"), [
     ({"foo": [0.0, 1.0]}, "quantity 'foo': expected some of position, "),
     ({"omega_b": [[0.0], [1.0]]}, r"omega_b has the shape \(2, 1\): expected \(2, 3\)"),
