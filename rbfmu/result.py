@@ -89,6 +89,8 @@ class Result:
         return f"Result({len(self.time)} points, {', '.join(self.quantities)})"
 
     def _repr_html_(self) -> str:
+        if not len(self.time):
+            return table("0 points in time", ("quantity", "unit"), [(name, r.unit) for name, r in self.rows.items()])
         header = ("quantity", "unit", *(f"t = {self.time[k]:g} s" for k in (0, -1)), "smallest", "largest")
         rows = (
             (name, self.rows[name].unit, *map(numbers_text, (v[0], v[-1], v.min(axis=0), v.max(axis=0))))
@@ -144,8 +146,9 @@ class Result:
         """Return the part up to this time (s), all where it is None."""
         if stop is None:
             return self
-        if not isinstance(stop, Real) or not stop >= self.time[0]:
-            raise ValueError(f"stop = {stop!r}: expected a time from {float(self.time[0])!r} s on")
+        first = self.time[:1].tolist() or [stop]  # a result without rows has no first time
+        if not isinstance(stop, Real) or not stop >= first[0]:
+            raise ValueError(f"stop = {stop!r}: expected a time from {first[0]!r} s on")
         n = int(np.searchsorted(self.time, stop, side="right"))
         kinds = (self.events, self.touches)
         events, touches = ({name: times[times <= stop] for name, times in of.items()} for of in kinds)
@@ -220,6 +223,8 @@ class Result:
             from rbfmu.aem import write_aem
 
             check_attitude(path, self.quantities)
+            if not len(self.time):
+                raise ValueError(f"cannot save to {str(path)!r}: expected at least one point in time")
             write_aem(path, self.time, self.quaternion, self.quantities.get("omega_b"))
         else:
             raise ValueError(f"cannot save to {str(path)!r}: the name must end in {ENDINGS}")

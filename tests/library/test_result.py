@@ -106,6 +106,17 @@ def test_a_plot_names_units_and_draws_no_stroke(tmp_path: Path, monkeypatch: pyt
     assert max(steps) < np.pi
 
 
+def test_a_result_without_rows_is_shown_and_cut_and_no_ephemeris(tmp_path: Path) -> None:
+    """Each was a bare IndexError."""
+    empty = Result([], {"quaternion": np.zeros((0, 4))})
+    assert "<td>quaternion</td><td>1</td>" in empty._repr_html_()
+    assert len(empty.until(1.0).time) == 0
+    with pytest.raises(ValueError, match=r"it\.aem': expected at least one point in time"):
+        empty.save(tmp_path / "it.aem")
+    with pytest.raises(ValueError, match="stop = nan"):
+        empty.until(np.nan)
+
+
 def test_dollars_of_a_title_are_no_mathematics(tmp_path: Path) -> None:
     """Two of them ended in a traceback of Matplotlib's, or were left out."""
     result_of(3, ("omega_b",)).plot(tmp_path / "it.svg", "a $_{x$")
