@@ -181,6 +181,11 @@ def _rule(scene: Scene, key: str) -> Numbers | None:
     return rule if rule is not None and rule.bound else None
 
 
+def _in_si(key: str) -> str:
+    """Return the key under which numbers are applied in SI units; a name of one's own may end in `_deg` too."""
+    return "initial.omega_b" if key == DEGREES else key
+
+
 FEW = 2_000
 """The runs up to which array functions are not worth their compilation."""
 
@@ -200,7 +205,7 @@ class _Appliance:
             elif variation.key == SHAPE:
                 yield from self._sizes(variation)
             elif variation.key != INERTIA:
-                yield variation.key.removesuffix("_deg"), self._numbers(variation)
+                yield _in_si(variation.key), self._numbers(variation)
         if self.ensemble.variation_of(INERTIA) or self.ensemble.variation_of(SHAPE):
             yield INERTIA, self._inertia()
 
@@ -226,7 +231,7 @@ class _Appliance:
     def _numbers(self, variation: Variation) -> Array:
         rows = self._columns(variation)
         if variation.is_relative:
-            rows *= np.array(nominal_value(variation.key.removesuffix("_deg"), vars(self.scene)))
+            rows *= np.array(nominal_value(_in_si(variation.key), vars(self.scene)))
         elif variation.key == DEGREES:
             rows *= np.pi / 180.0
         return rows if variation.marginals[0].name.endswith("]") else rows[:, 0]

@@ -74,6 +74,18 @@ def test_other_processes_give_the_same_bits_and_a_store_is_read_again(kind, scen
     assert "tilt" in kept._repr_html_()
 
 
+@pytest.mark.parametrize("how", [{"normal": [2.0, 0.1]}, {"relative": 0.1}])
+def test_a_name_of_ones_own_may_end_as_the_unit_of_rates(scene, how):
+    tables = {"constants.gain_deg": 2.0, "constants.gain": 3.0, "states.s_deg": {"start": 1.0, "rate": "gain_deg"}}
+    found = scene.replace({**tables, "ensemble.vary": {"constants.gain_deg": how, "states.s_deg": how}})
+    applied = draw(found, 0, 12).applied
+    assert set(applied) == {"constants.gain_deg", "states.s_deg"}
+    assert 0.0 < np.abs(applied["constants.gain_deg"] - 2.0).max() < 1.0
+    one = member(found, draw(found, 0, 12), 3)
+    assert one.constants["gain_deg"].value == (applied["constants.gain_deg"][3],)
+    assert one.constants["gain"].value == (3.0,)
+
+
 @pytest.mark.parametrize(("vary", "said"), [
     ({"constants.k": {"normal": [1.0, 0.1]}}, r"constants\.k.*: expected a key out of constants\.d, constants\.m"),
     ({"states.v": {"normal": [1.0, 0.1]}}, r"states\.v.*: expected a key out of states\.w"),
