@@ -120,13 +120,19 @@ class EnsembleResult:
         self.scene, self.failed, self._arrays = scene, dict(failed), arrays
         self.time: Array = np.asarray(arrays[names.TIMES])
         self.probabilities: Array = np.asarray(arrays[names.PROBABILITY])
-        self.rank_error = float(np.asarray(arrays[names.RANK_ERROR])) if names.RANK_ERROR in arrays else 0.0
-        self.rows, shown = names.output_rows(scene), scene.outputs.names
+        self.rows, keep, rank_error = names.output_rows(scene), members.ensemble_of(scene).keep, names.RANK_ERROR
+        self.rank_error = 0.0
+        if names.STATISTICS in keep and rank_error in arrays:
+            self.rank_error = float(np.asarray(arrays[rank_error]))
         self.samples = Arrays({n: a for n, a in arrays.items() if n in names.varied_rows(scene)}, "no key that varies")
-        self.final = self._of(shown, "_final", "the end of the runs is not kept")
-        self.all = self._of(shown, "", "not all of the runs is kept")
-        ends, missing = ("_mean", "_std", "_covariance", "_quantiles"), "statistics are not kept"
-        self.mean, self.std, self.covariance, self.quantiles = (self._of(shown, end, missing) for end in ends)
+        # what is not kept is not looked for: an output of one's own may have its name
+        ends, every, over_time = (
+            scene.outputs.names if what in keep else () for what in (names.FINAL, names.ALL, names.STATISTICS)
+        )
+        self.final = self._of(ends, "_final", "the end of the runs is not kept")
+        self.all = self._of(every, "", "not all of the runs is kept")
+        parts, missing = ("_mean", "_std", "_covariance", "_quantiles"), "statistics are not kept"
+        self.mean, self.std, self.covariance, self.quantiles = (self._of(over_time, part, missing) for part in parts)
         events, missing = (*scene.events,), "no event of that name"
         self.counts, self.first = (self._of(events, end, missing) for end in (names.COUNT, names.FIRST))
 

@@ -70,6 +70,20 @@ def test_an_output_of_ones_own_is_named_as_nothing_else_of_the_result(name):
         rbfmu.run_ensemble(scene.replace({"ensemble.keep": ["statistics", "all"]}), runs=3)
 
 
+def test_an_output_of_ones_own_is_not_taken_for_what_is_not_kept():
+    own = {"outputs.quantities": ["omega_b"], "outputs.tilt": "omega_b[1]", "outputs.tilt_mean": "omega_b[2]"}
+    own |= {"outputs.tilt_final": "omega_b[3]", "outputs.quantile_rank_error": "omega_b[3]"}
+    every = rbfmu.run_ensemble(satellite().replace({**own, "ensemble.keep": ["all"]}), runs=3)
+    assert not every.mean
+    assert not every.final
+    assert every.rank_error == 0.0
+    np.testing.assert_array_equal(every.at_end("tilt")[0], every.at_end("omega_b")[0][:1])
+    own = {"outputs.quantities": ["omega_b"], "outputs.probability": "omega_b[1]"}
+    ends = rbfmu.run_ensemble(satellite().replace({**own, "ensemble.keep": ["final"]}), runs=3)
+    assert not ends.all
+    np.testing.assert_array_equal(ends.ends("probability"), ends.ends("omega_b")[:, 0])
+
+
 def test_what_is_not_kept_is_said(found):
     with pytest.raises(KeyError, match="omega_b: not all of the runs is kept; there is nothing"):
         found.all["omega_b"]
