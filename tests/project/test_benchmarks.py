@@ -190,7 +190,7 @@ def test_ensembles_are_measured_and_drawn(tmp_path, capsys):
     assert "the example with its picture" in capsys.readouterr().out
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of Dask's own
 def test_executors_of_ensembles_are_measured():
     pytest.importorskip("distributed")
@@ -199,7 +199,7 @@ def test_executors_of_ensembles_are_measured():
     assert all(figure > 0.0 for figure in figures.values())
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_free_rotation_is_measured():
     figures = bench("free_rotation").main(2, 10, 100)
     assert [len(ratios) for ratios in figures.values()] == [4, 2]
@@ -247,7 +247,7 @@ def test_the_pythonfmu_fmu_is_measured(monkeypatch):
     assert len(one.goals(by_scene)) == 2
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
 def test_the_native_fmu_is_measured_and_c_by_hand_moves_alike():
     one = bench("native")

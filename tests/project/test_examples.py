@@ -79,7 +79,7 @@ def test_an_lqr_holds_a_satellite_as_the_linear_system_promises() -> None:
     assert stays > 0.01
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_slew_of_least_torque_ends_where_it_should_in_python_and_in_an_importer(tmp_path) -> None:
     text = printed("10_slew.py", tmp_path)
     (_, _), (least, off), (of_fmu, off_in_fmu) = (
@@ -99,7 +99,7 @@ def test_a_covariance_that_is_carried_along_is_that_of_many_bodies(tmp_path) -> 
         assert float(carried) == pytest.approx(float(drawn), rel=0.04 if int(time) < 60 else 0.1)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_coils_brake_releases_until_a_leftover_magnet_turns_them_with_the_field(tmp_path) -> None:
     text = printed("09_detumbling.py", tmp_path, "400")
     assert text.startswith("400 runs, 0 failed\n")
@@ -110,7 +110,7 @@ def test_coils_brake_releases_until_a_leftover_magnet_turns_them_with_the_field(
     assert (tmp_path / "b_dot.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
 def test_held_inputs_are_of_first_order_half_a_step_earlier_of_second_and_with_slopes_exact() -> None:
     found = re.findall(r"(\S+) deg (?:held|from|with)", printed("benchmarks/held_inputs.py"))

@@ -1,13 +1,12 @@
 """Of a test with several axes of parameters, a set in which each value of each axis stands at least once.
 
 A cross product costs the product of its axes and finds little more than such a set, which costs the longest of them.
-The rest is `thorough`: `make slow` and CI run it; of what takes longest CI runs a part. A test by name (`pytest -k`)
-has all of its cases.
+The rest is `thorough`: `make slow` runs it, and CI a part. A test by name (`pytest -k`) has all of its cases.
 """
 
 import random
 from collections import defaultdict
-from collections.abc import Hashable, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from typing import Any
 
 import pytest
@@ -27,51 +26,51 @@ DEAR, MOST = (
     "tests/project/test_figures.py::test_the_gallery_s_plans",
 ), 1  # fmt: skip
 """Tests that build, simulate or plan, and how many cases of one that has a single axis are taken."""
-DEAREST = {
-    "tests/fmu/native/test_native_fmu.py::test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore": 6,
-    "tests/fmu/test_conformance.py::test_any_calls_are_answered_rightly": 1,
-    "tests/kernels/models/test_changing_inputs.py::test_loads_change_within_a_step_as_their_derivatives_say": 4,
-    "tests/kernels/models/test_undamped_pendulum.py::test_a_pendulum_is_that_of_40_digits": 5,
-    "tests/library/ensembles/test_lanes.py::test_formulas": 1,
-    "tests/library/ensembles/test_lanes.py::test_shipped_scenes": 1,
-    "tests/library/formulas/test_gallery_scenes.py::"
-    "test_a_scene_is_as_accurate_as_asked_by_equations_written_by_hand": 2,
-    "tests/library/formulas/test_gallery_scenes.py::test_its_fmu_has_the_bits_of_its_kernels": 2,
-    "tests/library/formulas/test_random_scenes.py::test_a_state_restored_beside_a_corner_goes_on_with_the_same_bits": 5,
-    "tests/library/formulas/test_random_scenes.py::test_a_plan_holds_at_both_ends_of_the_range_of_a_listed_constant": 6,
-    "tests/library/formulas/test_scenes.py::test_other_steps_meet_the_accuracy_too": 6,
-    "tests/library/models/test_registry.py::test_the_registry_takes_what_the_kernels_take_at_borders": 10,
-    "tests/project/test_gallery.py::test_a_scene_is_as_accurate_as_asked_by_40_digits": 5,
-}
-"""Tests of which a case takes seconds, and how many of them CI runs besides; `make slow` runs all."""
+ALIKE, MOST_ALIKE = (
+    *DEAR, "tests/library/formulas/", "tests/project/test_pages.py::test_",
+    *(f"tests/library/arrays/test_array_functions.py::test_{part}" for part in ("array", "kernels_take")),
+), 3  # fmt: skip
+"""Tests whose cases take long together, and how many of the thorough ones of each CI runs; `make slow` runs all."""
+DEAREST = (
+    "tests/fmu/test_conformance.py::test_any_calls_are_answered_rightly",
+    "tests/fmu/test_conformance.py::test_sanitizers_are_silent",
+    "tests/library/ensembles/test_lanes.py::test_formulas",
+    "tests/library/ensembles/test_lanes.py::test_shipped_scenes",
+    "tests/library/formulas/test_events.py::test_what_has_poles_is_refused",
+    *(f"tests/library/formulas/test_gallery_scenes.py::test_{part}" for part in (
+        "a_scene_is_as_accurate_as_asked_by_equations_written_by_hand", "its_fmu_has_the_bits_of_its_kernels")),
+)  # fmt: skip
+"""Those of which one case takes five seconds or more: CI runs one."""
 
 
 def mark_what_a_covering_set_leaves(items: Sequence[pytest.Item]) -> None:
-    """Mark cases that no covering set has as thorough, and most of those of the dearest tests as slow.
+    """Mark cases that no covering set has as thorough, and those of them that are too many for CI as slow.
 
     What is marked as thorough or slow by hand has no covering set.
     """
-    cases, dearest = defaultdict(list), defaultdict(list)
+    cases, alike = defaultdict(list), defaultdict(list)
     for item in items:
         name, slow = item.nodeid.partition("[")[0], item.get_closest_marker("slow")
         if isinstance(item, pytest.Function) and hasattr(item, "callspec") and not slow:
             if not item.get_closest_marker("thorough"):
                 cases[name].append(item)
-            if name in DEAREST:
-                dearest[name].append(item)
+            if name.startswith(ALIKE + DEAREST):
+                alike[name].append(item)
     for name, of_one_test in cases.items():
         values = [_values(item) for item in of_one_test]
         if len(values[0]) > 1 or name.startswith(DEAR):
             kept = covering(values, name) if len(values[0]) > 1 else drawn(len(values), name)
-            for k, item in enumerate(of_one_test):
-                if k not in kept:
-                    item.add_marker(pytest.mark.thorough)
-    for name, of_one_test in dearest.items():
+            _mark_all_but(kept, of_one_test, pytest.mark.thorough)
+    for name, of_one_test in alike.items():
         rest = [item for item in of_one_test if item.get_closest_marker("thorough")]
-        kept = drawn(len(rest), name, DEAREST[name])
-        for k, item in enumerate(rest):
-            if k not in kept:
-                item.add_marker(pytest.mark.slow)
+        kept = drawn(len(rest), name, 1 if name in DEAREST else MOST_ALIKE)
+        _mark_all_but(kept, rest, pytest.mark.slow)
+
+
+def _mark_all_but(kept: Collection[int], items: Sequence[pytest.Item], mark: pytest.MarkDecorator) -> None:
+    for k, item in enumerate(items):
+        if k not in kept:
+            item.add_marker(mark)
 
 
 def _values(item: pytest.Function) -> tuple[tuple[int, ...], ...]:

@@ -193,7 +193,7 @@ def test_array_functions_go_to_other_processes(name):
     assert pickle.loads(pickle.dumps(function)) is function
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_type_checkers_know_the_names_and_no_others(tmp_path):
     program = tmp_path / "uses.py"
     known = [f"{m.__name__}.{name}" for m in (rbfmu, rbfmu_kernels) for name in m.__all__]

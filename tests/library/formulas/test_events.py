@@ -244,7 +244,7 @@ def test_events_read_loads_states_ports_and_corners():
     np.testing.assert_allclose(found.events["sign"], [4.0], rtol=0, atol=1e-9)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_events_of_motions_are_as_many_as_to_40_digits_and_as_pages_say():
     *counts, size = judged(3)
     assert counts[3]

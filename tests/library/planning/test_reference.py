@@ -249,7 +249,7 @@ def test_long_planning_says_what_it_does(monkeypatch):
     ]
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @compiled
 def test_planning_that_takes_long_says_why():
     scene = scene_of("all loads", stop=0.5).replace({"loads.damping_b": [1e7, 1e7, 1e7], "outputs.quantities": ["rpy"]})

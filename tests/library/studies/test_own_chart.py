@@ -140,7 +140,7 @@ def test_a_run_too_long_for_the_reference_is_charted_in_part(monkeypatch: pytest
     assert case.scene.run.start == 3.0
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_motion_too_stiff_for_a_reference_is_refused() -> None:
     with pytest.raises(rbfmu.SceneError, match=r"run.step = 0.1: expected a step over which the true motion"):
         rbfmu.chart(scene_of(SATELLITE, **{"loads.damping_b": [1e8, 1e8, 1e8]}))

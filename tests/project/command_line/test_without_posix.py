@@ -36,7 +36,7 @@ def without_posix(folder, *lines):
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_commands_need_nothing_of_posix(tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
     done = without_posix(
