@@ -19,6 +19,7 @@ from rbfmu.planning import judge, methods, reference
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.motion import Driven
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
+from rbfmu.scene.own import OF_NUMBERS
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.buffer import NO_OUTPUTS
@@ -233,7 +234,7 @@ def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:
         M = scene.body.M_c
         found = found[:3] if not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2))) else found
     if whole in {f"loads.{name}" for name in scene.loads.made}:
-        raise ValueError(f"{expected} a load of numbers; this one is a formula, whose constants may vary")
+        raise ValueError(f"{expected} {OF_NUMBERS}")
     if block in ("inertia", "r_oc_b") and model_buffer.BodyAtStart(scene).principal_axes[0][0] <= 0.0:
         raise ValueError(f"{expected} another; a slender beam has no inertia about its axis to begin with")
     return found

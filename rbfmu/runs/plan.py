@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rbfmu.models.model_buffer import aligned_zeros, put_scene, refusal
 from rbfmu.models.registry import FORMULAS, MODELS, PRESCRIBED_RATES, ModelSpec
 from rbfmu.notebook import table
+from rbfmu.scene.own import OF_NUMBERS
 from rbfmu.scene.scene import PARAMETERS, Scene, SceneError
 from rbfmu.scene.section import as_toml, fault, plain
 from rbfmu.types import Array, Buffer
@@ -188,8 +189,7 @@ def with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> 
             expected = f"{meant}, with all of its numbers" if meant else f"one of {', '.join(keys)}"
             raise SceneError(f"parameter {name!r}: expected {expected}", scene.name)
         if name in scene.loads.made:
-            expected = "none, as this load is a formula, whose constants may vary"
-            raise SceneError(fault(name, parameters[name], expected), scene.name)
+            raise SceneError(fault(name, parameters[name], OF_NUMBERS), scene.name)
     numbers = {name: plain(value) for name, value in parameters.items()}
     for row in own.values():
         if row.name in numbers and isinstance(numbers[row.name], list | tuple) != (row.size > 1):

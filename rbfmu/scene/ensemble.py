@@ -8,7 +8,7 @@ import numpy as np
 
 from rbfmu.scene import section as rules, variations
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
-from rbfmu.scene.own import PARAMETER_END, is_own, parameter_of
+from rbfmu.scene.own import OF_NUMBERS, PARAMETER_END, is_own, parameter_of
 from rbfmu.scene.variations import ATTITUDE, AXES, INERTIA, RELATIVE, SHAPE, VARYING_ANGLES, Marginal, Variation
 
 Rows = tuple[tuple[float, ...], ...]
@@ -306,7 +306,7 @@ def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
         elif table is None:
             continue
         elif name == "loads" and key in table.made:
-            yield variation.refused("a load of numbers; this one is a formula, whose constants may vary")
+            yield variation.refused(OF_NUMBERS)
         elif own and key not in table:
             known = ", ".join(f"{name}.{key}" for key in table) or f"none: the scene has no {name}"
             yield variation.refused(f"a key out of {known}")

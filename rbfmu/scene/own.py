@@ -244,6 +244,8 @@ EVENTS = NamedTable(
 PORTS = NamedTable(Port, "a table of inputs", "inputs of one's own, as they stand in `ports`")
 _LOAD = Text("a formula in one text, such as [0, 0, 2*k*sin(t)], or a list of those that add up", _text)
 LOAD_FORMULAS = NamedTable(_LOAD, "a table of formulas", "loads that are formulas")
+OF_NUMBERS = "a load of numbers; formulas or a potential make this one, whose constants may vary"
+"""What is expected in place of a load that is not of numbers alone."""
 
 
 def is_own(key: str) -> bool:

@@ -225,7 +225,7 @@ def faults_between(good: Mapping[str, Any]) -> Iterator[str]:
             if name in inputs.ports:
                 yield fault("inputs.parameters", inputs.parameters, f"no {name}: it is an input, by inputs.ports")
             elif loads is not None and name in loads.made:
-                expected = f"no {name}: it is a formula, whose constants may be listed"
+                expected = f"in place of {name} {named.OF_NUMBERS}"
                 yield fault("inputs.parameters", inputs.parameters, expected)
         if prescribed:
             yield from _faults_of_prescribed_rates(good)

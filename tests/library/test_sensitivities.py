@@ -161,7 +161,7 @@ def test_an_inertia_has_the_numbers_that_are_not_zero():
         ([], {}, "by: expected at least one key"),
         (["body.shape"], {}, "by = 'body.shape': expected one of initial.attitude, body.mass"),
         (["initial.omega_b[4]"], {}, r"by = 'initial.omega_b\[4\]': expected one of initial.omega_b\[1\]"),
-        (["loads.torque_b"], {"loads": {"torque_b": "[t, 0, 0]"}}, "this one is a formula"),
+        (["loads.torque_b"], {"loads": {"torque_b": "[t, 0, 0]"}}, "formulas or a potential make this one"),
         (["body.inertia"], {"body": {"mass": 1.0, "inertia": [1, 1, 0]}, "initial": {}}, "a slender beam"),
         (["initial.omega_b"], {"outputs": {"off": "norm(to_b([0, 0, 1]) - [0, 0, 1])"}}, "zero at the start have no"),
         (["initial.attitude"], {"body": None, "inputs": {"ports": ["omega_b"]}, "outputs": {}, "initial": {}},

@@ -52,12 +52,12 @@ def test_loads_that_are_formulas_are_no_parameters(load, loads):
     tables = scene(constants={"k": 3.0}, loads=loads, outputs={"quantities": ["position", "omega_b"]})
     vary = {f"loads.{load}": {"uniform": [[0.0] * 3, [1.0] * 3]}}
     for more in ({"inputs": {"parameters": [load]}}, {"ensemble": {"runs": 2, "vary": vary}}):
-        with pytest.raises(rbfmu.SceneError, match="is a formula, whose constants may"):
+        with pytest.raises(rbfmu.SceneError, match="formulas or a potential make this one"):
             rbfmu.Scene.from_dict(tables | more)
     one = rbfmu.Scene.from_dict(tables)
-    with pytest.raises(rbfmu.SceneError, match=f"{load}.*is a formula"):
+    with pytest.raises(rbfmu.SceneError, match=f"{load}.*formulas or a potential make"):
         rbfmu.Simulator(one, **{load: [1.0, 0.0, 0.0]})
-    with pytest.raises(ValueError, match="is a formula"):
+    with pytest.raises(ValueError, match="formulas or a potential make"):
         rbfmu.sensitivity(one, [f"loads.{load}"])
 
 
