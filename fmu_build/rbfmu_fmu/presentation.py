@@ -85,7 +85,9 @@ def _formulas(scene: rbfmu.Scene) -> str:
     """Return the scene's formulas as they stand in it, or that no load depends on the position."""
     if not scene.load_formulas:
         return "<p>No load depends on the position.</p>\n"
-    named = {"loads": scene.load_formulas, "formulas": scene.formulas}
+    loads = scene.loads
+    beside = {n: str(list(getattr(loads, n))) for n, size in loads.sizes.items() if size and n in loads.made}
+    named = {"loads": {**loads.formulas, **beside}, "formulas": scene.formulas}  # a potential adds to a constant force
     named["rates of states"] = {name: row.rate for name, row in scene.states.items()}
     rows = [(escape(of), escape(n), f"<code>{escape(text)}</code>") for of in named for n, text in named[of].items()]
     return _html_table(("formulas of", "name", "text"), rows)

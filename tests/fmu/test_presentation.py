@@ -154,6 +154,15 @@ def test_the_page_says_how_inputs_can_change_within_a_step(version, python, unle
     assert f"Inputs are held over a communication step{unless}. " in said
 
 
+@pytest.mark.thorough
+def test_the_page_shows_the_constant_force_that_a_potential_adds_to():
+    loads = {"potential": "2.0*position[3]", "force_a": [0.0, 0.25, 0.0]}
+    told = Scene.from_dict(TABLES["default"] | {"loads": loads})
+    said = Page(page(describe(told, rbfmu.plan(told)), FMI2, False)).text
+    assert loads["potential"] in said
+    assert "[0.0, 0.25, 0.0]" in said
+
+
 def test_a_scene_s_words_are_text_on_the_page():
     words = {"description": "<script>alert(1)</script> & more", "author": "A. <b>Nn", "version": "2", "license": "own"}
     told = Scene.from_dict(TABLES["default"] | {"name": "a<b>&c", "about": words})
