@@ -50,7 +50,7 @@ def test_a_seed_is_a_whole_number(seed: Any, fmu: Path) -> None:
         verify(fmu, seed=seed)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_few_steps_are_verified_without_compiling_them(fmu: Path, tmp_path: Path) -> None:
     """Compiling the step took five seconds, and twenty steps in plain Python take a hundredth of one."""
     call_by_count(tmp_path, "verify", fmu)

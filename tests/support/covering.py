@@ -16,7 +16,7 @@ SEED = 1
 """Another seed draws other sets; what each holds does not hang on which other tests there are."""
 
 
-DEAR, MOST = (
+DEAR = (
     *(f"tests/kernels/{part}/" for part in ("exact", "integrators", "models")),
     *(f"tests/library/{part}/" for part in ("ensembles", "models", "planning", "studies")),
     *(f"tests/library/formulas/test_{part}" for part in (
@@ -24,23 +24,13 @@ DEAR, MOST = (
     "tests/fmu/", "tests/kernels/compile/test_tiered", "tests/project/test_gallery",
     "tests/kernels/rotations/test_euler_angles.py::test_error",
     "tests/project/test_figures.py::test_the_gallery_s_plans",
-), 1  # fmt: skip
-"""Tests that build, simulate or plan, and how many cases of one that has a single axis are taken."""
-ALIKE, MOST_ALIKE = (
+)  # fmt: skip
+"""Tests that build, simulate or plan: of one that has a single axis a case is taken."""
+ALIKE = (
     *DEAR, "tests/library/formulas/", "tests/project/test_pages.py::test_",
     *(f"tests/library/arrays/test_array_functions.py::test_{part}" for part in ("array", "kernels_take")),
-), 3  # fmt: skip
-"""Tests whose cases take long together, and how many of the thorough ones of each CI runs; `make slow` runs all."""
-DEAREST = (
-    "tests/fmu/test_conformance.py::test_any_calls_are_answered_rightly",
-    "tests/fmu/test_conformance.py::test_sanitizers_are_silent",
-    "tests/library/ensembles/test_lanes.py::test_formulas",
-    "tests/library/ensembles/test_lanes.py::test_shipped_scenes",
-    "tests/library/formulas/test_events.py::test_what_has_poles_is_refused",
-    *(f"tests/library/formulas/test_gallery_scenes.py::test_{part}" for part in (
-        "a_scene_is_as_accurate_as_asked_by_equations_written_by_hand", "its_fmu_has_the_bits_of_its_kernels")),
 )  # fmt: skip
-"""Those of which one case takes five seconds or more: CI runs one."""
+"""Tests whose cases take long together: of the thorough ones of each CI runs one, `make slow` all."""
 
 
 def mark_what_a_covering_set_leaves(items: Sequence[pytest.Item]) -> None:
@@ -54,7 +44,7 @@ def mark_what_a_covering_set_leaves(items: Sequence[pytest.Item]) -> None:
         if isinstance(item, pytest.Function) and hasattr(item, "callspec") and not slow:
             if not item.get_closest_marker("thorough"):
                 cases[name].append(item)
-            if name.startswith(ALIKE + DEAREST):
+            if name.startswith(ALIKE):
                 alike[name].append(item)
     for name, of_one_test in cases.items():
         values = [_values(item) for item in of_one_test]
@@ -63,8 +53,7 @@ def mark_what_a_covering_set_leaves(items: Sequence[pytest.Item]) -> None:
             _mark_all_but(kept, of_one_test, pytest.mark.thorough)
     for name, of_one_test in alike.items():
         rest = [item for item in of_one_test if item.get_closest_marker("thorough")]
-        kept = drawn(len(rest), name, 1 if name in DEAREST else MOST_ALIKE)
-        _mark_all_but(kept, rest, pytest.mark.slow)
+        _mark_all_but(drawn(len(rest), name), rest, pytest.mark.slow)
 
 
 def _mark_all_but(kept: Collection[int], items: Sequence[pytest.Item], mark: pytest.MarkDecorator) -> None:
@@ -85,9 +74,9 @@ def _names(said: str | Sequence[str]) -> Sequence[str]:
     return said.replace(" ", "").split(",") if isinstance(said, str) else said
 
 
-def drawn(number: int, name: str, most: int = MOST) -> set[int]:
-    """Return which of a single axis' values to take."""
-    return set(random.Random(f"{SEED} {name}").sample(range(number), min(number, most)))
+def drawn(number: int, name: str) -> set[int]:
+    """Return which of so many cases to take: one."""
+    return set(random.Random(f"{SEED} {name}").sample(range(number), min(number, 1)))
 
 
 def covering(cases: Sequence[tuple[Hashable, ...]], name: str) -> set[int]:

@@ -32,7 +32,7 @@ from tests.support.fmu.fmus import (
 H = 0.01
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "types"), [("native", {}), ("fmi3_scalars", {"Real": "Float64", "Integer": "Int32"})])
 def test_every_refusal_of_the_pythonfmu_fmu_is_an_error_with_the_same_message_and_leaves_no_trace(kind, types):
     """The case itself asserts that the instance, the same after a reset, and another one go on to the bit."""

@@ -283,7 +283,7 @@ def test_a_host_without_python_ends_well_after_compiling(place):
     assert found == [rows_for_c_host("prescribed", 20)] * 4
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_builds_are_the_same_bytes_in_any_process_and_with_any_cache(tmp_path):
     here = hashlib.sha256(built("prescribed").read_bytes()).hexdigest()
     again = rbfmu_fmu.build(scene("prescribed"), tmp_path / "another name.fmu")

@@ -41,7 +41,7 @@ print(json.dumps(found))
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs the compiler")
 def test_a_second_process_finds_each_models_own_functions_in_the_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

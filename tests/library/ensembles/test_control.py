@@ -243,7 +243,7 @@ def test_processes_give_the_same_bits(scene, planned, monkeypatch):
         assert_same(whole, run(scene, planned, executor=pool, **EVERYTHING))
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of Dask's own
 def test_workers_of_dask_are_sent_functions_that_stand_in_no_module(scene, planned, monkeypatch):
     distributed = pytest.importorskip("distributed")

@@ -130,7 +130,7 @@ def test_own_times_of_tables_go_one_by_one_where_lanes_go_on_together():
     assert first.omega_b.tobytes() == found.all["omega_b"][2].tobytes()
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["spring_pendulum", "drone"])
 def test_shipped_scenes(monkeypatch, name):
     scene = rbfmu.load_scene(SCENES / "formulas" / f"{name}.toml")

@@ -113,7 +113,7 @@ def made_up() -> list[Chart]:
     return charts
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_tables_fit_the_terminal_and_no_label_lies_on_another(
     made_up: list[Chart], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -236,7 +236,7 @@ def test_steps_of_a_map_divide_the_turn_at_its_check_points() -> None:
         assert {turn * (k + 1) / motions.CHECKS for k in range(motions.CHECKS)} <= set(motions.CHECK_TIMES)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_stability_leaves_tables_and_pictures(tmp_path: Path) -> None:
     seen: list[int] = []
 

@@ -1,0 +1,74 @@
+"""The noise of measured data: given, estimated, and what errors rest on."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import rbfmu
+from rbfmu.identification.measured import sigma_of
+from rbfmu.identification.noise import estimated, too_large
+
+RNG_SEED = 20261123
+
+
+def test_as_many_data_as_numbers_leave_the_noise_that_is_given():
+    """Nothing is left of them, and the errors were told to be zero."""
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [1.0, 0.1, 0.2]})
+    data = {"time": [0.0, 1.0], "omega_b": [[1.1, 0.2, 0.1], [np.nan] * 3]}
+    found = rbfmu.fit(scene, data, ["initial.omega_b"], sigma=0.01)
+    assert found.values == pytest.approx(data["omega_b"][0], abs=1e-9)
+    assert found.standard_errors == pytest.approx(0.01, rel=1e-3)
+
+
+def test_a_noise_that_is_given_makes_the_errors_whatever_residuals_are():
+    """They were scaled by residuals: those of two rows that happen to be alike told errors of zero."""
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, initial={"omega_b": [1.0, 0.1, 0.2]})
+    rows = np.array([[1.0, 0.1, 0.2], [1.0, 0.1, 0.2 + 1e-6]])
+    found = rbfmu.fit(scene, {"time": [0.0, 1.0], "omega_b": rows}, ["initial.omega_b"], sigma=0.01)
+    assert found.standard_errors == pytest.approx(0.01 / np.sqrt(2.0), rel=1e-3)
+    assert found.doubts == ()
+    f, given = np.random.default_rng(RNG_SEED + 5).normal(size=900), {"omega_b": 0.01}
+    assert too_large(f, given) == too_large(1.3 * f, {}) == too_large(1.3 * f[:60], given) == []
+    assert too_large(1.3 * f, given)[0].startswith("residuals are 1.3")
+
+
+def test_the_noise_of_few_numbers_of_an_output_is_what_the_fit_leaves_of_them():
+    """One attitude, which the fit follows, told a noise of 1e-15 rad, and the attitude up to 50 standard errors off."""
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, initial={"omega_b": [1.0, 0.1, 0.2]})
+    rng, turn = np.random.default_rng(RNG_SEED + 6), np.full((20, 3), np.nan)
+    turn[0] = [0.01, 0.02, -0.02]
+    rates = scene.initial.omega_b + 0.01 * rng.normal(size=(20, 3))
+    data = {"time": np.arange(20.0), "omega_b": rates, "quaternion": rbfmu.quaternion_from_rotvec(turn)}
+    with pytest.raises(ValueError, match=r"3 numbers of quaternion: the fit follows them.* expected its sigma"):
+        rbfmu.fit(scene, data, ["initial.omega_b", "initial.attitude"])
+    found = rbfmu.fit(scene, data, ["initial.omega_b", "initial.attitude"], {"quaternion": 0.01})
+    assert found.standard_errors[3:] == pytest.approx(0.01, rel=0.3)
+    assert found.sigma["omega_b"] == pytest.approx(0.01, rel=0.3)
+    assert estimated("omega_b", rng.normal(size=(4, 3)), 6.0) == pytest.approx(np.sqrt(2.0), rel=0.5)
+
+
+@pytest.mark.parametrize("loss", ["linear", "cauchy"])
+def test_columns_that_always_are_zero_tell_no_noise(loss):
+    """With two of three, a robust loss told errors of 1e-17, and least squares too small ones."""
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, initial={"omega_b": [1.0, 0.0, 0.0]})
+    rates = np.zeros((30, 3))
+    rates[:, 0] = 1.0 + 0.01 * np.random.default_rng(RNG_SEED + 7).normal(size=30)
+    with warnings.catch_warnings(action="error"):
+        found, alone = (
+            rbfmu.fit(scene, {"time": np.arange(30.0), "omega_b": rates * one}, ["initial.omega_b[1]"], loss=loss)
+            for one in ([1.0, 1.0, 1.0], [1.0, np.nan, np.nan])
+        )
+    assert found.standard_errors == pytest.approx(alone.standard_errors, rel=1e-6)
+    assert found.sigma["omega_b"] == pytest.approx(alone.sigma["omega_b"], rel=1e-6)
+
+
+def test_noise_is_a_number_or_a_file(tmp_path):
+    assert sigma_of("0.01") == 0.01
+    (tmp_path / "s.csv").write_text("omega_b,quaternion\n0.01,0.002\n")
+    assert sigma_of(str(tmp_path / "s.csv")) == {"omega_b": 0.01, "quaternion": 0.002}
+    (tmp_path / "s.csv").write_text("omega_b\n")
+    with pytest.raises(ValueError, match="a row of outputs' names and a row"):
+        sigma_of(str(tmp_path / "s.csv"))
+    with pytest.raises(ValueError, match="sigma = '0,01': expected a number, or a CSV file of these"):
+        sigma_of("0,01")
