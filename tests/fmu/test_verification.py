@@ -167,7 +167,7 @@ def _rooted(start: float, tmp_path: Path) -> Path:
     return rbfmu_fmu.build(scene, tmp_path / "root.fmu")
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_inputs_of_ones_own_are_about_their_start(tmp_path: Path) -> None:
     assert verify(_rooted(9.0, tmp_path)).passed
 

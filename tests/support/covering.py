@@ -27,7 +27,7 @@ DEAR = (
 )  # fmt: skip
 """Tests that build, simulate or plan: of one that has a single axis a case is taken."""
 ALIKE = (
-    *DEAR, "tests/library/formulas/", "tests/project/test_pages.py::test_",
+    *DEAR, "tests/library/formulas/", "tests/project/test_pages.py::test_", "tests/project/test_examples.py",
     *(f"tests/library/arrays/test_array_functions.py::test_{part}" for part in ("array", "kernels_take")),
 )  # fmt: skip
 """Tests whose cases take long together: of the thorough ones of each CI runs one, `make slow` all."""

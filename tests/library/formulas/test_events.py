@@ -102,7 +102,7 @@ def test_scenes_that_differ_in_a_direction_alone_have_kernels_of_their_own():
     np.testing.assert_array_equal(found["any"], both)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_an_angle_passes_zero_once_a_turn_and_jumps_once():
     """A series of it went on beyond pi: a body that spins passed zero once."""
     yaw = "atan2(R_ab[2,1], R_ab[1,1])"
@@ -141,7 +141,7 @@ def test_an_event_ends_the_run_and_is_its_last_row():
     assert len(at_point.time) == 4
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_events_at_the_time_of_one_that_ends_the_run_are_told_with_it():
     stops = {"when": "t - 1.7", "stop": True}
     found = rbfmu.simulate(scene(first="1.7 - t", end=stops, other=stops | {"when": "2*t - 3.4"}, after="t - 1.7001"))

@@ -303,7 +303,7 @@ def test_an_output_that_is_not_finite_at_the_start_is_called_so(gain, text):
         rbfmu.simulate(made)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_body_that_starts_at_rest_and_one_that_turns_back_have_drag():
     """Where norm(v) is zero its root has no series: it begins there, or touches zero as the body turns back."""
     drag = lambda t, R, w, p, v, own: {"force_a": -0.5 * np.linalg.norm(v) * v}  # noqa: E731

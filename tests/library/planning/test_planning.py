@@ -167,7 +167,7 @@ def test_what_a_scene_reaches_is_an_accuracy_it_can_meet():
     assert max(errors_of(scene(3.0 * reached)).values()) <= 3.0 * reached
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @compiled
 def test_a_chaotic_motion_is_not_promised_better_than_round_off_allows():
     """A heavy triaxial body magnifies round-off some 1e4 times."""

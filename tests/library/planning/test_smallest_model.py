@@ -163,7 +163,7 @@ PORTS = st.lists(st.sampled_from(list(INPUTS)), min_size=1, max_size=2, unique=T
 QUANTITIES = st.lists(st.sampled_from(list(OUTPUTS)), min_size=1, max_size=3, unique=True)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @given(scenes(), PORTS, QUANTITIES)
 @settings(max_examples=30, **QUIET)
 def test_the_plan_with_ports_is_right_whatever_comes_through_them(scene, ports, quantities):

@@ -40,7 +40,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {path.name: path for path in paths}
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_quick_run_writes_figures_answers_and_pictures(files: dict[str, Path]) -> None:
     charts = [f"case_{key}{many}" for key in QUICK_MOTIONS for many in ("", "_many")]
     pictures = {"answers.png", "kept_a.png", "kept_c.png", *(f"{name}.png" for name in charts)}

@@ -118,7 +118,7 @@ def test_what_is_not_integrated_leaves_peers_nothing_to_do() -> None:
     assert why_not(SCIPY[-1], case) == "nothing is to be integrated"
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_scene_with_formulas_has_its_chart(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     only = ("SciPy odeint", "Taylor, order 12", "rbfmu, as planned")
     monkeypatch.setattr(measure, "QUICK", measure.Extent(60.0, 2, 2e-4, True, only))
