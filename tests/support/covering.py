@@ -27,10 +27,15 @@ DEAR = (
 )  # fmt: skip
 """Tests that build, simulate or plan: of one that has a single axis a case is taken."""
 ALIKE = (
-    *DEAR, "tests/library/formulas/", "tests/project/test_pages.py::test_", "tests/project/test_examples.py",
+    *DEAR, "tests/library/formulas/",
     *(f"tests/library/arrays/test_array_functions.py::test_{part}" for part in ("array", "kernels_take")),
 )  # fmt: skip
 """Tests whose cases take long together: of the thorough ones of each CI runs one, `make slow` all."""
+AROUND = (
+    "tests/fmu/test_interop.py", "tests/library/ensembles/test_lanes.py", "tests/library/studies/",
+    *(f"tests/project/{part}" for part in ("command_line/", "test_benchmarks.py", "test_examples.py", "test_pages.py")),
+)  # fmt: skip
+"""Tests of what stands around the product, and of its dearest compilations, of which CI runs no thorough one."""
 
 
 def mark_what_a_covering_set_leaves(items: Sequence[pytest.Item]) -> None:
@@ -51,6 +56,9 @@ def mark_what_a_covering_set_leaves(items: Sequence[pytest.Item]) -> None:
         if len(values[0]) > 1 or name.startswith(DEAR):
             kept = covering(values, name) if len(values[0]) > 1 else drawn(len(values), name)
             _mark_all_but(kept, of_one_test, pytest.mark.thorough)
+    for item in items:
+        if item.nodeid.startswith(AROUND) and item.get_closest_marker("thorough"):
+            item.add_marker(pytest.mark.slow)
     for name, of_one_test in alike.items():
         rest = [item for item in of_one_test if item.get_closest_marker("thorough")]
         _mark_all_but(drawn(len(rest), name), rest, pytest.mark.slow)
