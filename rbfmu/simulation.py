@@ -18,7 +18,7 @@ from rbfmu.runs.motion import SAME, Driven, Events, Happened
 from rbfmu.runs.plan import Plan, given, start_run, with_parameters
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
 from rbfmu.scene.section import as_toml, fault
-from rbfmu.types import Array
+from rbfmu.types import Array, Buffer
 from rbfmu_kernels.buffer import OK, PAST_STOP
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import BY_NAME, OUTPUTS, Output
@@ -106,15 +106,13 @@ class Simulator:
     """
 
     def __init__(self, scene: Any, /, **parameters: Any) -> None:
-        self._begin(*of_scene_or_path(lambda one: (one, plan(one)), "Simulator")(scene), parameters)
+        own, planned = of_scene_or_path(lambda one: (one, plan(one)), "Simulator")(scene)
+        self._set_up(own, *_started(own, planned, parameters))
 
-    def _begin(self, scene: Scene, planned: Plan, parameters: dict[str, Any]) -> None:
-        changed = with_parameters(scene, planned, parameters)
-        planned = planned.of_scene(changed)  # own outputs may read what was zero
-        self.scene, self.plan = scene, planned
+    def _set_up(self, scene: Scene, planned: Plan, z: Buffer) -> None:
+        self.scene, self.plan, self._z = scene, planned, z
         kernels, run = planned.kernels, scene.run
         blocks = kernels.BLOCKS
-        self._z = start_run(changed, planned)
         self._bytes, self._step = self._z.data.cast("B"), tiered(kernels.step)
         self._ports = {name: 8 * blocks[name].start for name in self.scene.inputs.ports}
         self._scalars = {name for name, port in self.scene.inputs.own.items() if port.size == 1}
@@ -266,10 +264,10 @@ class Simulator:
 
     def reset(self, **parameters: Any) -> None:
         """Begin anew with the scene's values and the parameters given; inputs are as at first. Raises SceneError."""
-        changed = with_parameters(self.scene, self.plan, parameters)
-        if self.plan.of_scene(changed) is not self.plan:
-            self._begin(self.scene, self.plan, parameters)
-        self._z[:] = start_run(changed, self.plan)
+        planned, z = _started(self.scene, self.plan, parameters)
+        if planned is not self.plan:
+            self._set_up(self.scene, planned, z)
+        self._z[:] = z
         self.time, self._count = self._start, 0
         self._known = self._told = self._untold
 
@@ -306,10 +304,17 @@ class Simulator:
         self._bytes[:] = content[self._clock.size :]
 
 
+def _started(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> tuple[Plan, Buffer]:
+    """Return the plan, with other kernels where own outputs read what was zero in the scene, and the buffer."""
+    changed = with_parameters(scene, planned, parameters)
+    planned = planned.of_scene(changed)
+    return planned, start_run(changed, planned)
+
+
 def _in_state(scene: Scene, planned: Plan, state: bytes) -> Simulator:
     """Return a simulator, with a memory of its own, which is not planned again."""
     one = Simulator.__new__(Simulator)
-    one._begin(scene, planned, {})
+    one._set_up(scene, *_started(scene, planned, {}))
     one.restore(state)
     return one
 
