@@ -104,5 +104,5 @@ def trends(left: Mapping[str, Array]) -> list[str]:
 def too_large(f: Array, given: Mapping[str, float]) -> list[str]:
     """Return in words whether residuals over their standard deviation are larger than the noise that was given."""
     size, by_chance = deviation(f), FOLLOWS * OF_DEVIATION / math.sqrt(len(f))
-    too_much = size > 1.0 + min(LARGE, max(SMALL, by_chance))
+    too_much = size - 1.0 > np.clip(by_chance, SMALL, LARGE)
     return [f"residuals are {size:.3g} times the noise that was given"] if given and too_much else []

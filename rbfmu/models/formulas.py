@@ -117,12 +117,13 @@ class FormulaModel:
 
     def begins_with(self, name: str) -> set[str]:
         """Return the names of those parameters on which an output depends at the start, as its derivatives tell too."""
-        numbers = self._without_zeros._numbers(name)
-        found = self._without_zeros._parameters(numbers, self._without_zeros._leaves("state", numbers))
+        whole = self.without_zeros
+        numbers = whole._numbers(name)
+        found = whole._parameters(numbers, whole._leaves("state", numbers))
         return found & {*self.parameters, *self.scene.inputs.parameters}
 
     @cached_property
-    def _without_zeros(self) -> "FormulaModel":
+    def without_zeros(self) -> "FormulaModel":
         """Return the model in which no number of a parameter is taken for zero."""
         return FormulaModel(texts_of(self.scene, blocks_of(self.parameters)))
 
@@ -320,7 +321,7 @@ class OverClosedForm(FormulaModel):
 
     def __init__(self, formulas: FormulaModel, base: str) -> None:
         # it serves with other values of parameters that are not listed too, also where numbers are zero here
-        super().__init__(texts_of(formulas.scene, blocks_of(formulas.parameters)))
+        super().__init__(formulas.without_zeros.texts)
         self._base, self._closed_form = base, model_named(base)
         self.program = Program(self.motion.graph, {}, dict(by_element(self.texts.own)))
 
