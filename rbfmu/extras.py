@@ -20,11 +20,6 @@ def needed_of(extra: str) -> Iterator[None]:
         raise SystemExit(f"{error.name} is not installed: {remedy(extra)}") from None
 
 
-def plain(title: str) -> str:
-    """Return a title such that Matplotlib takes no dollars of it for mathematics."""
-    return title.replace("$", r"\$")
-
-
 def needed(package: str, extra: str) -> Any:
     """Return a package of an extra. Raises ModuleNotFoundError with the command that installs it."""
     try:

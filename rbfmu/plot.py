@@ -4,11 +4,12 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from rbfmu.exceptions import named, path_of
 from rbfmu.types import Array
@@ -28,8 +29,17 @@ class Rows(Protocol):
     rows: dict[str, Output]
 
 
+def plain(words: str) -> str:
+    """Return words of a user such that Matplotlib takes no dollars of them for mathematics."""
+    return words.replace("$", r"\$")
+
+
 class Picture(Figure):
-    """A figure that a notebook shows, whichever way it shows other figures."""
+    """A figure that a notebook shows, whichever way it shows other figures; in its title stands a scene's name."""
+
+    def suptitle(self, t: str, **options: Any) -> Text:
+        """Set the title, as it is spelled."""
+        return super().suptitle(plain(t), **options)
 
     def _repr_png_(self) -> bytes:
         file = io.BytesIO()
@@ -138,7 +148,7 @@ def quantity_label(row: Output) -> str:
 
 def with_unit(label: str, unit: str) -> str:
     """Return a label with its unit, if it has one."""
-    return label if unit == "1" else f"{label} ({unit.replace('m2', 'm²').replace('s2', 's²')})"
+    return plain(label if unit == "1" else f"{label} ({unit.replace('m2', 'm²').replace('s2', 's²')})")
 
 
 def open_frame(axes: Axes, grid: bool = False) -> None:

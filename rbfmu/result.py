@@ -15,7 +15,7 @@ import numpy as np
 from rbfmu.arrays.from_kernel import as_floats
 from rbfmu.csv_table import read_columns
 from rbfmu.exceptions import named, path_of
-from rbfmu.extras import needed, plain
+from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
 from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.quantities import OUTPUT, TIME, Output, Quantity, elements, indices
@@ -105,7 +105,7 @@ class Result:
         """
         from rbfmu.plot import plot_result
 
-        return plot_result(self, path, plain(title))
+        return plot_result(self, path, title)
 
     def to_dataframe(self) -> "DataFrame":
         """Return a pandas.DataFrame: time (s) as index, a column for each FMU variable, units in `.attrs["units"]`."""

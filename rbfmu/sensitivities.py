@@ -11,7 +11,6 @@ import numpy as np
 
 from rbfmu import arrays
 from rbfmu.exceptions import SceneError, named, path_of
-from rbfmu.extras import plain
 from rbfmu.models import formulas, model_buffer, question
 from rbfmu.models.registry import FORMULAS
 from rbfmu.models.varied import TURN, Column, VariedModel
@@ -102,7 +101,7 @@ class Sensitivity:
         """
         from rbfmu.plot import plot_changes
 
-        return plot_changes(self.time, {name: self.changes(name) for name in self.of}, path, plain(title))
+        return plot_changes(self.time, {name: self.changes(name) for name in self.of}, path, title)
 
 
 @of_scene_or_path

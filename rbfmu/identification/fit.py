@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu.exceptions import SceneError, SimulationError, named
-from rbfmu.extras import needed, plain
+from rbfmu.extras import needed
 from rbfmu.identification import noise
 from rbfmu.identification.charts import INERTIA, MASS, OWN, Chart, by_chart, changes, chart_of, value_of
 from rbfmu.identification.measured import QUATERNION, Data, Measured, read_measured, residuals
@@ -128,7 +128,7 @@ class Fit:
         from rbfmu.plot import plot_residuals
 
         of = {name: rows / (self.sigma[name] or 1.0) for name, rows in self.residuals.items()}
-        return plot_residuals(self.measured.time, of, path, plain(self.scene.name))
+        return plot_residuals(self.measured.time, of, path, self.scene.name)
 
 
 def _put(tomlkit: Any, document: Any, scene: Scene, key: str, comment: str) -> None:

@@ -117,10 +117,13 @@ def test_a_result_without_rows_is_shown_and_cut_and_no_ephemeris(tmp_path: Path)
         empty.until(np.nan)
 
 
-def test_dollars_of_a_title_are_no_mathematics(tmp_path: Path) -> None:
+def test_dollars_of_titles_and_units_are_no_mathematics(tmp_path: Path) -> None:
     """Two of them ended in a traceback of Matplotlib's, or were left out."""
     result_of(3, ("omega_b",)).plot(tmp_path / "it.svg", "a $_{x$")
     assert "a $_{x$" in (tmp_path / "it.svg").read_text()
+    own = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"cost": {"value": "t", "unit": "$_{$"}}}
+    rbfmu.simulate(rbfmu.Scene.from_dict(own | {"run": {"stop": 1.0, "step": 0.5}})).plot(tmp_path / "own.svg")
+    assert "cost ($_{$)" in (tmp_path / "own.svg").read_text()
 
 
 @pytest.mark.parametrize(("quantities", "said"), [
