@@ -47,6 +47,7 @@ def errors(files: list[Path]) -> dict[tuple[str, int], list[float]]:
     return found
 
 
+@pytest.mark.thorough
 def test_files_are_figures_and_a_picture(files: list[Path]) -> None:
     assert [path.name for path in files] == ["cosimulation.csv", "cosimulation.png"]
     assert files[1].read_bytes().startswith(b"\x89PNG")

@@ -101,6 +101,7 @@ def test_variables_are_those_that_the_scene_needs(name):
     assert [v.name for v in model(name).modelVariables if v.type != "Real"] == ["status"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["python", "fmi3"])
 def test_a_parameter_that_cannot_be_changed_says_so_and_how_it_can(kind):
     """What says so is what a change is refused with; `two_ports` lists no parameter, `driven` lists all."""
@@ -111,6 +112,7 @@ def test_a_parameter_that_cannot_be_changed_says_so_and_how_it_can(kind):
     assert not any("cannot be changed" in v.description for v in listed)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["driven", "brick"])
 def test_the_status_takes_part_in_intermediate_updates_where_there_are_any(name):
     root = ElementTree.parse(unzipped(name, "fmi3") / "modelDescription.xml").getroot()
@@ -118,6 +120,7 @@ def test_the_status_takes_part_in_intermediate_updates_where_there_are_any(name)
     assert status.get("intermediateUpdate") == root.find("CoSimulation").get("providesIntermediateUpdate")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_value_references_count_up_and_all_variables_are_described(name):
     variables = model(name).modelVariables

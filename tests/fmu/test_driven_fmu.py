@@ -44,6 +44,7 @@ def written(path):
     return path
 
 
+@pytest.mark.thorough
 def test_held_inputs_give_the_bits_of_fmpy_with_the_same_file(fmu, tmp_path):
     table = written(tmp_path / "u.csv")
     recorded = fmpy.simulate_fmu(
@@ -56,6 +57,7 @@ def test_held_inputs_give_the_bits_of_fmpy_with_the_same_file(fmu, tmp_path):
     assert np.ptp(recorded[HELD[0]]) > 0.01
 
 
+@pytest.mark.thorough
 def test_linear_inputs_give_the_bits_of_an_importer_that_gives_input_derivatives(tmp_path):
     fmu = opened(rbfmu_fmu.build(satellite(), tmp_path / "satellite.fmu", kind="native"), tmp_path)
     table = fmpy.util.read_csv(written(tmp_path / "u.csv"))

@@ -54,6 +54,7 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: rbfmu_fmu.build(scene, folder / f"{name}.fmu", **options) for name, options in KINDS.items()}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_bits_are_those_of_simulate_with_other_parameters_and_start(fmus: dict[str, Path], kind: str) -> None:
     scene = rbfmu.Scene.from_dict(SCENE)
@@ -77,6 +78,7 @@ def test_bits_are_those_of_simulate_with_other_parameters_and_start(fmus: dict[s
     assert found["late_time"][-1] == 3.0  # the start
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_counts_are_integers_that_a_saved_state_has(
     fmus: dict[str, Path], kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
@@ -151,6 +153,7 @@ def test_an_event_that_ends_a_run_shortens_no_step_of_an_fmu(tmp_path: Path) -> 
     assert rows["turned_time"][np.argmax(rows["turned_count"] == 1)] == pytest.approx(end, abs=1e-12)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["native", "python"])
 def test_it_verifies_with_random_inputs(fmus: dict[str, Path], kind: str) -> None:
     found = rbfmu_fmu.verify(fmus[kind])
@@ -259,6 +262,7 @@ def test_outputs_follow_the_time_that_stands_in_their_formulas(fmus: dict[str, P
         assert timed == {f"alpha_b[{k}]" for k in (1, 2, 3)}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_outputs_that_are_not_finite_at_the_start_are_called_so(
     fmus: dict[str, Path], kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]

@@ -142,6 +142,7 @@ def test_a_group_of_variables_connects_two_fmus_in_libcosim(kind):
     assert done.stdout.endswith("largest difference to libcosim: 0.0\n")
 
 
+@pytest.mark.thorough
 def test_what_is_run_elsewhere_is_compared_here(tmp_path, capsys):
     """Simulink and Dymola are not here: their result is, as a file."""
     elsewhere.prepare(tmp_path)

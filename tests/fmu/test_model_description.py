@@ -67,6 +67,7 @@ def test_every_unit_but_1_measures_a_quantity_of_its_own():
     assert len(set(quantities)) == len(quantities)
 
 
+@pytest.mark.thorough
 def test_a_unit_of_ones_own_is_the_known_one_of_that_name():
     """N m is N.m in FMI, where names of units are unique."""
     units = {"k": {"value": 0.5, "unit": "N.m"}, "c": {"value": 1.0, "unit": "m/K"}, "d": {"value": 1.0, "unit": "N m"}}

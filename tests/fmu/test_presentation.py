@@ -67,6 +67,7 @@ def test_they_are_the_same_bytes_each_time():
     assert again == shown("driven", True)
 
 
+@pytest.mark.thorough
 def test_an_fmu_s_identity_does_not_rest_on_them(tmp_path, monkeypatch):
     """A picture's bytes are those of one version of matplotlib."""
     monkeypatch.setattr(builder, "presentation_files", lambda *args, **kwargs: {"model.png": b"another"})
@@ -75,6 +76,7 @@ def test_an_fmu_s_identity_does_not_rest_on_them(tmp_path, monkeypatch):
     assert found == usual
 
 
+@pytest.mark.thorough
 def test_matplotlib_is_loaded_for_the_picture_alone():
     code = "import sys, rbfmu_fmu.presentation; print('matplotlib' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -188,6 +190,7 @@ def test_licences_are_those_of_what_is_inside():
 # --- terminals
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("arrays", [False, True])
 @pytest.mark.parametrize("name", NAMES)
 def test_terminals_are_valid_and_hold_each_input_and_output_once(name, arrays):

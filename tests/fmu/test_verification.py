@@ -109,6 +109,7 @@ def test_missing_units_and_dependencies_are_found(fmu: Path, tmp_path: Path) -> 
     assert any("position[1] is not among the outputs with dependencies" in p for p in problems)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("scalars", "element"), [(False, ""), (True, "[1]")])
 def test_what_is_missing_is_found_in_fmi_3(scalars: bool, element: str, tmp_path: Path) -> None:
     scene = rbfmu.Scene.from_dict(SCENE)
@@ -172,6 +173,7 @@ def test_inputs_of_ones_own_are_about_their_start(tmp_path: Path) -> None:
     assert verify(_rooted(9.0, tmp_path)).passed
 
 
+@pytest.mark.thorough
 def test_inputs_that_an_fmu_refuses_are_told_at_the_start_and_later(tmp_path: Path) -> None:
     fmu = _rooted(1.0, tmp_path)
     with pytest.raises(VerificationError, match=r"refuses to start, perhaps not with another seed: .* finite"):

@@ -30,6 +30,7 @@ def found(case):
     return rbfmu.fit(begun, data, fits.FREE)
 
 
+@pytest.mark.thorough
 def test_numbers_are_found_within_their_errors(case, found):
     scene, begun, _ = case
     assert np.max(np.abs(fits.errors(found, scene, begun))) < 4.0
@@ -48,6 +49,7 @@ def test_outliers_are_left_aside_by_a_robust_loss():
     assert np.max(np.abs(fits.errors(robust, scene, begun))) < 4.0
 
 
+@pytest.mark.thorough
 def test_torque_free_motion_tells_ratios_of_moments_alone():
     rng = np.random.default_rng(RNG_SEED + 2)
     scene = fits.truth(rng).replace({"loads.torque_b": [0.0, 0.0, 0.0]})
@@ -80,6 +82,7 @@ def test_a_pendulum_tells_no_number_of_those_that_it_tells_together_alone():
     assert len(one.unknown) == 1
 
 
+@pytest.mark.thorough
 def test_a_model_that_lacks_a_load_leaves_residuals_that_are_no_noise():
     rng = np.random.default_rng(RNG_SEED + 3)
     scene = fits.truth(rng)
@@ -89,6 +92,7 @@ def test_a_model_that_lacks_a_load_leaves_residuals_that_are_no_noise():
     assert any("times the noise that was given" in doubt for doubt in one.doubts)
 
 
+@pytest.mark.thorough
 def test_constants_and_inputs_and_angles_take_part():
     def scene(k):
         return rbfmu.Scene.from_dict({
@@ -352,6 +356,7 @@ def test_a_long_search_is_ended_or_said_to_have_no_end(monkeypatch):
     assert rbfmu.fit(start, data, keys, sigma=0.05, inputs=inputs).doubts[0].startswith("the search came to no end")
 
 
+@pytest.mark.thorough
 def test_a_hopeless_start_comes_to_an_end():
     rng = np.random.default_rng(RNG_SEED + 4)
     scene = fits.truth(rng)

@@ -33,6 +33,7 @@ def test_a_noise_that_is_given_makes_the_errors_whatever_residuals_are():
     assert too_large(1.3 * f, given)[0].startswith("residuals are 1.3")
 
 
+@pytest.mark.thorough
 def test_the_noise_of_few_numbers_of_an_output_is_what_the_fit_leaves_of_them():
     """One attitude, which the fit follows, told a noise of 1e-15 rad, and the attitude up to 50 standard errors off."""
     scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, initial={"omega_b": [1.0, 0.1, 0.2]})

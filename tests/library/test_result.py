@@ -86,6 +86,7 @@ def test_a_line_of_angles_has_a_gap_where_it_loses_a_turn() -> None:
     assert charts.with_gaps(time, angles, np.inf)[1].tolist() == angles.tolist()
 
 
+@pytest.mark.thorough
 def test_a_plot_names_units_and_draws_no_stroke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[Figure] = []
     save = Figure.savefig
@@ -117,6 +118,7 @@ def test_a_result_without_rows_is_shown_and_cut_and_no_ephemeris(tmp_path: Path)
         empty.until(np.nan)
 
 
+@pytest.mark.thorough
 def test_dollars_of_titles_and_units_are_no_mathematics(tmp_path: Path) -> None:
     """Two of them ended in a traceback of Matplotlib's, or were left out."""
     result_of(3, ("omega_b",)).plot(tmp_path / "it.svg", "a $_{x$")
@@ -309,6 +311,7 @@ def test_a_dataset_names_components_and_units(result: Result) -> None:
     assert data.time.attrs["units"] == "s"
 
 
+@pytest.mark.thorough
 def test_a_plot_is_a_figure_that_a_notebook_shows(result: Result, tmp_path: Path) -> None:
     figure = result.plot(title="it")
     assert len(figure.axes) == len(result.quantities)

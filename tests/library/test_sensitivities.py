@@ -21,6 +21,7 @@ def scene(loads=None, **tables):
     return rbfmu.Scene.from_dict(known | tables)
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(reference.library() is None, reason="needs a C compiler with quadruple precision")
 @pytest.mark.parametrize("seed", [9001, 9009, 9013, 9021])
 def test_derivatives_are_those_of_quadruple_precision(seed):
@@ -119,6 +120,7 @@ def test_a_motion_that_slides_along_a_corner_is_said_to():
         rbfmu.sensitivity(one, "initial.omega_b")
 
 
+@pytest.mark.thorough
 def test_a_motion_that_grows_beyond_all_bounds_is_refused_as_a_run_of_it_is():
     """Its derivatives went on, in ever shorter substeps, for hours."""
     one = rbfmu.Scene.from_dict({

@@ -150,6 +150,7 @@ def test_a_missed_goal_is_the_status_of_the_process(held, expected, monkeypatch)
 # --- in tiny settings
 
 
+@pytest.mark.thorough
 def test_kernels_are_measured_written_and_drawn(tmp_path, capsys, monkeypatch):
     kernels = bench("kernels")
     monkeypatch.setattr(kernels, "ROUNDS", 1)

@@ -28,6 +28,7 @@ def test_every_table_stands_on_a_page() -> None:
     assert sorted(found) == sorted(pages.TABLES)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", record.SOURCES)
 def test_figures_are_not_older_than_their_sources(name: str) -> None:
     assert record.is_up_to_date(name), f"renew by: python -m examples.pages --measure {name}"
@@ -43,6 +44,7 @@ def test_figures_grow_old_with_code_but_not_with_words(monkeypatch: pytest.Monke
     assert seen[0] == seen[1] != seen[2]
 
 
+@pytest.mark.thorough
 def test_a_picture_grows_old_with_its_sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(record, "place", lambda name: tmp_path / f"{name}.png")
     monkeypatch.setitem(measure.NEEDED, "own_chart", ())
@@ -136,6 +138,7 @@ def test_an_importer_that_is_not_here_keeps_what_an_earlier_fmu_did(monkeypatch:
         assert not before[2]["version"]
 
 
+@pytest.mark.thorough
 def test_figures_are_kept_with_the_digest_of_their_sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(record, "place", lambda name: tmp_path / f"{name}.csv")
     monkeypatch.setitem(measure.MEASURED, "native", lambda: [{"scene": "one", "by hand": 0.5}])

@@ -207,6 +207,7 @@ class Top:
         return 4.0 / self.rate * quad(rate, 0.0, 0.5 * math.pi, epsabs=1e-13, epsrel=1e-13)[0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "sleeps"), [("top_sleeping", True), ("top_precessing", True), ("top_falling", False)])
 def test_a_top_nods_and_goes_round_by_the_closed_form(name, sleeps):
     one = scene(name, step=2.5e-4, accuracy=1e-10)
@@ -273,6 +274,7 @@ def test_every_scene_is_in_the_gallery():
         assert (gallery.FOLDER / f"{name}.png").stat().st_size < 60_000
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", some_of(NAMES, 1))
 def test_a_scene_is_as_accurate_as_asked_by_40_digits(name):
     scene = rbfmu.load_scene(gallery.scene_file(name))
@@ -286,6 +288,7 @@ def test_a_scene_is_as_accurate_as_asked_by_40_digits(name):
         assert error <= 2.0 * planned.error + 1e-13  # what it says to expect, and round-off that pilot runs share
 
 
+@pytest.mark.thorough
 def test_a_wrong_motion_has_a_large_error():
     scene = rbfmu.load_scene(gallery.scene_file("t_handle"))
     tables = scene.to_dict()

@@ -30,10 +30,11 @@ ALIKE = (
     *DEAR, "tests/library/formulas/",
     *(f"tests/library/arrays/test_array_functions.py::test_{part}" for part in ("array", "kernels_take")),
 )  # fmt: skip
-"""Tests whose cases take long together: of the thorough ones of each CI runs one, `make slow` all."""
+"""Tests whose cases take long together: of those that a covering set leaves CI runs one each, `make slow` all."""
 AROUND = (
     "tests/fmu/test_interop.py", "tests/library/ensembles/test_lanes.py", "tests/library/studies/",
-    *(f"tests/project/{part}" for part in ("command_line/", "test_benchmarks.py", "test_examples.py", "test_pages.py")),
+    *(f"tests/project/command_line/test_{part}.py" for part in ("extras", "interrupt", "without_posix")),
+    *(f"tests/project/test_{part}.py" for part in ("benchmarks", "examples", "pages")),
 )  # fmt: skip
 """Tests of what stands around the product, and of its dearest compilations, of which CI runs no thorough one."""
 
@@ -41,7 +42,7 @@ AROUND = (
 def mark_what_a_covering_set_leaves(items: Sequence[pytest.Item]) -> None:
     """Mark cases that no covering set has as thorough, and those of them that are too many for CI as slow.
 
-    What is marked as thorough or slow by hand has no covering set.
+    What is thorough by hand has its covering set there; what is slow by hand has none.
     """
     cases, alike = defaultdict(list), defaultdict(list)
     for item in items:
@@ -52,16 +53,23 @@ def mark_what_a_covering_set_leaves(items: Sequence[pytest.Item]) -> None:
             if name.startswith(ALIKE):
                 alike[name].append(item)
     for name, of_one_test in cases.items():
-        values = [_values(item) for item in of_one_test]
-        if len(values[0]) > 1 or name.startswith(DEAR):
-            kept = covering(values, name) if len(values[0]) > 1 else drawn(len(values), name)
-            _mark_all_but(kept, of_one_test, pytest.mark.thorough)
+        if _has_axes(of_one_test) or name.startswith(DEAR):
+            _mark_all_but(_kept(of_one_test, name), of_one_test, pytest.mark.thorough)
     for item in items:
         if item.nodeid.startswith(AROUND) and item.get_closest_marker("thorough"):
             item.add_marker(pytest.mark.slow)
     for name, of_one_test in alike.items():
         rest = [item for item in of_one_test if item.get_closest_marker("thorough")]
-        _mark_all_but(drawn(len(rest), name), rest, pytest.mark.slow)
+        _mark_all_but(drawn(len(rest), name) if name in cases else _kept(rest, name), rest, pytest.mark.slow)
+
+
+def _has_axes(cases: Sequence[pytest.Function]) -> bool:
+    return len(_values(cases[0])) > 1
+
+
+def _kept(cases: Sequence[pytest.Function], name: str) -> set[int]:
+    """Return which cases of a test to take: of one with a single axis one."""
+    return covering([_values(case) for case in cases], name) if _has_axes(cases) else drawn(len(cases), name)
 
 
 def _mark_all_but(kept: Collection[int], items: Sequence[pytest.Item], mark: pytest.MarkDecorator) -> None:

@@ -28,6 +28,7 @@ OWN = ["driven", "brick", "prescribed", "pendulum"]
 KINDS = ["fmi3", "fmi3_scalars"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", some_of(OWN, 2))
 def test_fmu_is_the_kernels_and_that_of_fmi_2_before_and_after_a_restore(name, kind):
@@ -42,6 +43,7 @@ def test_fmu_is_the_kernels_and_that_of_fmi_2_before_and_after_a_restore(name, k
     instance.free()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", some_of([*OWN], 2))
 def test_verify_finds_no_difference(name, kind):
@@ -49,6 +51,7 @@ def test_verify_finds_no_difference(name, kind):
     assert found.passed, found
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", ["class", *some_of([*OWN, "two_ports", "default"], 2)])
 def test_fmpy_validates(name, kind):
@@ -99,6 +102,7 @@ def test_libraries_lie_in_the_folders_of_fmi_3(tmp_path, monkeypatch):
     }
 
 
+@pytest.mark.thorough
 def test_builds_are_the_same_bytes(tmp_path):
     again = rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", "native", fmi=3)
     assert again.read_bytes() == built("prescribed", "fmi3").read_bytes() != built("prescribed", "native").read_bytes()
@@ -118,6 +122,7 @@ def test_versions_that_there_are_not_are_refused(options, message, tmp_path):
     assert not (tmp_path / "it.fmu").exists()
 
 
+@pytest.mark.thorough
 def test_the_command_builds_and_verifies_it(tmp_path):
     fmu = tmp_path / "it.fmu"
     done = CliRunner().invoke(main, ["build", str(BRICK), "--native", "--fmi", "3", "-o", str(fmu)])

@@ -87,6 +87,7 @@ def test_a_direction_may_be_any_and_name_an_input_twice(kind):
     assert instance.derivative(unknowns, [], []) == (OK, [0.0] * len(found))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", FMI3)
 @pytest.mark.parametrize("name", ["driven", "pendulum", "prescribed"])
 def test_adjoint_derivatives_are_those_of_the_same_jacobian(name, kind):
@@ -127,6 +128,7 @@ def begun(fmu, starts=None):
     return instance
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["driven", "pendulum", "prescribed"])
 def test_at_the_start_there_are_derivatives_by_parameters(name):
     """Also by an attitude that is normalised, an inertia, and what stands beside the centre of mass."""

@@ -45,6 +45,7 @@ def constant(time):
     return LOADED
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_inputs_that_are_parabolas_are_exact(kind):
     """Angular momentum is what the torque adds: t + t^2 / 2, -t^2, t^3; held, it is a hundredth of that off."""
@@ -90,6 +91,7 @@ def test_the_middle_and_the_end_are_asked_for_and_outputs_are_those_of_the_end()
     assert importer.read == [importer.instance.outputs()]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("when", "early"), [(0.0, True), (0.3 * H, True), (0.5 * H, True), (H, False)])
 def test_a_step_ends_when_the_importer_wants(when, early):
     importer = Importer("torqued", quadratic, early=True, when=when)

@@ -42,6 +42,7 @@ def test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore(name):
     instance.free()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", some_of([*OWN], 2))
 def test_verify_finds_no_difference(name):
     found = verify(built(name, "native"))
@@ -108,6 +109,7 @@ def test_inputs_follow_their_derivatives_over_one_step_and_stay_where_that_ends(
     assert instance.get(*RATES) == before  # derivatives count for one step
 
 
+@pytest.mark.thorough
 def test_a_ramp_of_an_input_is_exact_and_held_steps_are_not():
     """Angular momentum is what the torque adds: torque t^2 / 2; a round-off of the sum, and half a step too little."""
     rates = {"torque_a[1]": 1.0, "torque_a[2]": -2.0}
@@ -258,6 +260,7 @@ def test_only_the_instances_own_live_states_are_taken():
     assert other.restore(foreign) == OK
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("each_version")
 def test_damaged_bytes_are_no_state():
     instance = started(LOADED)

@@ -69,6 +69,7 @@ def assert_nothing_superfluous(fmu, library, name, platform):
     assert len(fmu.read(library)) - model < BESIDE_THE_MODEL[platform.suffix]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["brick", "driven", "pendulum", "prescribed"])
 def test_an_fmu_holds_the_model_once_and_nothing_to_debug_it_by(name):
     with zipfile.ZipFile(built(name, "native")) as fmu:
@@ -110,6 +111,7 @@ def for_processor(cpu, folder):
     return {"NUMBA_CPU_NAME": cpu, "NUMBA_CPU_FEATURES": CPUS[cpu], "NUMBA_CACHE_DIR": str(folder / cpu)}
 
 
+@pytest.mark.thorough
 def test_object_code_is_the_same_on_any_processor(tmp_path):
     command = [sys.executable, "-m", "tests.support.fmu.compiled_for_any"]
     found = [
@@ -206,6 +208,7 @@ def test_a_killed_build_leaves_the_file_that_was_there(before, tmp_path):
     assert path.read_bytes() == b"what was there"
 
 
+@pytest.mark.thorough
 def test_a_build_that_fails_leaves_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr("os.replace", lambda *paths: (_ for _ in ()).throw(OSError(28, "disk full")))
     with pytest.raises(OSError, match="disk full"):
@@ -239,6 +242,7 @@ def test_unknown_platforms_and_kinds_are_refused(tmp_path):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="nativ")
 
 
+@pytest.mark.thorough
 def test_what_the_c_compiler_says_is_in_the_message(tmp_path, monkeypatch):
     exported = b'__attribute__((visibility("default")))'
     layer = b"int unknown(void); %s int f(void) { return unknown(); }" % exported
@@ -303,6 +307,7 @@ def test_one_fmu_may_serve_all_platforms(tmp_path):
 # --- the command line
 
 
+@pytest.mark.thorough
 def test_the_command_builds_what_the_function_builds(tmp_path):
     path = tmp_path / "it.fmu"
     result = call("build", SCENES / "gyro_attitude.toml", "--native", "-o", path)

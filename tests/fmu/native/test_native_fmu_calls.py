@@ -93,6 +93,7 @@ def in_phase(phase):
     return instance
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("call", MADE)
 @pytest.mark.parametrize("phase", ALLOWED)
 def test_calls_are_allowed_in_their_phase_and_else_an_error(phase, call):
@@ -133,6 +134,7 @@ def test_null_pointers_are_errors():
     assert instance.steps(5) == started().steps(5)
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("each_version")
 @pytest.mark.parametrize("size", [0.0, -0.01, math.nan, math.inf, -math.inf, 1e-300, 1e300])
 def test_a_refused_step_changes_nothing_but_the_status(size):
@@ -240,6 +242,7 @@ def test_fmpy_ends_a_run_at_a_discarded_step():
     assert recorded["status"][-1] == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("each_version")
 def test_status_tells_times_past_the_scenes_stop():
     start, stop = scene("class").run.start, scene("class").run.stop
@@ -359,6 +362,7 @@ __attribute__((visibility("default"))) const unsigned char *told_of(const char *
 """An importer that keeps what it is told; compiled into messages.c."""
 
 
+@pytest.mark.thorough
 def test_a_message_that_is_too_long_ends_with_its_buffer(tmp_path):
     probed = headers.headers(describe(scene("driven"), planned("driven")), FMI2, "{}")
     probed["instance.h"] = f"#include <stdio.h>\n{platforms.source('instance.h').decode()}{PROBE}"

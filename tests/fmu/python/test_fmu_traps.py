@@ -37,6 +37,7 @@ def refused():
     return run_case("refusals", unzipped("driven"))
 
 
+@pytest.mark.thorough
 def test_every_refusal_is_listed():
     assert set(NAMED) == set(WRONGS) == set(refused()[0])
 
@@ -120,6 +121,7 @@ def test_a_run_imports_no_numba():
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("brick", "driven", "pendulum")]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["prescribed", *SLOW])
 def test_compiling_anew_gives_the_same_bits(name):
     found, errors = run_case("rows_and_imports", unzipped(name), RBFMU_COMPILE="1")
@@ -127,6 +129,7 @@ def test_compiling_anew_gives_the_same_bits(name):
     assert not errors
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("spoil", [Path.unlink, lambda code: code.write_bytes(code.read_bytes()[:2000])])
 def test_without_usable_object_code_numba_compiles(spoil, tmp_path):
     """None is there on another platform; damaged code would end the process in LLVM."""
@@ -139,6 +142,7 @@ def test_without_usable_object_code_numba_compiles(spoil, tmp_path):
     assert code.name in errors
 
 
+@pytest.mark.thorough
 def test_two_fmus_in_one_process_each_compute_their_own():
     a, b = unzipped("driven"), unzipped("pendulum")
     assert run_case("rows", a, b)[0] == [alone("driven"), alone("pendulum")]
@@ -163,6 +167,7 @@ rbfmu_fmu.build(scene, path)
 """
 
 
+@pytest.mark.thorough
 def test_an_fmu_is_built_whole_where_another_runs_in_the_process(tmp_path):
     """It brings a pythonfmu of its own, without libraries, which Python then takes for the one that is installed."""
     file, found = ROOT / "examples/scenes/earth.toml", tmp_path / "found.fmu"
@@ -208,6 +213,7 @@ def other_kernels(tmp_path_factory):
     return unzipped_at(path, path.parent / "unzipped")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("compile_anew", ["0", pytest.param("1", marks=pytest.mark.thorough)])
 def test_two_fmus_of_one_name_each_compute_with_their_own_kernels(other_kernels, compile_anew):
     folder = unzipped("prescribed")
@@ -239,6 +245,7 @@ def test_a_folder_with_a_space_in_its_path_works(tmp_path):
     assert run_case("rows", copied("driven", tmp_path / "a b"))[0] == [alone("driven")]
 
 
+@pytest.mark.thorough
 def test_a_thousand_lives_leave_nothing_behind():
     assert run_case("cycles", unzipped("driven"))[0] < 12.0
 
@@ -254,6 +261,7 @@ def test_folders_may_vanish_under_running_instances(name, other, compile_anew):
     assert run_case("deleted_folders", unzipped(name), unzipped(other), RBFMU_COMPILE=compile_anew)[0] is True
 
 
+@pytest.mark.thorough
 def test_fmpy_runs_it_where_rbfmu_is_not_installed():
     last, same = run_case("in_fmpy", built("brick"))[0]
     assert same
@@ -261,6 +269,7 @@ def test_fmpy_runs_it_where_rbfmu_is_not_installed():
     assert list(here[-1].item()) == last
 
 
+@pytest.mark.thorough
 def test_holding_the_thread_state_changes_nothing_in_a_python_host():
     assert run_case("rows", unzipped("driven"), RBFMU_HOLD_GIL="1")[0][0] == alone("driven")
     assert run_case("threads", unzipped("driven"), RBFMU_HOLD_GIL="1")[0] == [True] * 16
@@ -271,12 +280,14 @@ def place(tmp_path_factory):
     return tmp_path_factory.mktemp("host")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("held", ["0", "1"])
 def test_a_host_without_python_gets_the_same_bits_with_the_gil_held_or_not(held, place):
     found, _ = run_c_host(place, "two_ports", 50, 1, RBFMU_HOLD_GIL=held)
     assert found == [rows_for_c_host("two_ports", 50)] * 4
 
 
+@pytest.mark.thorough
 def test_a_host_without_python_ends_well_after_compiling(place):
     """Much memory has then come and gone, so that a second release of the interpreter would be met."""
     found, _ = run_c_host(place, "prescribed", 20, 1, RBFMU_COMPILE="1")
@@ -333,6 +344,7 @@ def test_what_rests_on_the_inside_of_pythonfmu_stands_in_one_module():
         assert [path for path, text in modules.items() if sign in text] == [home], sign
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["rbfmu", "globals"])
 def test_a_scene_may_have_a_name_of_python_s_or_of_the_fmu_s_own(name, tmp_path):
     named = scene("prescribed").replace(name=name)

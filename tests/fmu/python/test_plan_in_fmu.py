@@ -40,6 +40,7 @@ def said(instance):
     return " ".join(message[-1].decode() for message in instance.log)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["native", pytest.param("python", marks=pytest.mark.thorough)])
 def test_an_fmu_of_rates_alone_has_only_what_they_need(kind, tmp_path):
     fmu = made(spinning((0.1, 0.2, 0.4), ["omega_b"]), tmp_path, kind)
@@ -57,6 +58,7 @@ def test_an_fmu_of_a_pushed_free_body_gives_the_kernels_bits(kind, tmp_path):
     assert rbfmu_fmu.verify(path).passed
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["native", pytest.param("python", marks=pytest.mark.thorough)])
 def test_a_spin_off_the_principal_axis_is_refused_where_the_model_has_none(kind, tmp_path):
     instance = started(made(spinning(), tmp_path, kind), (0.1, 0.0, 0.4))
@@ -65,17 +67,20 @@ def test_a_spin_off_the_principal_axis_is_refused_where_the_model_has_none(kind,
     assert 'list "omega_b_0" under parameters in the scene\'s [inputs] to vary it' in said(instance)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["native", pytest.param("python", marks=pytest.mark.thorough)])
 def test_another_spin_about_the_same_axis_is_served(kind, tmp_path):
     assert_right(started(made(spinning(), tmp_path, kind), (0.0, 0.0, -0.7)), (0.0, 0.0, -0.7))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["native", pytest.param("python", marks=pytest.mark.thorough)])
 def test_a_listed_spin_may_be_any(kind, tmp_path):
     fmu = made(spinning(parameters=["omega_b_0"]), tmp_path, kind)
     assert_right(started(fmu, (0.1, -0.2, 0.4)), (0.1, -0.2, 0.4))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["native", pytest.param("python", marks=pytest.mark.thorough)])
 def test_what_a_comparison_rests_on_is_held(kind, tmp_path):
     """A coning of some 1e-11 is dropped; so no rate may be changed, not even along the axis."""

@@ -38,6 +38,7 @@ def test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore(name):
     instance.free()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", some_of(["brick", "driven", "pendulum", "prescribed"], 2))
 def test_verify_finds_no_difference(name):
     found = verify(built(name))

@@ -70,6 +70,7 @@ def test_what_a_model_has_nothing_of_is_not_compiled():
     assert of_what_there_is(2.0) == 2.0
 
 
+@pytest.mark.thorough
 def test_a_kernel_called_by_compiled_code_first_has_the_same_bits_from_python():
     state = (1.0, 2.0, 3.0), (0.5, 0.5, 0.5, 0.5), (0.1, 0.2, 0.3)
 
@@ -206,6 +207,7 @@ def test_a_kernel_of_ones_own_that_was_edited_is_compiled_anew(tmp_path):
     assert found == [2.0, 3.0]
 
 
+@pytest.mark.thorough
 def test_loops_over_tiles_are_vectorised_over_items(monkeypatch):
     """LLVM does so only where it sees which memory is which; nothing but the time would tell."""
     loops = []

@@ -50,6 +50,7 @@ def test_plain_python_and_machine_code_give_the_same_bits(name):
     assert_same_bits(scene, rbfmu.plan(scene), 20)
 
 
+@pytest.mark.thorough
 def test_a_rate_whose_square_underflows_divides_nothing_by_pythons_zero():
     body = {"mass": 1.0, "inertia": [1.0, 1.0, 0.5], "r_oc_b": [0.0, 0.0, -0.5], "pivot": True}
     loads = {"gravity_a": [0.0, 0.0, -9.81], "damping_b": [0.0, 0.0, 40.0]}
@@ -133,6 +134,7 @@ def test_what_is_kept_is_not_interpreted():
     assert not tiered.is_kept(FREE_TRIAXIAL.step, 1, 2, 3)
 
 
+@pytest.mark.thorough
 def test_a_run_of_a_closed_form_compiles_nothing(tmp_path):
     """The first run of NASA's brick took 13 s of CPU, nearly all of it for code that ran for a millisecond."""
     call_by_count(tmp_path, "run", SCENE)

@@ -47,6 +47,7 @@ def check_class(kind, n, seed):
     assert np.max(rates) <= 4.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", some_of([*CLASSES], 4))
 def test_random_bodies_are_exact_to_rounding(kind):
     check_class(kind, 16, seed=1)
@@ -67,6 +68,7 @@ def test_the_two_truths_agree(seed):
         assert max(abs(x - y) for x, y in zip(a, b, strict=True)) < mp.mpf(10) ** -40
 
 
+@pytest.mark.thorough
 def test_slender_bodies_beside_the_separatrix():
     """Boxes whose sides are up to 1e5 apart: the slow and the fast axis' rates are both right."""
     rng = np.random.default_rng(5)
@@ -164,12 +166,14 @@ def test_powers_of_two_in_moments_and_time_change_no_bit():
     assert body_at(moments, Q, tuple(w * o for o in OMEGA), 100.0 / w) == (q, tuple(w * o for o in omega))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tiny", some_of([1e-20, 1e-100, 1e-200, 1e-290], 2))
 def test_tiny_departures_from_the_middle_axis_turn_the_body_over(tiny):
     case = (I_123, Q, (0.3 * tiny, 1.0, 0.2 * tiny), 1e4)
     assert max(errors(case, lambda *c: closed_form(*c, digits=640))) <= 3.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("axis", [0, 2])
 def test_tiny_wobble_keeps_its_relative_digits(axis):
     omega = [3e-200, 2e-200, 1e-200]
@@ -204,6 +208,7 @@ def steps(moments, q, omega, h, n):
     return q, omega, worst
 
 
+@pytest.mark.thorough
 @compiled_only
 @pytest.mark.parametrize(("moments", "omega", "h"), [
     (I_123, OMEGA, 0.1), ((1.0, 1.2, 1.5), (0.3, 0.4, 1.0), 0.1), ((3.0, 2.0, 1.5), (0.3, 0.4, 1.0), 1.0),
@@ -295,6 +300,7 @@ def test_kernels_call_nothing_of_libm_but_square_roots_and_signs():
         assert used <= {"sqrt", "copysign", "nan", "inf"}, name
 
 
+@pytest.mark.thorough
 @compiled_only
 def test_plain_python_gives_the_same_bits():
     """No fused operations, no libm: what is true on this machine with and without LLVM is true on others."""

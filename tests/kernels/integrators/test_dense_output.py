@@ -70,6 +70,7 @@ def natural_step(scene, order, tolerance, span):
     return span / unit.series
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("denser", [10, 100])
 def test_every_output_is_within_the_tolerances_of_the_series_begun(name, denser):
@@ -99,6 +100,7 @@ def test_series_do_not_care_when_outputs_are_asked_for(name):
     assert unit.series == denser.series
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", SCENES)
 def test_steps_of_any_size_are_served(name):
     """Longer ones than a series reaches over too, which may take substeps."""
@@ -193,6 +195,7 @@ def test_inputs_that_change_within_a_step_end_a_series():
     assert unit.series < other.series
 
 
+@pytest.mark.thorough
 def test_a_motion_that_turns_fast_leaves_the_series():
     """Spun up from rest: natural steps shrink below the communication step."""
     scene = Scene(body={"mass": 1.0, "inertia": [1.0, 1.2, 1.5]}, loads={"torque_b": [30.0, 20.0, 80.0]},

@@ -57,6 +57,7 @@ def steps_of(name):
     return 2.0 ** math.floor(math.log2(0.01 / np.linalg.norm(BODIES[name][1])))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", some_of([*BODIES], 3))
 def test_every_output_is_exact(name):
     """Against 90 digits, at random steps of some hundred radians."""
@@ -82,6 +83,7 @@ def test_outputs_are_those_of_the_closed_form(name):
         np.testing.assert_allclose(unit["quaternion"], exact["quaternion"], rtol=0.0, atol=10 * EPS)
 
 
+@pytest.mark.thorough
 def test_steps_may_change_size():
     unit, rng, t = Unit(), np.random.default_rng(2), 0.0
     for k in range(400):

@@ -31,6 +31,7 @@ def run(state, h, n, body, loads):
     return state
 
 
+@pytest.mark.thorough
 def test_the_reference_has_its_40_digits():
     """Against the closed form of torque-free motion, in another formulation and from another module."""
     (found,) = reference.motion(BRICK, (30.0,))

@@ -47,6 +47,7 @@ def block(z, name):
     return z[LOADED_TAYLOR.BLOCKS[name]]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("order", "steps"), [(4, 800), (6, 300), (8, 80), (10, 64)])
 def test_rates_converge_at_the_series_order_and_attitude_at_the_two_point_formula_s(order, steps):
     """2 m of m derivatives, whose error is some 1e-3 of the series' until far below what is asked for.

@@ -122,6 +122,7 @@ def test_accelerations_of_the_loads_of_accelerations_are_those_accelerations_abo
     assert distance(again[1], alpha) <= 4.0 * EPS * condition**2 * rates
 
 
+@pytest.mark.thorough
 @given(masses, sides, any_quaternion, any_vector, any_vector, any_vector, any_vector)
 def test_loads_of_the_accelerations_that_loads_give_are_those_loads_about_o(mass, box, q, r_oc, omega, force, torque_o):
     """M_o keeps M_c to eps of m r^2 only: what the lever takes is gone in both directions."""
@@ -138,6 +139,7 @@ def test_loads_of_the_accelerations_that_loads_give_are_those_loads_about_o(mass
     assert distance(again[1], torque_o) <= 4.0 * EPS * condition * torques
 
 
+@pytest.mark.thorough
 @given(masses, sides, any_quaternion, any_vector, any_vector, any_vector, any_vector)
 def test_loads_about_o_are_those_about_c_moved_to_o(mass, box, q, r_oc, omega, a_o, alpha):
     """T_o = T_c + r_c x F, of one motion."""

@@ -49,6 +49,7 @@ def driven(plan, body, names):
     return Unit(plan, body=body, run={"stop": 1.0, "step": 1.0}, **tables)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("names", [*((name,) for name in INPUTS), tuple(INPUTS)], ids="+".join)
 def test_loads_change_within_a_step_as_their_derivatives_say(method, names):

@@ -134,6 +134,7 @@ def test_one_axis_under_torque_and_damping_is_exact(torque, damping):
     assert attitude_error(found["quaternion"][-1], truth) <= 4 * EPS * float(angle)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("across", [0.0, 0.3])
 @pytest.mark.parametrize("along", [0.0, 0.2])
 @pytest.mark.parametrize(("moments", "torque"), [((2.0, 2.0, 1.0), 0.4), ((1.3, 0.7, 1.3), -2.0), ((0.5, 1, 1), 0.1)])

@@ -115,6 +115,7 @@ def test_each_load_moves_the_body_as_40_digit_arithmetic_has_it(load):
     assert max(errors.values()) <= 1e-10
 
 
+@pytest.mark.thorough
 def test_all_loads_together_too():
     scene = made(OFFSET, MOVING, LOADED, stop=5.0)
     unit = Unit(scene).step(0.5, 10)
@@ -254,6 +255,7 @@ def test_a_heavy_top_keeps_energy_and_vertical_momentum(inertia):
     assert distance(unit["angular_momentum_a"][:2], [0.0, 0.0]) > 1.0  # it precesses
 
 
+@pytest.mark.thorough
 def test_a_heavy_top_moves_as_40_digit_arithmetic_has_it():
     scene = made(
         TOP | {"inertia": [0.5, 0.6, 0.3]},

@@ -13,7 +13,7 @@ from rbfmu_kernels.compile.simd import wide_at
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from rbfmu_kernels.models.loaded_taylor_lanes import COLUMNS_SIZE, WORK, advance
 
-pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
+pytestmark = [pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code"), pytest.mark.thorough]
 
 BLOCKS = LOADED_TAYLOR.BLOCKS
 
@@ -96,13 +96,12 @@ def assert_same(way, z, steps):
     assert not np.array_equal(shown(found), shown(z))
 
 
-@pytest.mark.parametrize("way", [4, pytest.param(8, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("way", [4, 8])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_body_in_a_lane_has_the_bits_that_it_has_alone(kind, way):
     assert_same(way, buffers_of([kind], 11), [4.0, 0.5, 7.0, 0.3])
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_lanes_take_all_but_a_force_that_turns_with_the_body(kind):
     scratch, statuses = aligned_zeros(SCRATCH), np.zeros(11, dtype=np.int64)
@@ -110,12 +109,11 @@ def test_lanes_take_all_but_a_force_that_turns_with_the_body(kind):
     assert scratch.any() == (kind != "a force in b")
 
 
-@pytest.mark.parametrize("way", [4, pytest.param(8, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("way", [4, 8])
 def test_bodies_of_all_kinds_may_come_together(way):
     assert_same(way, buffers_of([*KINDS], 23), [3.0, 5.0])
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("stale", [1e3, np.nan])
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_a_work_space_holds_from_before_changes_no_bit(kind, stale):
@@ -150,7 +148,7 @@ def test_neither_neighbours_nor_places_change_a_body_s_bits():
     np.testing.assert_array_equal(shown(advanced(8, z[order], [4.0, 2.0])[0]), shown(together)[order])
 
 
-@pytest.mark.parametrize("way", [4, pytest.param(8, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("way", [4, 8])
 def test_a_body_that_cannot_go_on_is_refused_and_the_others_go_on(way):
     z = buffers_of(["a torque in b"], 9)
     z[4, BLOCKS["omega"]] = 1e200

@@ -53,6 +53,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", some_of([*CASES], 2))
 @pytest.mark.parametrize("steps", [1, 16])
 def test_a_pendulum_is_that_of_40_digits(name, steps):

@@ -100,6 +100,7 @@ LAWS = [
 ]  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 def test_error_is_as_stated(law):
     law.check()

@@ -41,6 +41,7 @@ def value(a):
     return mp.mpf(a[0]) + mp.mpf(a[1])
 
 
+@pytest.mark.thorough
 def test_scale_gives_agm_third_kind_and_phase_beyond_double():
     rng, kcs = moduli(2, 90)
     for i, kc in enumerate(kcs):

@@ -97,6 +97,7 @@ LAWS = [
 ]  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 def test_error_is_as_stated(law):
     law.check()
@@ -161,6 +162,7 @@ def test_angles_come_back(seq, angles):
         assert exact.error(euler.matrix_from_euler(seq, again), exact.exact(R)) <= 12.0
 
 
+@pytest.mark.thorough
 @given(st.sampled_from(list(NAME)), any_quaternion, st.sampled_from([1e-70, -1.0, 1e70]))
 def test_quaternions_of_any_length_and_sign_have_the_same_angles(seq, q, size):
     angles, again = (euler.euler_from_quaternion(seq, tuple(s * x for x in q)) for s in (1.0, size))

@@ -9,6 +9,8 @@ from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from tests.support.command_line import call
 
+pytestmark = pytest.mark.thorough
+
 TABLES = {
     "body": {"mass": 2.0, "inertia": [1.0, 2.0, 3.0]},
     "initial": {"omega_b": [0.1, 1.0, 0.05]},
@@ -43,7 +45,6 @@ def result(scene, planned):
     return rbfmu.run_ensemble(scene, planned=planned, executor=1)
 
 
-@pytest.mark.thorough
 def test_they_are_those_of_each_run_alone_which_no_event_ends(scene, planned, result):
     samples = draw(scene, 0, len(result.samples["initial.omega_b"]))
     for row in range(0, 40, 3):

@@ -59,6 +59,7 @@ def test_members_have_the_bits_of_single_runs(scene, planned):
     assert "constants.d" in found.drivers().varied
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["npz", "zarr"])
 def test_other_processes_give_the_same_bits_and_a_store_is_read_again(kind, scene, planned, tmp_path):
     if kind == "zarr":

@@ -128,6 +128,7 @@ def test_every_member_meets_the_accuracy_by_the_plan_for_all(name):
         assert found.error <= scene.run.accuracy, (row, found)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "single", "together"),
     [
@@ -142,6 +143,7 @@ def test_a_model_that_holds_for_the_scene_alone_is_not_taken(name, single, toget
     assert plan_ensemble(scene).model == together
 
 
+@pytest.mark.thorough
 def test_a_plan_says_what_varies_and_how_far_its_pilots_are_off():
     found = plan_ensemble(scene_of("a heavy top"))
     said = "\n".join(found.reasons)
@@ -158,6 +160,7 @@ def test_a_plan_of_driven_members_says_that_its_tolerance_is_of_a_whole_run():
     assert said.endswith("in every member")
 
 
+@pytest.mark.thorough
 def test_planning_asks_the_same_of_the_same_scene():
     assert plan_ensemble(scene_of("a heavy top")) == plan_ensemble(scene_of("a heavy top"))
 
@@ -294,6 +297,7 @@ def test_orders_at_which_members_go_side_by_side_are_taken():
     assert not all(serves(start_run(member(scene, samples, k), higher), 20.0) for k in range(50))
 
 
+@pytest.mark.thorough
 def test_where_nearly_equal_starts_lead_apart_no_worst_member_is_promised():
     """Member 0 to 999 of this pivot: the worst is off by 18 times the accuracy, at the tightest tolerance there is."""
     with pytest.warns(SceneWarning, match="nearly equal starts lead apart"):

@@ -62,6 +62,7 @@ def test_where_all_runs_fail_nothing_is_a_number(keep):
     assert all(np.isnan(part).all() for name, part in none.to_xarray().items() if name.startswith("quaternion"))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["redrawn", "probability", "omega_b_mean", "axis"])
 def test_an_output_of_ones_own_is_named_as_nothing_else_of_the_result(name):
     scene = satellite().replace({f"outputs.{name}": "omega_b[1]", "outputs.quantities": ["quaternion", "omega_b"]})
@@ -70,6 +71,7 @@ def test_an_output_of_ones_own_is_named_as_nothing_else_of_the_result(name):
         rbfmu.run_ensemble(scene.replace({"ensemble.keep": ["statistics", "all"]}), runs=3)
 
 
+@pytest.mark.thorough
 def test_an_output_of_ones_own_is_not_taken_for_what_is_not_kept():
     own = {"outputs.quantities": ["omega_b"], "outputs.tilt": "omega_b[1]", "outputs.tilt_mean": "omega_b[2]"}
     own |= {"outputs.tilt_final": "omega_b[3]", "outputs.quantile_rank_error": "omega_b[3]"}
@@ -127,6 +129,7 @@ def test_xarray_names_components_whatever_is_kept(keep):
     assert data["parameter"].values.tolist() == ["η", "ε₁", "ε₂", "ε₃"]
 
 
+@pytest.mark.thorough
 def test_others_read_the_store(found, tmp_path):
     kept = run(satellite().replace({"ensemble.keep": ["final", "statistics", "all"]}), tmp_path / "store.zarr")
     data = xarray.open_zarr(tmp_path / "store.zarr", consolidated=False)
@@ -230,6 +233,7 @@ def test_every_text_can_be_read(keep):
     assert overlaps(run(satellite().replace({"ensemble.keep": keep})).plot()) == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ending", some_of(["png", "svg", "pdf"], 1))
 def test_a_picture_is_written(drawn, tmp_path, ending):
     drawn.plot(tmp_path / f"picture.{ending}")

@@ -194,6 +194,7 @@ def test_more_runs_may_follow_what_was_stopped(scene, tmp_path, monkeypatch, sto
     assert_same(more, EnsembleResult.load(tmp_path / store))
 
 
+@pytest.mark.thorough
 def test_a_store_that_is_made_longer_is_no_result_until_it_is_done(scene, tmp_path):
     """A program that is killed right after that leaves rows of runs that were not done."""
     run(scene, tmp_path / "store.zarr")

@@ -41,6 +41,7 @@ def covariance(found):
     return moments_of("pair", found.count, found.mean, matrix)[1][:, [0, 0, 1], [0, 1, 1]]
 
 
+@pytest.mark.thorough
 @given(st.integers(0, 2**32), st.integers(2, 400), st.integers(1, 90), st.floats(-1e3, 1e3))
 def test_mean_and_covariance_are_those_of_all_values(seed, runs, size, offset):
     rng = np.random.default_rng(seed)
@@ -62,6 +63,7 @@ def test_a_variance_beside_a_large_mean_keeps_its_digits():
     assert covariance(merged(values, 128))[0, [0, 2]] == pytest.approx(wanted, rel=1e-7)
 
 
+@pytest.mark.thorough
 @given(st.integers(0, 2**32), st.integers(1, MOST_POINTS), st.integers(1, 90))
 def test_quantiles_of_few_runs_are_exact(seed, runs, size):
     values = np.random.default_rng(seed).normal(size=(runs, 2, 2))

@@ -91,6 +91,7 @@ def test_events_of_the_motion_are_where_it_comes_to_zero():
         assert abs(there.omega_b[-1, 0]) <= 1e-9 * np.abs(found.omega_b).max()
 
 
+@pytest.mark.thorough
 def test_scenes_that_differ_in_a_direction_alone_have_kernels_of_their_own():
     """Code is kept by what tells models apart: with an older scene's direction it counted other events, silently."""
     found = {
@@ -183,6 +184,7 @@ def test_a_simulator_tells_events_of_its_last_step_and_stops_at_one():
     assert not len(simulator.events["tick"])
 
 
+@pytest.mark.thorough
 def test_each_event_that_steps_stop_at_is_listed_once():
     """Also events at the start, several at once that round-off tells apart, and where states are saved in between."""
     one = scene(tick="sin(3*t)", a="omega_b[1]", b="-3.3*omega_b[1]", zero="t", stop=4.0)
@@ -210,6 +212,7 @@ def test_inputs_stay_where_an_event_happens_at_once():
     np.testing.assert_array_equal(simulator.alpha_b, held.alpha_b)
 
 
+@pytest.mark.thorough
 def test_files_commands_and_pictures_show_events(tmp_path):
     one = scene(tick="sin(3*t)", touch="1 - cos(t)", stop=5.0)
     found = rbfmu.simulate(one)

@@ -74,6 +74,7 @@ NAMES = [pytest.param(name, marks=pytest.mark.thorough) if name in DEAR else nam
 STARTS = {"gravity_gradient": [0.0] * 3, "drone": [2.9] * 4}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_a_scene_is_as_accurate_as_asked_by_equations_written_by_hand(name):
     scene, of = rbfmu.load_scene(page.scene_file(name)), BY_HAND[name]

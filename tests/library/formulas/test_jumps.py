@@ -8,6 +8,7 @@ import pytest
 import rbfmu
 
 
+@pytest.mark.thorough
 def test_an_angle_jumps_in_a_load_where_it_should():
     """Its series went on beyond pi: the rate was off by 0.3 rad/s a radian, with no error expected."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
@@ -68,6 +69,7 @@ def test_a_switch_at_a_communication_point_is_that_of_the_time_shown():
     np.testing.assert_array_equal(found.alpha_b[:, 0], found.time > 0.5)
 
 
+@pytest.mark.thorough
 def test_a_body_at_rest_is_driven_by_a_table_from_its_first_point_on():
     """Its norm and the table both have a corner at the start: the motion was said not to be finite."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
@@ -78,6 +80,7 @@ def test_a_body_at_rest_is_driven_by_a_table_from_its_first_point_on():
     np.testing.assert_allclose(found.omega_b[:, 0], 0.5 * found.time**2, rtol=0, atol=1e-7)
 
 
+@pytest.mark.thorough
 def test_dry_friction_with_a_slope_at_rest_brakes_a_body_as_it_says():
     """As the page writes it: the rate falls in proportion to time down to w, and exponentially from there."""
     c, w = 0.5, 1e-2

@@ -53,6 +53,7 @@ def test_kernels_hold_for_other_numbers(change):
     assert planned.of_scene(one.replace(change)) is planned
 
 
+@pytest.mark.thorough
 def test_the_text_of_the_kernels_can_be_printed(tmp_path):
     (tmp_path / "scene.toml").write_text(
         '[body]\nmass = 1.0\ninertia = [1.0, 2.0, 3.0]\n[loads]\ntorque_b = "-0.1*omega_b + [t, 0, 0]"\n'

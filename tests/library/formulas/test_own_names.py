@@ -45,6 +45,7 @@ def test_constants_and_starts_are_parameters_where_they_are_listed():
 POTENTIAL = {"potential": "0.5*k*dot(position, position)", "force_a": [0.1, 0.2, -0.3]}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("load", ["force_a", "torque_b"])
 @pytest.mark.parametrize("loads", [POTENTIAL, {"force_a": "-k*position", "torque_b": "-k*omega_b"}])
 def test_loads_that_are_formulas_are_no_parameters(load, loads):

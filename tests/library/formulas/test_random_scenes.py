@@ -22,6 +22,7 @@ def test_300_random_formulas_meet_the_accuracy_in_all_settings_or_are_refused(se
     assert not found, f"{found}\n{Drawn(seed).tables(cornered=bool(seed % 2))}"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [2, 5, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(6, 23))])
 def test_a_state_restored_beside_a_corner_goes_on_with_the_same_bits(seed):
     restored, wrong = restored_beside_corners(seed)
@@ -29,6 +30,7 @@ def test_a_state_restored_beside_a_corner_goes_on_with_the_same_bits(seed):
     assert not wrong, f"{wrong}\n{Drawn(seed).tables(cornered=True)}"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "seed", [0, 7039, 31201, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(1, 21))]
 )

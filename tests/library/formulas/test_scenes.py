@@ -116,6 +116,7 @@ CASES = {
 OWN_RATES = {"spring, thrust and a lag": (lambda t, own: [(math.cos(t) - own[0]) / 0.7], [0.1])}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CASES)
 def test_scenes_meet_their_accuracy_against_scipy(name):
     tables, loads = CASES[name]
@@ -181,6 +182,7 @@ def test_a_refused_step_changes_nothing():
     np.testing.assert_allclose(simulator.omega_b, other.omega_b, rtol=1e-14)
 
 
+@pytest.mark.thorough
 def test_inputs_change_within_a_step_and_add_to_formulas():
     tables, loads = CASES["quadratic damping"]
     one = rbfmu.Scene.from_dict(tables | {"inputs": {"ports": ["torque_b"]}})
@@ -193,6 +195,7 @@ def test_inputs_change_within_a_step_and_add_to_formulas():
         assert worst(result, truth, ("omega_b",)) <= 1e-9
 
 
+@pytest.mark.thorough
 def test_energy_stays_as_accurate_as_asked():
     tables = CASES["spring by its potential"][0]
     one = rbfmu.Scene.from_dict(tables | {"outputs": {"quantities": ["total_energy", "potential_energy", "position"]}})
@@ -315,6 +318,7 @@ def test_a_body_that_starts_at_rest_and_one_that_turns_back_have_drag():
         assert worst(result, by_scipy(tables, drag, result.time), ("position",)) <= 1e-10
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("loads", "texts"), [
     ({"torque_b": [0.1, 0.2, 0.3]}, {"torque_b": "[0.1, 0.2, 0.3]"}),
     ({"torque_a": [0.1, 0.2, 0.3]}, {"torque_b": "to_b([0.1, 0.2, 0.3])"}),

@@ -31,6 +31,7 @@ def differing(scene):
     return [spec.key for spec in OF_BODIES if spec.accepts(Question(scene)) != (taken[spec.key] == OK)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
 def test_the_registry_takes_what_the_kernels_take_in_the_gallery(path):
     scene = load_scene(path)
@@ -74,6 +75,7 @@ PLACES = {"at its centre": {}, "beside": {"r_oc_b": [0.0, 0.2, 0.0]}, "hardly be
           "hung": {"pivot": True, "r_oc_b": [0.0, 0.3, 0.0]}, "held": {"pivot": True}}  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("inertia", some_of([*INERTIAS], 5))
 def test_the_registry_takes_what_the_kernels_take_at_borders(inertia, place):
@@ -117,6 +119,7 @@ def test_what_varies_is_not_served_by_what_rests_on_it():
     assert any_rate.serves(Question(scene))
 
 
+@pytest.mark.thorough
 def test_choosing_compiles_no_model():
     code = (
         "import rbfmu; from rbfmu.models.registry import MODELS; "

@@ -116,6 +116,7 @@ def test_a_scene_s_parameters_are_those_that_change_its_outputs(name):
     check(scene, planned)
 
 
+@pytest.mark.thorough
 @given(scenes(), st.lists(st.sampled_from(list(OUTPUTS)), min_size=1, max_size=2, unique=True))
 @settings(max_examples=60, **QUIET)
 def test_no_parameter_is_dead_and_none_is_missing(scene, quantities):

@@ -21,6 +21,7 @@ def item(case):
     return pytest.param(case, id=f"{case.item}: {case.name}", marks=marks)
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision")
 @pytest.mark.parametrize("case", some_of([item(case) for case in CASES], 10))
 def test_what_was_wrong(case):

@@ -62,6 +62,7 @@ def test_thrust_along_the_axis_of_spin_turns_nothing(name):
     assert "turns with the body" not in reasons(found)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("body", "spin", "force_b"),
     [(TRIAXIAL, SPIN, [1e-9, 0.0, 5.0]), (TRIAXIAL | {"r_oc_b": [1e-9, 0.0, 0.0]}, SPIN, [0.0, 0.0, 5.0]),
@@ -125,6 +126,7 @@ def as_lists(loads):
     return {name: list(map(float, value)) for name, value in loads.items()}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "arm"),
     [(name, arm) for name in OBLIQUE for arm in ([0.0] * 3, [0.2, 0.1, -0.3]) if name != THRUSTING or not any(arm)],
@@ -137,6 +139,7 @@ def test_a_sphere_turns_about_one_axis_however_oblique(name, arm):
     assert error_of(scene, found) <= found.error + 50 * EPS
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("omega_b", "loads"),
     [
@@ -184,6 +187,7 @@ def momentum_errors(scene, result):
     }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("body", "quantities"),
     [

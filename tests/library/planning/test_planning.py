@@ -74,6 +74,7 @@ def test_a_plan_meets_its_accuracy(name, accuracy):
     assert max(errors.values()) <= 0.4 * accuracy
 
 
+@pytest.mark.thorough
 @compiled
 @pytest.mark.parametrize("steps", [1, 3, 300])
 @pytest.mark.parametrize("name", ["all loads", "fast top", "triaxial top"])

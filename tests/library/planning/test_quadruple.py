@@ -47,6 +47,7 @@ INITIAL = {"omega_b": [1.0, 2.0, -1.0], "attitude": {"rotvec": [0.3, -0.8, 0.5]}
 MOVING = {"position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3]}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("pivot", [False, True])
 def test_all_loads_against_40_digits(pivot):
     initial = INITIAL if pivot else INITIAL | MOVING

@@ -187,6 +187,7 @@ def test_each_quantity_follows_each_port(quantity, port, arm):
     check_driven(Scene.from_dict({"body": body, "initial": start, "run": run} | asked))
 
 
+@pytest.mark.thorough
 def test_a_force_whose_path_nobody_sees_shortens_no_pilot_run():
     loads = {"gravity_a": [0.0, 0.0, -1.0], "force_b": [0.0, 0.0, 0.3], "torque_b": [0.0, 0.18, 0.033]}
     body, run = {"mass": 2.0, "inertia": [1.0, 1.1, 1.3]}, {"stop": 20.0, "step": 10.0, "accuracy": 1e-3}
@@ -196,6 +197,7 @@ def test_a_force_whose_path_nobody_sees_shortens_no_pilot_run():
     assert error_of(scene, found) == pytest.approx(found.error, rel=1e-3)
 
 
+@pytest.mark.thorough
 @given(scenes())
 @settings(max_examples=15, **QUIET)
 def test_the_plan_is_right_and_smallest(scene):

@@ -75,6 +75,7 @@ def test_what_comes_of_small_numbers_meets_the_accuracy_with_ports_as_well(accur
     np.testing.assert_allclose(found.acceleration[:, 0], -4e-3 * np.cos(2.0 * found.time), rtol=0, atol=4e-3 * accuracy)
 
 
+@pytest.mark.thorough
 def test_a_motion_by_formulas_that_magnifies_errors_has_the_accuracy_asked() -> None:
     """A body that turns over; its tolerance is far below the accuracy, and is found by more than one pilot run."""
     start, moments, accuracy = [1e-3, 1.0, 1e-3], np.array([1.0, 2.0, 3.0]), 1e-6

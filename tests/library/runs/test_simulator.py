@@ -238,6 +238,7 @@ def test_a_number_is_read_as_a_float():
     assert sim.kinetic_energy > 0.0
 
 
+@pytest.mark.thorough
 def test_simulators_of_one_scene_run_in_threads_side_by_side():
     def run(seed):
         sim = rbfmu.Simulator(SATELLITE)

@@ -24,6 +24,7 @@ ANYTHING = st.recursive(
 )
 
 
+@pytest.mark.thorough
 @settings(deadline=None, max_examples=100)
 @given(tables=st.dictionaries(st.sampled_from(sorted(DEFAULTS)), ANYTHING), good=scene_tables())
 def test_any_tables_are_a_scene_or_a_scene_error(tables, good):

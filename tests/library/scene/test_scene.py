@@ -166,6 +166,7 @@ def test_a_quaternion_is_normalised_once():
         assert Initial(attitude={"quaternion": once}).quaternion == once
 
 
+@pytest.mark.thorough
 @settings(deadline=None, max_examples=150)
 @given(scene_tables())
 def test_a_scene_survives_json_to_the_bit(tables):

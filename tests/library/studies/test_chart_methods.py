@@ -37,6 +37,7 @@ def test_steps_divide_the_checkpoints_intervals() -> None:
         assert counts == sorted(set(counts))
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of processor time are set as on Linux")
 def test_a_short_run_takes_time_also_under_a_limit_of_processor_time() -> None:
     code = """
@@ -48,6 +49,7 @@ print(min(timer(lambda k: sum(range(1000)))(1) for _ in range(100)) > 0.0)
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "True\n"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("key", ["a", "b", "g"])
 def test_exact_motion_is_exact(key: str) -> None:
     assert CASES[key].error(OWN["torque-free body"].run(CASES[key], 5).found) < 1e-15
@@ -74,12 +76,14 @@ def test_a_plan_gives_the_same_motion_at_many_outputs() -> None:
         assert many.error(OWN["rbfmu, as planned"].run(many, 1e-6).found) <= 1e-6
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", some_of(["Taylor, order 12", "DOP853, error control"], 1))
 @pytest.mark.parametrize("key", ["d", "e", "f"])
 def test_substeps_meet_their_tolerance(key: str, name: str) -> None:
     assert CASES[key].error(OWN[name].run(CASES[key], 1e-12).found) < 1e-12 * 60  # steps
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("accuracy", [1e-3, 1e-6, 1e-9])
 def test_plans_keep_their_promise(accuracy: float) -> None:
     for key in ("c", "c'", "d", "f"):
@@ -132,6 +136,7 @@ def test_a_peer_that_does_not_load_is_not_feasible() -> None:
         methods.module("rbfmu.no_such_module")
 
 
+@pytest.mark.thorough
 def test_a_closed_form_under_torque_competes() -> None:
     """Damping about one axis."""
     closed = OWN["one axis"]

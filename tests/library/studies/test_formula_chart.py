@@ -86,6 +86,7 @@ def test_peers_follow_the_motion_of_formulas_in_their_own_ways(name: str) -> Non
     assert case.error(method.run(case, 1e-3).found) > 1e-8  # it is theirs, not the true motion
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [pytest.param("drone", marks=pytest.mark.thorough), "projectile"])
 def test_solvers_follow_corners_and_tables_too(name: str) -> None:
     case = case_of(name)

@@ -243,6 +243,7 @@ def test_all_points_are_in_the_file_with_the_machine(small_chart: Chart, tmp_pat
     assert paths[2].read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.thorough
 def test_the_command_charts_a_scene_and_names_what_is_wrong_with_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -27,6 +27,7 @@ def heun():
     return method_of_file(HEUN)
 
 
+@pytest.mark.thorough
 def test_heuns_method_has_its_order_and_its_limits(heun):
     assert order(heun) == pytest.approx(2.0, abs=0.1)
     assert largest_stable(lambda x: method_laws.decay_factor(heun, x)) == pytest.approx(2.0, abs=1e-9)

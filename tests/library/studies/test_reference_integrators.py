@@ -62,6 +62,7 @@ def test_state_survives_the_method_s_form(method: OneStepMethod) -> None:
     assert (after.r_c, after.v_c, after.omega_b) == (START.r_c, START.v_c, START.omega_b)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", REFERENCE_INTEGRATORS.values(), ids=lambda m: m.name)
 def test_drift_adds_up_over_calls_of_steps(method: OneStepMethod) -> None:
     once = method.steps(method.start(TUMBLE), 0.3, 200, BRICK, NO_LOADS)

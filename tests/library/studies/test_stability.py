@@ -134,6 +134,7 @@ def test_measured_factors_are_the_stability_polynomials() -> None:
             assert measured == pytest.approx(predicted, rel=1e-10, abs=1e-12)
 
 
+@pytest.mark.thorough
 def test_normalised_rk4_does_not_drift() -> None:
     assert max(_measure("drift").columns["q normalised"]) < 2.0**-51
 
@@ -148,6 +149,7 @@ def test_the_peak_that_the_picture_of_the_resonance_names_is_on_its_curve() -> N
     assert max(study.columns["Strang"]) == pytest.approx(named, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_rod_keeps_its_nutation_where_the_method_is_not_explicit_in_it() -> None:
     columns = _measure("gyroscopic_blow_up").columns
     assert columns["implicit midpoint"] == pytest.approx([1.0] * 61, rel=2e-10)  # the iteration stops at 3e-14 rad/s

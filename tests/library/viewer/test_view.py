@@ -62,6 +62,7 @@ def test_the_page_moves_in_a_browser_without_network(thrown: tuple[Path, Motion]
         assert page.complaints == []
 
 
+@pytest.mark.thorough
 def test_the_body_has_the_attitude_and_place_of_each_picture(thrown: tuple[Path, Motion]) -> None:
     path, motion = thrown
     pose = [(time, message) for time, message in recorded(path) if message.get("name") == "/b"]
@@ -138,6 +139,7 @@ def test_outputs_of_ones_own_are_in_the_panel(tmp_path: Path) -> None:
     assert all('"name": "spin", "unit": "rad/s"' in page for page in (shown, again))
 
 
+@pytest.mark.thorough
 def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     done = call("view", SCENES / "top_precessing.toml", "-o", tmp_path / "top.html", "--stop", "0.2")
     assert done.exit_code == 0, done.output
@@ -169,6 +171,7 @@ TUMBLING = {
 }
 
 
+@pytest.mark.thorough
 def test_ghosts_are_runs_of_the_ensemble(tmp_path: Path) -> None:
     scene = rbfmu.Scene.from_dict(TUMBLING)
     motion = rbfmu.view(scene, tmp_path / "motion.html", ghosts=3)

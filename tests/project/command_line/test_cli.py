@@ -168,6 +168,7 @@ def test_the_end_is_printed_with_units(short: Path) -> None:
     assert units == {"position": ["m"], "omega_b": ["rad/s"], "alpha_b": ["rad/s2"]}
 
 
+@pytest.mark.thorough
 def test_a_run_says_what_it_wrote(short: Path, tmp_path: Path) -> None:
     csv, png = tmp_path / "it.csv", tmp_path / "it.png"
     found = call("run", short, "-o", csv, "--plot", png).output
@@ -279,6 +280,7 @@ def test_verify_says_how_far_the_full_model_is(short: Path, tmp_path: Path) -> N
     assert 0.0 < float(found[1]) <= 1e-6
 
 
+@pytest.mark.thorough
 def test_run_saves_every_digit_and_draws(short: Path, tmp_path: Path) -> None:
     result = call("run", short, "-o", tmp_path / "out.csv", "--plot", tmp_path / "out.png")
     assert result.exit_code == 0, result.output
@@ -315,6 +317,7 @@ def test_build_names_the_fmu_after_its_scene(short: Path, monkeypatch: pytest.Mo
     assert Path("short.fmu").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "file", "identifier"),
     [

@@ -7,6 +7,7 @@ from tests.support.command_line import call
 from tests.support.ensembles.satellite import FILE
 
 
+@pytest.mark.thorough
 def test_it_prints_what_was_planned_what_failed_and_how_the_runs_end(tmp_path):
     found = call("ensemble", FILE, "-o", tmp_path / "store.npz", "--plot", tmp_path / "satellite.png", "--runs", 400)
     assert found.exit_code == 0, found.stderr
@@ -22,6 +23,7 @@ def test_it_prints_what_was_planned_what_failed_and_how_the_runs_end(tmp_path):
     assert (tmp_path / "satellite.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.thorough
 def test_a_store_goes_on_and_grows(tmp_path):
     store = tmp_path / "store.zarr"
     assert call("ensemble", FILE, "-o", store).exit_code == 0
@@ -35,6 +37,7 @@ def test_a_store_goes_on_and_grows(tmp_path):
     assert "run.stop = 3.0: expected 2.0, with which the store was begun" in other.stderr
 
 
+@pytest.mark.thorough
 def test_a_damaged_store_is_one_message(tmp_path):
     store = tmp_path / "store.zarr"
     assert call("ensemble", FILE, "-o", store).exit_code == 0

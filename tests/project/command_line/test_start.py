@@ -37,6 +37,7 @@ def test_a_command_spares_what_libraries_do_at_import_unless_it_is_asked_for(mon
     assert os.environ == {"OPENBLAS_NUM_THREADS": "2"}
 
 
+@pytest.mark.thorough
 def test_a_run_by_a_kept_plan_loads_only_what_it_needs(monkeypatch, tmp_path):
     """Models that are not taken, tables, bars and NumPy's masked arrays take a fifth of a short run."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
@@ -97,6 +98,7 @@ def test_a_bar_says_what_it_is_told_and_goes(monkeypatch):
     assert sys.stderr.getvalue() == said
 
 
+@pytest.mark.thorough
 def test_free_rotation_is_loaded_when_it_is_used():
     """Its modules take as long as those of all other array functions."""
     code = """
