@@ -94,6 +94,8 @@ _PORT, _NUMBER = struct.Struct("3d"), struct.Struct("d")
 _Input = tuple[struct.Struct, int, tuple[float, ...]]
 _Before = list[_Input]
 """What inputs were: how, where and which numbers."""
+_WITHOUT_PLACES = frozenset((set, frozenset, dict))
+"""What has numbers, but none that is the first."""
 
 
 class Simulator:
@@ -224,6 +226,8 @@ class Simulator:
                 if name in self._scalars:
                     self._put_scalar(before, self._ports[name], value)
                     continue
+                if type(value) in _WITHOUT_PLACES:
+                    raise TypeError
                 x, y, z = value.tolist() if type(value) is np.ndarray else value
                 if not math.isfinite(x + y + z):
                     raise ValueError

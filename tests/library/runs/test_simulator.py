@@ -95,6 +95,7 @@ BAD = {
     "NaN": ({"torque_b": [1.0, math.nan, 2.0]}, r"torque_b = \[1.0, nan, 2.0\]: expected 3 finite numbers"),
     "text": ({"torque_b": "abc"}, 'torque_b = "abc": expected 3 finite numbers'),
     "number": ({"torque_b": 1.0}, r"torque_b = 1.0: expected 3 finite numbers"),
+    "set": ({"torque_b": {1.0, 2.0, 3.0}}, r"torque_b = .*: expected 3 finite numbers"),
     "no float": ({"torque_b": [10**400, 0, 0]}, "expected numbers whose sum is finite"),
     "no port": ({"force_a": [1.0, 2.0, 3.0]}, "input 'force_a': expected one of torque_b"),
     "second": ({"torque_b": [1.0, 2.0, 3.0], "force_a": [0.0, 0.0, 0.0]}, "input 'force_a': expected one of torque_b"),
