@@ -4,11 +4,12 @@ Files are also the CSV that importers of FMUs write.
 """
 
 import csv
+import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal
 
 import numpy as np
 
@@ -216,7 +217,7 @@ class Result:
             kinds = {EVENTS: self.events, TOUCHES: self.touches}
             events = {f"{kind}{name}": times for kind, found in kinds.items() for name, times in found.items()}
             with named(path):
-                np.savez(path, time=self.time, **self.quantities, **events)  # type: ignore[arg-type]
+                write_npz(path, {"time": self.time, **self.quantities, **events})
         elif path.suffix == ".csv":
             self._write_tables(path)
         elif path.suffix == ".aem":
@@ -255,6 +256,14 @@ def _arrays(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
 def _write_table(path: Path, rows: Iterable[Sequence[object]], quoting: Literal[0, 1, 2] = csv.QUOTE_MINIMAL) -> None:
     with named(path), path.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, quoting=quoting, lineterminator="\n").writerows(rows)
+
+
+def write_npz(file: Path | BinaryIO, arrays: Mapping[str, ArrayLike]) -> None:
+    """Write a .npz, as `np.savez` does, whose own arguments (file, allow_pickle) may be names here."""
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, np.asanyarray(array), allow_pickle=False)
 
 
 def read_npz(path: Path) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from rbfmu.models import formulas, model_buffer, question
 from rbfmu.models.registry import FORMULAS
 from rbfmu.models.varied import TURN, Column, VariedModel
 from rbfmu.planning import judge, methods, reference
+from rbfmu.result import write_npz
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.motion import Driven
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
@@ -84,7 +85,7 @@ class Sensitivity:
         with named(path):
             if path.suffix == ".npz":
                 carried = {f"covariance {name}": rows for name, rows in self.covariance.items()}
-                np.savez(path, time=self.time, numbers=np.array(self.numbers), **self.of, **carried)  # type: ignore[arg-type]
+                write_npz(path, {"time": self.time, "numbers": self.numbers, **self.of, **carried})
                 return
             columns = {"time": self.time}
             for name, rows in self.of.items():

@@ -20,7 +20,7 @@ import numpy as np
 from rbfmu.ensembles import attitudes, variables as names
 from rbfmu.ensembles.chunks import Chunk, Work, origin
 from rbfmu.ensembles.statistics import Statistics, exact_quantiles
-from rbfmu.result import read_npz
+from rbfmu.result import read_npz, write_npz
 from rbfmu.runs.motion import attitude_error
 from rbfmu.types import Array
 
@@ -91,7 +91,7 @@ class Checkpoint:
         part = path.with_name(f"{path.name}.partial")
         try:
             with part.open("wb") as file:
-                np.savez(file, **kept)
+                write_npz(file, kept)
                 file.flush()
                 os.fsync(file.fileno())
             part.replace(path)

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 import rbfmu
 from rbfmu import plot as charts
-from rbfmu.result import CHUNK, Result
+from rbfmu.result import CHUNK, Result, read_npz, write_npz
 from rbfmu.scene.scene import About, Body, Initial, Inputs, Loads, Outputs, Run, Scene
 from rbfmu_kernels.quantities import OUTPUT
 from tests.support.paths import SCENES
@@ -167,6 +167,23 @@ def test_what_is_saved_is_read_to_the_bit(ending: str, tmp_path: Path) -> None:
     assert list(read.quantities) == list(saved.quantities)
     for name, values in saved.quantities.items():
         np.testing.assert_array_equal(read.quantities[name], values)
+
+
+@pytest.mark.parametrize("name", ["file", "allow_pickle", "args", "self"])
+def test_an_output_may_have_the_name_of_an_argument_of_numpy(name: str, tmp_path: Path) -> None:
+    """`np.savez` raised a TypeError for one, and left out the other without a word."""
+    body, outputs = {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, {"quantities": ["omega_b"], name: "omega_b[1]"}
+    result = rbfmu.simulate(Scene.from_dict({"body": body, "outputs": outputs, "run": {"stop": 1.0, "step": 0.5}}))
+    result.save(tmp_path / "it.npz")
+    assert list(np.load(tmp_path / "it.npz")) == ["time", "omega_b", name]
+
+
+def test_arrays_are_written_as_numpy_writes_them(tmp_path: Path) -> None:
+    arrays = {"a": np.arange(6.0).reshape(3, 2).T, "b": np.array("text"), "c": np.zeros((0, 3))}
+    np.savez(tmp_path / "it.npz", **arrays)  # type: ignore[arg-type]
+    write_npz(tmp_path / "own.npz", arrays)
+    assert (tmp_path / "own.npz").read_bytes() == (tmp_path / "it.npz").read_bytes()
+    assert list(read_npz(tmp_path / "own.npz")) == [*arrays]
 
 
 def test_columns_of_others_are_left_out(tmp_path: Path) -> None:
