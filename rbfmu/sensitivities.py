@@ -35,6 +35,8 @@ accuracy itself for a tolerance by 0.005 to 0.01, with three times as much by 0.
 SHARE = 1e-4
 """What of the tolerance is left for one substep, of a run that has hundreds: what sets the order of least cost."""
 ATTITUDE = "initial.attitude"
+TAKEN = ("attitude", "errors", "slopes", "numbers")
+"""What derivatives call something else than an output of one's own: in `Sensitivity.of`, in a run, in files."""
 PERCENT, ENDINGS = 0.01, (".csv", ".npz")
 
 
@@ -142,6 +144,9 @@ class Varied:
     def __init__(self, scene: Scene, by: Sequence[str]) -> None:
         if scene.body is None:
             raise ValueError(f"{scene.name}: expected a scene with a body, not prescribed rates, for derivatives")
+        if taken := [name for name in scene.outputs.own if name in TAKEN]:
+            said = "expected another name where derivatives are taken, which call something else so"
+            raise SceneError([f"outputs.{name}: {said}" for name in taken], scene.name)
         self.columns = [column for key in keys_of(by) for column in columns_of(scene, key)]
         if not self.columns:
             raise ValueError("by: expected at least one key")

@@ -188,6 +188,14 @@ def test_a_refused_start_is_known_by_its_number():
     assert other.value.code == OK
 
 
+@pytest.mark.parametrize("name", ["attitude", "errors", "slopes", "numbers"])
+def test_an_output_that_would_take_the_place_of_derivatives_is_refused(name):
+    """One called attitude stood in place of the derivatives of the attitude, without a word."""
+    one = scene(outputs={"quantities": ["quaternion"], name: "omega_b[1]"})
+    with pytest.raises(rbfmu.SceneError, match=rf"outputs\.{name}: expected another name"):
+        rbfmu.sensitivity(one, ["initial.omega_b"])
+
+
 def test_they_are_saved_and_drawn(tmp_path):
     found = rbfmu.sensitivity(scene(), ["initial.omega_b", "initial.attitude"])
     found.save(tmp_path / "s.npz")
