@@ -22,7 +22,12 @@ VERSIONS = {"numba": "_version.py", "numpy": "version.py"}
 
 
 def kept_plan(scene: Path, options: Mapping[str, object], make: Callable[[], Mapping[str, object]]) -> dict[str, Any]:
-    """Return what is known of a scene file's plan: what was kept, or what is made now and kept."""
+    """Return what is known of a scene file's plan: what was kept, or what is made now and kept.
+
+    A plan of what is no file, such as a pipe, is not kept: it can be read once, and then looks empty, as all others do.
+    """
+    if not os.path.isfile(scene):
+        return dict(make())
     file = None
     with suppress(OSError):
         digest = hashlib.sha256(_stamp())

@@ -172,6 +172,19 @@ def test_another_scene_option_or_source_is_another_plan(scene, monkeypatch):
     assert len(kept(scene)) == 4
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/fd"), reason="needs pipes that have paths")
+def test_a_scene_from_a_pipe_has_a_plan_of_its_own(scene):
+    """As of `rbfmu run <(...)`: it got the plan of the pipe before it, whose path and (no) bytes are the same."""
+    for moments, model in (("1, 2, 3", "torque-free body"), ("1, 1, 2", "torque-free symmetric body")):
+        reading, writing = os.pipe()
+        text = f"body = {{ mass = 1, inertia = [{moments}] }}\ninitial = {{ omega_b = [1, 2, 3] }}\n"
+        with open(writing, "w") as file:
+            file.write(f"{text}outputs = {{ quantities = ['quaternion'] }}\n")
+        assert said("run", f"/dev/fd/{reading}").startswith(f"{model}: ")
+        os.close(reading)
+    assert not kept(scene)
+
+
 def test_sources_and_versions_are_told_from_others(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(on_disk, "PACKAGES", ("one_package", "none_of_this_name"))
