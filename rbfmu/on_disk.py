@@ -59,14 +59,19 @@ def kept(file: Path | None, make: Callable[[], bytes], most: int) -> bytes:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file, whole or not at all: what stands there is replaced when all is written."""
+    """Write a file, whole or not at all: what stands there, or where a link leads, is replaced when all is written.
+
+    It keeps its mode.
+    """
     try:
-        handle, temporary = tempfile.mkstemp(prefix=file.name, suffix=".part", dir=file.parent)
+        there = file.is_file()
+        target, mode = (file.resolve(), file.stat().st_mode & 0o777) if there else (file, 0o644)
+        handle, temporary = tempfile.mkstemp(prefix=file.name, suffix=".part", dir=target.parent)
         try:
             with os.fdopen(handle, "wb") as part:
                 part.write(content)
-            os.chmod(temporary, 0o644)
-            os.replace(temporary, file)
+            os.chmod(temporary, mode)
+            os.replace(temporary, target)
         except BaseException:
             os.unlink(temporary)
             raise

@@ -17,6 +17,7 @@ from rbfmu.extras import needed
 from rbfmu.identification import noise
 from rbfmu.identification.charts import INERTIA, MASS, OWN, Chart, by_chart, changes, chart_of, value_of
 from rbfmu.identification.measured import QUATERNION, Data, Measured, read_measured, residuals
+from rbfmu.on_disk import write_whole
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables, with_times
 from rbfmu.scene.scene import SECTIONS, Scene, of_scene_or_path
 from rbfmu.sensitivities import ATTITUDE, Varied, keys_of
@@ -121,7 +122,7 @@ class Fit:
                 _put(tomlkit, document, self.scene, INERTIA, "of the shape, with the mass that it had")
             written = tomlkit.dumps(document)
             Scene.from_dict(tomllib.loads(written), str(path))  # what cannot be read again is not written
-            Path(path).write_text(written, encoding="utf-8")
+            write_whole(Path(path), written.encode())  # the source may stand there
 
     def plot(self, path: str | Path | None = None) -> Any:
         """Draw residuals over their standard deviation, a panel an output; return the matplotlib.figure.Figure."""
