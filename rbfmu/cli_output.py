@@ -275,6 +275,9 @@ class SceneCommand(click.Command):
         driven = Driven(inputs=given.pop("inputs", None), interpolate=given.pop("interpolate", "hold"))
         if driven["interpolate"] != "hold" and driven["inputs"] is None:
             raise click.UsageError(f"--interpolate {driven['interpolate']}: expected --inputs beside it")
+        read, written = driven["inputs"], given.get("output")
+        if read and written and read.exists() and written.exists() and read.samefile(written):
+            raise click.UsageError(f"--output {str(written)!r}: expected another file than that of --inputs")
         given["asked"] = Asked(given.pop("scene"), run, given.pop("model", "planned"), driven)
         return super().invoke(ctx)
 

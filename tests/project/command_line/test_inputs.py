@@ -56,3 +56,13 @@ def test_a_wrong_file_of_inputs_is_one_message_and_status_2(scene: Path, tmp_pat
     assert result.exit_code == 2
     assert 'u.csv: torque_b[2] = "nan" in row 1: expected a finite number' in result.stderr
     assert not (tmp_path / "out.npz").exists()
+
+
+def test_inputs_are_not_written_over(scene: Path, tmp_path: Path) -> None:
+    table = tmp_path / "u.csv"
+    table.write_text(text := "time,torque_b[1],torque_b[2],torque_b[3]\n0,0,0,0\n1,0,-1,0\n")
+    for command in (("run", scene), ("sensitivity", scene, "--by", "initial.omega_b")):
+        result = call(*command, "--inputs", table, "-o", table)
+        assert result.exit_code == 2
+        assert "expected another file than that of --inputs" in result.output
+        assert table.read_text() == text
