@@ -68,6 +68,17 @@ def test_the_last_row_is_that_at_the_event_which_moves():
     np.testing.assert_allclose(found.of["attitude"][-1, 2], [2.0, -2.0, -1.0 / 1.5], rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("before", [0.0, 1e-16, 1e-11])
+def test_a_switch_where_a_port_jumps_moves_in_time(before):
+    """What the port adds does not hang on k, wherever it jumps: beside the end of a step, or at it."""
+    one = scene({"torque_b": "where(t > k, -1, 2)*[0, 0, 1]"}, constants={"k": 0.6 - before},
+                inputs={"ports": ["torque_b"]})  # fmt: skip
+    table = {"torque_b": ([0.0, 0.6, 1.3], [[0.0, 0.0, 0.1], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0]])}
+    found = rbfmu.sensitivity(one, ["constants.k"], inputs=table)
+    expected = np.where(found.time > 0.6, 1.0, 0.0)
+    np.testing.assert_allclose(found.of["omega_b"][:, 2, 0], expected, rtol=0, atol=1e-13)
+
+
 @pytest.mark.parametrize("interpolate", ["hold", "linear"])
 def test_inputs_drive_the_motion_along_which_derivatives_are_taken(interpolate):
     one = scene(inputs={"ports": ["torque_b"]}, initial={"omega_b": [0.1, 0.5, 1.0]})

@@ -33,12 +33,17 @@ BEGINNING = 4
 """The last of the terms that set the size of errors: those of a path, by a torque's, begin to grow with t^4."""
 
 
+def corner_at_end(z: Buffer) -> int:
+    """Return which side comes to its corner where the series end, the first of several; or -1."""
+    for i in range(NUMBER_OF_SIDES):
+        if z[NEXT + i] != 0.0:
+            return i
+    return -1
+
+
 def shift_of_corner(z: Buffer) -> None:
     """Note how errors shift the time of the corner at which the series end, and the rates before it; or no shift."""
-    n, reach, at_corner = int(z[ORDER]), z[REACH], -1
-    for i in range(NUMBER_OF_SIDES):
-        if at_corner < 0 and z[NEXT + i] != 0.0:
-            at_corner = i
+    n, reach, at_corner = int(z[ORDER]), z[REACH], corner_at_end(z)
     for d in range(COLUMNS):
         z[SHIFTS + d] = 0.0
     if at_corner < 0:

@@ -32,7 +32,7 @@ from .formula_events import (
     set_up_events,
     side_that_counts,
 )
-from .formula_variations import put_errors_at, reach_of_errors, shift_of_corner, vary_series
+from .formula_variations import corner_at_end, put_errors_at, reach_of_errors, shift_of_corner, vary_series
 
 ORDERS = range(6, 31, 2)
 SERIES = {
@@ -272,7 +272,8 @@ def change_inputs(z: Buffer, h: float) -> None:
 
 def reaches_over(z: Buffer, h: float) -> bool:
     """Return whether the series that stands serves a whole step."""
-    return bool(z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and holds_inputs(z))
+    serves = bool(z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and holds_inputs(z))
+    return serves and not (NUMBER_OF_ERRORS != 0 and z[SINCE] + h == z[REACH])
 
 
 def evaluate_at_end(z: Buffer, h: float) -> int:
@@ -344,7 +345,9 @@ def follow_series(z: Buffer, h: float) -> int:
     """Follow the series that stands to the end of a step h, or as far as it reaches; return as `begin_step` does."""
     since = pair_at(z, SINCE)
     left = (z[REACH] - since[0]) - since[1]
-    if z[REST] <= left * (1.0 + 1e-9):
+    # errors jump at a corner by the rates of this step: with the next one's, inputs may jump as well
+    jumps = NUMBER_OF_ERRORS != 0 and z[REST] >= left and corner_at_end(z) >= 0
+    if z[REST] <= left * (1.0 + 1e-9) and not jumps:
         put_pair_at(z, SINCE, dd.add_float(since, z[REST]))
         put_states_at(z, z[SINCE])
         return OK
