@@ -260,6 +260,7 @@ class _Run:
         self.sizes = np.array([0.0 if name in TURN else abs(z[self._model.place(name)]) for name in numbers])
         self.time, self.values = run.course((*self._model.shown, "errors", "slopes"), most=judge.MAX_SUBSTEPS)
         self._event = run.events.ended_by if run.events else ""
+        self._inputs = _rates_of_inputs(drive, float(self.time[-1]))
         self._slopes = self.values.pop("slopes")
         self._errors = self.values.pop("errors").reshape(len(self.time), -1, self._model.columns)
 
@@ -279,14 +280,15 @@ class _Run:
         """Return the derivatives, in the last row those at the event that ended the run, whose time shifts as well."""
         when, last = f"{formulas.EVENT}{self._event}", slice(len(self.time) - 1, None)
         of_event = self._model.slopes_at(when, self._errors[last], self._slopes[last], self._count)[0, 0]
-        shift = -of_event / self._model.rates_at(when, self._slopes[-1])[0]
+        shift = -of_event / self._model.rates_at(when, self._slopes[-1], self._inputs)[0]
         for name, rows in found.items():
             rows[-1] += self._rates_of(name)[:, None] * shift
         return found
 
     def _rates_of(self, name: str) -> Array:
         """Return the time derivatives of an output in the last row."""
-        rates = self._model.rates_at("quaternion" if name in ("attitude", "rpy") else name, self._slopes[-1])
+        of = "quaternion" if name in ("attitude", "rpy") else name
+        rates = self._model.rates_at(of, self._slopes[-1], self._inputs)
         if name != "rpy":
             return rates
         angles = arrays.euler_from_quaternion("ZYX", self.values["quaternion"][-1])
@@ -301,3 +303,11 @@ class _Run:
         turns = np.moveaxis(self._attitude(), 1, 2)
         rates: Array = arrays.euler_rate_b("ZYX", angles[:, None, :], turns)
         return np.moveaxis(rates[..., ::-1], 1, 2)
+
+
+def _rates_of_inputs(drive: Drive, t: float) -> dict[str, float]:
+    """Return how fast each number of the ports changes up to a time, in its unit for a second, by its name."""
+    ends = drive.time[0] + np.cumsum(drive.lengths)
+    piece = min(int(np.searchsorted(ends, t)), len(ends) - 1)
+    slopes = {port: pieces.slopes[piece] for port, pieces in drive.ports.items()}
+    return {e: float(x) for port, row in slopes.items() for e, x in zip(elements(port, len(row)), row, strict=True)}

@@ -120,7 +120,8 @@ class VariedModel(formulas.FormulaModel):
             self.pattern += [i, of, beside.setdefault(x, len(beside)), float(constant)]
         values = {x: None for slopes in self.shown_slopes.values() for x in slopes.values()}
         if any(event.stop for event in self.scene.events.values()):
-            values |= {x: None for _, x in by_element(self.rates_shown)}
+            rates = (self.rates_shown, *self.shown_by_inputs.values())
+            values |= {x: None for named in rates for _, x in by_element(named)}
         self.wanted = {x: n for n, x in enumerate(values)}
         wanted = {**self.program.wanted, **dict(zip(elements("slopes", len(values)), values, strict=True))}
         watched = [Symbol(self.motion.graph, i) for i in self._sides]
@@ -150,9 +151,21 @@ class VariedModel(formulas.FormulaModel):
         found = {name: changes_of([*np.ravel(value)], leaves) for name, value in self.shown.items()}
         return found | ({"quaternion": [*self.motion.omega]} if "quaternion" in found else {})
 
-    def rates_at(self, name: str, values: Array) -> Array:
-        """Return the time derivatives of what is shown; values: those of the block "slopes", (n,)."""
-        return np.array([values[self.wanted[x]] for x in self.rates_shown[name]])
+    @cached_property
+    def shown_by_inputs(self) -> dict[str, dict[str, list[Number]]]:
+        """Return what a change of each input makes at once of what is shown, by its name; of an attitude nothing."""
+        names = [element for port, size in self.given.ports.items() for element in elements(port, size)]
+        shown = {name: [*np.ravel(value)] for name, value in self.shown.items() if name != "quaternion"}
+        leaves = {name: {self.motion.graph.leaf("input", name): 1.0} for name in names}
+        return {name: {of: changes_of(value, leaves[name]) for of, value in shown.items()} for name in names}
+
+    def rates_at(self, name: str, values: Array, inputs: Mapping[str, float]) -> Array:
+        """Return the time derivatives of what is shown; values: those of the block "slopes", (n,); inputs: rates."""
+        total = np.array([values[self.wanted[x]] for x in self.rates_shown[name]])
+        for element, rate in inputs.items():
+            if name in self.shown_by_inputs[element]:
+                total += rate * np.array([values[self.wanted[x]] for x in self.shown_by_inputs[element][name]])
+        return total
 
     @property
     def more_blocks(self) -> dict[str, int]:

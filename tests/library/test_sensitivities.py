@@ -68,6 +68,17 @@ def test_the_last_row_is_that_at_the_event_which_moves():
     np.testing.assert_allclose(found.of["attitude"][-1, 2], [2.0, -2.0, -1.0 / 1.5], rtol=0, atol=1e-9)
 
 
+def test_at_the_event_a_port_that_changes_along_a_line_counts():
+    """The port u = t reaches the level where omega_3 is 1 + level^2 / 6, and its rate level / 3."""
+    port = {"name": "u", "size": 1}
+    one = scene({"torque_b": "[0, 0, u]"}, constants={"level": 0.7}, inputs={"ports": [port]},
+                events={"there": {"when": "u - level", "stop": True}},
+                outputs={"quantities": ["omega_b", "alpha_b"], "twice": "2*u"})  # fmt: skip
+    found = rbfmu.sensitivity(one, ["constants.level"], inputs={"u": ([0.0, 2.0], [0.0, 2.0])}, interpolate="linear")
+    last = [found.of[name][-1, -1, 0] for name in one.outputs.names]
+    np.testing.assert_allclose(last, [0.7 / 3.0, 1.0 / 3.0, 2.0], rtol=0, atol=1e-12)
+
+
 @pytest.mark.parametrize("before", [0.0, 1e-16, 1e-11])
 def test_a_switch_where_a_port_jumps_moves_in_time(before):
     """What the port adds does not hang on k, wherever it jumps: beside the end of a step, or at it."""
