@@ -129,6 +129,7 @@ def sensitivity(
     The derivatives obey the variational equations of the motion: they are integrated with it by the same series, whose
     substeps serve both, whatever model a plan would choose. At corners of formulas they jump as the motion after them
     shifts in time, and the last row of a run that an event stops is that at the event, which shifts as well.
+    Of a motion that begins just where rates jump they are those of changes after which it begins beyond the jump.
     Raises SceneError, SimulationError, ValueError for a key without a number or where a corner is grazed.
     """
     varied, tables = Varied(scene, by), input_tables(scene, inputs, interpolate)
