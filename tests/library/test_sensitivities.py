@@ -9,6 +9,7 @@ import pytest
 
 import rbfmu
 from rbfmu_kernels.buffer import NO_OUTPUTS, OK
+from tests.support.paths import ROOT
 from tests.support.quadruple import reference, slopes
 from tests.support.quadruple.scenes import random_scene
 
@@ -102,6 +103,17 @@ def test_inputs_drive_the_motion_along_which_derivatives_are_taken(interpolate):
     found = rbfmu.sensitivity(one, ["initial.omega_b[1]"], inputs=table, interpolate=interpolate)
     difference = (omega_b(1e-4) - omega_b(-1e-4)) / 2e-4
     np.testing.assert_allclose(found.of["omega_b"][:, :, 0], difference, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("accuracy", [1e-5, 1e-8])
+def test_errors_that_turn_much_faster_than_the_motion_are_followed(accuracy):
+    """A flywheel runs down smoothly; a rate across its axis turns about it by (I_z/I_x - 1) times its angle."""
+    wheel = rbfmu.load_scene(ROOT / "examples/scenes/flywheel.toml")
+    found = rbfmu.sensitivity(wheel.replace({"run.stop": 20.0, "run.accuracy": accuracy}), ["initial.omega_b[2]"])
+    across = 20.0 * (3.0 * 0.2**2 + 0.05**2) / 12.0
+    turned = (0.4 / across - 1.0) * 100.0 * 20.0 * -np.expm1(-found.time / 20.0)
+    exact = np.stack([-np.sin(turned), np.cos(turned), 0.0 * turned], axis=1)
+    np.testing.assert_allclose(found.of["omega_b"][:, :, 0], exact, rtol=0.0, atol=accuracy)
 
 
 def test_roll_pitch_and_yaw_have_derivatives():

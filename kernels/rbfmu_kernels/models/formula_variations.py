@@ -131,8 +131,8 @@ def squares_at(z: Buffer, h: float, first: int, end: int, at: int, last: int) ->
     return total
 
 
-def reach_of_errors(z: Buffer, h: float) -> float:
-    """Return how far the series of errors reach, at most h: where their last two terms are within the tolerance.
+def excess_of_errors(z: Buffer, h: float) -> float:
+    """Return by how much the last two terms of the errors' series at h are beyond the tolerance.
 
     Of each column, relative to what the first terms make of a vector's errors by then.
     """
@@ -142,9 +142,23 @@ def reach_of_errors(z: Buffer, h: float) -> float:
             sizes = numbers(squares_at(z, h, first * COLUMNS + d, end * COLUMNS, 0, BEGINNING))
             lasts = numbers(squares_at(z, h, first * COLUMNS + d, end * COLUMNS, n - 1, n))
             for size, last in zip(sizes, lasts):  # noqa: B905  (Numba knows no strict)
+                if last == math.inf:
+                    return math.inf
                 worst = max(worst, last / size if size > 0.0 else 0.0)
-    excess = math.sqrt(worst) / tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
-    return h * exponential(-logarithm(excess) / (n - 2)) if excess > 1.0 else h
+    return math.sqrt(worst) / tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
+
+
+def reach_of_errors(z: Buffer, h: float) -> float:
+    """Return how far the series of errors reach, at most h: where their last two terms are within the tolerance.
+
+    Where errors turn much faster than the motion, as those of a flywheel's rate across its axis do, sizes at h are far
+    too large, and at what is left of it much smaller: it is cut again, as long as that brings the terms down.
+    """
+    n, before, excess = int(z[ORDER]), math.inf, excess_of_errors(z, h)
+    while excess > 1.0 and (excess < 0.5 * before or excess == math.inf):
+        h *= exponential(-logarithm(excess) / (n - 2)) if excess < math.inf else 0.1
+        before, excess = excess, excess_of_errors(z, h)
+    return h
 
 
 def put_errors_at(z: Buffer, t: float) -> None:
