@@ -140,6 +140,8 @@ class Columns:
 PROBABILITIES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 RUN, TIMES, PROBABILITY = "run", "time", "probability"
 RANK_ERROR = "quantile_rank_error"
+RESUME = "resume"
+"""The group of the checkpoint in a folder of zarr, in which a variable would take its place."""
 REDRAWN = "redrawn"
 COUNT, FIRST = ".count", ".first"
 """After the name of an event: how often it happened in each run, and when first."""
@@ -173,9 +175,9 @@ def variables(scene: Scene, sampled: Mapping[str, int]) -> Iterator[Variable]:
 
 
 def check_names(scene: Scene) -> None:
-    """Raise SceneError for an output of one's own with the name of another variable or of a dimension."""
+    """Raise SceneError for an output of one's own with the name of another variable, a dimension or a group."""
     known = list(variables(scene, {}))
-    dims = {PROBABILITY}.union(*(variable.dims for variable in known))
+    dims = {PROBABILITY, RESUME}.union(*(variable.dims for variable in known))
     counts = Counter([*dims, *(variable.name for variable in known)])
     if taken := [name for name in scene.outputs.own if counts[name] > 1]:
         said = "another name where all of the runs is kept: an ensemble calls something else so"

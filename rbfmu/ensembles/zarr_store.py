@@ -16,16 +16,14 @@ ROWS = 16384
 """The least number of runs in a chunk of zarr, of variables without time: fewer are held in the checkpoint."""
 NUMBERS = 262144
 """The number of numbers in a chunk of zarr, of variables with time."""
-RESUME = "resume"
-"""The group of the checkpoint."""
 PART = ".partial"
 """The ending of files that zarr has not yet put in their place."""
-LAYOUT = f"{RESUME}/layout"
+LAYOUT = f"{names.RESUME}/layout"
 """In the checkpoint: the digest of what zarr keeps about the arrays beside their chunks, which have checksums."""
 
 
 def _is_ours(path: Path) -> bool:
-    return path.name in (RESUME, "zarr.json") or path.suffix == PART
+    return path.name in (names.RESUME, "zarr.json") or path.suffix == PART
 
 
 class StoredArray:
@@ -66,7 +64,7 @@ class ZarrStore(store.Store):
     """A folder of zarr, version 3 of the format; rows that do not yet fill chunks of zarr are in the checkpoint."""
 
     def __init__(self, work: chunks.Work, path: Path) -> None:
-        super().__init__(work, path, path / RESUME / "checkpoint.npz")
+        super().__init__(work, path, path / names.RESUME / "checkpoint.npz")
         self._zarr, self._folder = needed("zarr", "ensemble"), path
         self._length = work.size * max(1, ROWS // work.size)
         self._group: Any = None
@@ -79,7 +77,7 @@ class ZarrStore(store.Store):
             part.unlink()
         self._group = self._zarr.open_group(self._folder, mode="a", zarr_format=3)
         if known is None:
-            self._group.require_group(RESUME)
+            self._group.require_group(names.RESUME)
             return
         self._rows, self._results = dict(known.rows), known.results
         self._first = known.progress.chunks * self._work.size - len(self._rows.get(names.REDRAWN, ()))

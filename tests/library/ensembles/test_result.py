@@ -63,7 +63,7 @@ def test_where_all_runs_fail_nothing_is_a_number(keep):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", ["redrawn", "probability", "omega_b_mean", "axis"])
+@pytest.mark.parametrize("name", ["redrawn", "probability", "omega_b_mean", "axis", "resume"])
 def test_an_output_of_ones_own_is_named_as_nothing_else_of_the_result(name):
     scene = satellite().replace({f"outputs.{name}": "omega_b[1]", "outputs.quantities": ["quaternion", "omega_b"]})
     assert rbfmu.run_ensemble(scene, runs=3).final[name].shape == (3,)
