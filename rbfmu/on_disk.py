@@ -61,10 +61,13 @@ def kept(file: Path | None, make: Callable[[], bytes], most: int) -> bytes:
 def write_whole(file: Path, content: bytes) -> None:
     """Write a file, whole or not at all: what stands there, or where a link leads, is replaced when all is written.
 
-    It keeps its mode.
+    It keeps its mode. What is no file, such as a pipe, stays where it is, and is written to.
     """
     try:
         there = file.is_file()
+        if file.exists() and not there:
+            file.write_bytes(content)
+            return
         target, mode = (file.resolve(), file.stat().st_mode & 0o777) if there else (file, 0o644)
         handle, temporary = tempfile.mkstemp(prefix=file.name, suffix=".part", dir=target.parent)
         try:

@@ -74,6 +74,13 @@ def test_a_file_that_cannot_be_begun_is_named_itself(tmp_path):
     assert refused.value.filename == str(tmp_path / "none" / "it.fmu")
 
 
+def test_what_is_no_file_stays_where_it_is(tmp_path):
+    (link := tmp_path / "it.fmu").symlink_to(os.devnull)
+    on_disk.write_whole(link, b"some")
+    assert os.readlink(link) == os.devnull
+    assert [*tmp_path.iterdir()] == [link]
+
+
 class FullDisk(io.FileIO):
     """A file of which so many bytes fit."""
 
