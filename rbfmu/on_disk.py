@@ -64,8 +64,8 @@ def write_whole(file: Path, content: bytes) -> None:
     It keeps its mode. What is no file, such as a pipe, stays where it is, and is written to.
     """
     try:
-        there = file.is_file()
-        if file.exists() and not there:
+        there = file.exists()
+        if there and not file.is_file():
             file.write_bytes(content)
             return
         target, mode = (file.resolve(), file.stat().st_mode & 0o777) if there else (file, 0o644)

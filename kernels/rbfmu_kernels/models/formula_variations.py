@@ -152,7 +152,8 @@ def reach_of_errors(z: Buffer, h: float) -> float:
     """Return how far the series of errors reach, at most h: where their last two terms are within the tolerance.
 
     Where errors turn much faster than the motion, as those of a flywheel's rate across its axis do, sizes at h are far
-    too large, and at what is left of it much smaller: it is cut again, as long as that brings the terms down.
+    too large, and at what is left of it much smaller: it is cut again, as long as that brings the terms down. Where
+    terms overflow, nothing tells by how much.
     """
     n, before, excess = int(z[ORDER]), math.inf, excess_of_errors(z, h)
     while excess > 1.0 and (excess < 0.5 * before or excess == math.inf):

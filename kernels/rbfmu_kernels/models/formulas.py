@@ -273,6 +273,7 @@ def change_inputs(z: Buffer, h: float) -> None:
 def reaches_over(z: Buffer, h: float) -> bool:
     """Return whether the series that stands serves a whole step."""
     serves = bool(z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and holds_inputs(z))
+    # where a step and the series end together there may be a corner, see `follow_series`
     return serves and not (NUMBER_OF_ERRORS != 0 and z[SINCE] + h == z[REACH])
 
 
