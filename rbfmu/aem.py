@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rbfmu.exceptions import named
+from rbfmu.on_disk import replacing
 from rbfmu.types import Array
 
 DAY, NOON, SECONDS = date(2000, 1, 1), 43200, 86400
@@ -46,7 +46,7 @@ def write_aem(path: Path, time: Array, quaternion: Array, omega_b: Array | None)
         f"OBJECT_NAME = {path.stem.upper()}", "OBJECT_ID = UNKNOWN", "REF_FRAME_A = EME2000", "REF_FRAME_B = SC_BODY_1",
         "TIME_SYSTEM = UTC", f"START_TIME = {epochs[0]}", f"STOP_TIME = {epochs[-1]}", *kind, "META_STOP", "",
     ]  # fmt: skip
-    with named(path), path.open("w", encoding="ascii", errors="replace") as file:
+    with replacing(path, "w", encoding="ascii", errors="replace") as file:
         file.writelines(f"{line}\n" for line in [*head, "DATA_START"])
         rows = zip(epochs, (columns + 0.0).tolist(), strict=True)  # the standard has no -0
         file.writelines(f"{epoch} {' '.join(map(_number, row))}\n" for epoch, row in rows)

@@ -7,12 +7,12 @@ nothing can be written, or what stands there is not what was written (a checksum
 import hashlib
 import json
 import os
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from secrets import token_hex
+from typing import IO, Any
 
 MOST = 200
 """The number of plans that are kept; the oldest go."""
@@ -59,27 +59,36 @@ def kept(file: Path | None, make: Callable[[], bytes], most: int) -> bytes:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file, whole or not at all: what stands there, or where a link leads, is replaced when all is written.
+    """Write a file as `replacing` does."""
+    with replacing(file) as part:
+        part.write(content)
 
-    It keeps its mode. What is no file, such as a pipe, stays where it is, and is written to.
+
+@contextmanager
+def replacing(path: Path, mode: str = "wb", **text: Any) -> Iterator[IO[Any]]:
+    """Yield a file that, once it is written whole, replaces what stands there or where a link leads, with its mode.
+
+    What is no file, such as a pipe, stays where it is, and is written to. text: how text is, as `open` takes it.
     """
+    there = path.exists()
+    target = Path(os.path.realpath(path))  # `resolve` raises an error of its own where links go round
+    part = target.with_name(f"{target.name}.{token_hex(4)}.part")
     try:
-        there = file.exists()
-        if there and not file.is_file():
-            file.write_bytes(content)
+        if there and not path.is_file():
+            with path.open(mode, **text) as pipe:
+                yield pipe
             return
-        target, mode = (file.resolve(), file.stat().st_mode & 0o777) if there else (file, 0o644)
-        handle, temporary = tempfile.mkstemp(prefix=file.name, suffix=".part", dir=target.parent)
         try:
-            with os.fdopen(handle, "wb") as part:
-                part.write(content)
-            os.chmod(temporary, mode)
-            os.replace(temporary, target)
+            with part.open(mode.replace("w", "x"), **text) as file:
+                yield file
+            if there:
+                part.chmod(target.stat().st_mode & 0o777)
+            part.replace(target)
         except BaseException:
-            os.unlink(temporary)
+            part.unlink(missing_ok=True)
             raise
     except OSError as error:
-        error.filename = str(file)  # a full disk names no file, others the part
+        error.filename = str(path)  # a full disk names no file, others the part
         raise
 
 

@@ -9,15 +9,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Literal
+from typing import IO, TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from rbfmu.arrays.from_kernel import as_floats
 from rbfmu.csv_table import read_columns
-from rbfmu.exceptions import named, path_of
+from rbfmu.exceptions import path_of
 from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
+from rbfmu.on_disk import replacing
 from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.quantities import OUTPUT, TIME, Output, Quantity, elements, indices
 
@@ -30,6 +31,8 @@ FORMATS = (".csv", ".npz", ".aem")
 ENDINGS = f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
 EVENTS, TOUCHES = "events.", "touches."
 """Before the names of events in an .npz."""
+OF_EVENTS = ("time", "name", "kind")
+"""The header of a CSV's events."""
 AXES = {"quaternion": "parameter", "rpy": "angle"}
 """What the components of a quantity are, if they are not along axes x, y, z."""
 CHUNK = 1024
@@ -210,14 +213,15 @@ class Result:
 
         A CSV's units stand in a second file beside it: those of `run.csv` in `run.units.csv`, a line a column with
         name, unit and meaning, so that the first keeps one header and serves as an FMU's input in FMPy. Events, if the
-        scene has some, stand in a third, `run.events.csv`, a line each in the order of time.
+        scene has some, stand in a third, `run.events.csv`, a line each in the order of time; where it has none, that of
+        an earlier run goes. What stands there is replaced once all is written.
         """
         path = path_of(path)
         if path.suffix == ".npz":
             kinds = {EVENTS: self.events, TOUCHES: self.touches}
             events = {f"{kind}{name}": times for kind, found in kinds.items() for name, times in found.items()}
-            with named(path):
-                write_npz(path, {"time": self.time, **self.quantities, **events})
+            with replacing(path) as file:
+                write_npz(file, {"time": self.time, **self.quantities, **events})
         elif path.suffix == ".csv":
             self._write_tables(path)
         elif path.suffix == ".aem":
@@ -237,10 +241,13 @@ class Result:
         units = ((name, known[name.partition("[")[0]]) for name in columns)
         rows = [("name", "unit", "meaning"), *((name, row.unit, row.meaning) for name, row in units)]
         _write_table(path.with_suffix(".units.csv"), rows, csv.QUOTE_ALL)
+        of_events = path.with_suffix(".events.csv")
         if self.events:
             kinds = {"event": self.events, "touch": self.touches}
             listed = [(t, n, kind) for kind in kinds for n, times in kinds[kind].items() for t in times.tolist()]
-            _write_table(path.with_suffix(".events.csv"), [("time", "name", "kind"), *sorted(listed)])
+            _write_table(of_events, [OF_EVENTS, *sorted(listed)])
+        elif of_events.is_file() and of_events.read_bytes().startswith(",".join(OF_EVENTS).encode()):
+            of_events.unlink()
 
 
 def _check_shape(row: Quantity, values: Array, points: int, where: str = "") -> None:
@@ -254,11 +261,11 @@ def _arrays(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
 
 
 def _write_table(path: Path, rows: Iterable[Sequence[object]], quoting: Literal[0, 1, 2] = csv.QUOTE_MINIMAL) -> None:
-    with named(path), path.open("w", encoding="utf-8", newline="") as file:
+    with replacing(path, "w", encoding="utf-8", newline="") as file:
         csv.writer(file, quoting=quoting, lineterminator="\n").writerows(rows)
 
 
-def write_npz(file: Path | BinaryIO, arrays: Mapping[str, ArrayLike]) -> None:
+def write_npz(file: IO[bytes], arrays: Mapping[str, ArrayLike]) -> None:
     """Write a .npz, as `np.savez` does, whose own arguments (file, allow_pickle) may be names here."""
     with zipfile.ZipFile(file, "w") as archive:
         for name, array in arrays.items():

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.exceptions import SceneError, named, path_of
+from rbfmu.exceptions import SceneError, path_of
 from rbfmu.models import formulas, model_buffer, question
 from rbfmu.models.registry import FORMULAS
 from rbfmu.models.varied import TURN, Column, VariedModel
+from rbfmu.on_disk import replacing
 from rbfmu.planning import judge, methods, reference
 from rbfmu.result import write_npz
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
@@ -84,10 +85,10 @@ class Sensitivity:
         path = path_of(path)
         if path.suffix not in ENDINGS:
             raise ValueError(f"cannot save to {str(path)!r}: the name must end in {' or '.join(ENDINGS)}")
-        with named(path):
+        with replacing(path) as file:
             if path.suffix == ".npz":
                 carried = {f"covariance {name}": rows for name, rows in self.covariance.items()}
-                write_npz(path, {"time": self.time, "numbers": self.numbers, **self.of, **carried})
+                write_npz(file, {"time": self.time, "numbers": self.numbers, **self.of, **carried})
                 return
             columns = {"time": self.time}
             for name, rows in self.of.items():
@@ -95,7 +96,7 @@ class Sensitivity:
                     columns |= {f"{element} by {n}": rows[:, k, i] for i, n in enumerate(self.numbers)}
             header = ",".join(f'"{name}"' for name in columns)
             table = np.column_stack([*columns.values()])
-            np.savetxt(path, table, fmt="%.17g", delimiter=",", header=header, comments="")
+            np.savetxt(file, table, fmt="%.17g", delimiter=",", header=header, comments="", encoding="utf-8")
 
     def plot(self, path: str | Path | None = None, title: str = "") -> Any:
         """Draw what matters when: `changes` of each output over time; return the matplotlib.figure.Figure.

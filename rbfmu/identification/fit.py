@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.exceptions import SceneError, SimulationError, named
+from rbfmu.exceptions import SceneError, SimulationError
 from rbfmu.extras import needed
 from rbfmu.identification import noise
 from rbfmu.identification.charts import INERTIA, MASS, OWN, Chart, by_chart, changes, chart_of, value_of
@@ -112,17 +112,16 @@ class Fit:
         source: the file of the scene that was fitted, whose own comments then stay. Needs tomlkit.
         """
         tomlkit = needed("tomlkit", "fit")
-        with named(path):
-            whole = tomlkit.dumps(self.scene.to_dict()) if source is None else Path(source).read_text("utf-8-sig")
-            document = tomlkit.parse(whole)
-            for key, at in self._places.items():
-                errors = ("not told" if np.isinf(e) else f"{e:.2g}" for e in self.standard_errors[at])
-                _put(tomlkit, document, self.scene, key, f"fitted; standard error {', '.join(errors)}")
-            if MASS in self._places and "shape" in document["body"]:
-                _put(tomlkit, document, self.scene, INERTIA, "of the shape, with the mass that it had")
-            written = tomlkit.dumps(document)
-            Scene.from_dict(tomllib.loads(written), str(path))  # what cannot be read again is not written
-            write_whole(Path(path), written.encode())  # the source may stand there
+        whole = tomlkit.dumps(self.scene.to_dict()) if source is None else Path(source).read_text("utf-8-sig")
+        document = tomlkit.parse(whole)
+        for key, at in self._places.items():
+            errors = ("not told" if np.isinf(e) else f"{e:.2g}" for e in self.standard_errors[at])
+            _put(tomlkit, document, self.scene, key, f"fitted; standard error {', '.join(errors)}")
+        if MASS in self._places and "shape" in document["body"]:
+            _put(tomlkit, document, self.scene, INERTIA, "of the shape, with the mass that it had")
+        written = tomlkit.dumps(document)
+        Scene.from_dict(tomllib.loads(written), str(path))  # what cannot be read again is not written
+        write_whole(Path(path), written.encode())  # the source may stand there
 
     def plot(self, path: str | Path | None = None) -> Any:
         """Draw residuals over their standard deviation, a panel an output; return the matplotlib.figure.Figure."""

@@ -47,6 +47,38 @@ def test_a_full_disk_is_said_with_the_file_s_name(name: str, tmp_path: Path, lim
         charts.plot_result(result, path) if path.suffix == ".png" else result.save(path)
 
 
+@pytest.mark.parametrize("name", ["it.csv", "it.npz", "it.aem"])
+def test_a_result_that_stands_there_is_not_lost_on_a_full_disk(name: str, tmp_path: Path, limited: Any) -> None:
+    """It was emptied before that was seen. Its mode stays, a new file has the usual one, and no part of one is left."""
+    path = tmp_path / name
+    (result := result_of(2, ("quaternion",))).save(path)
+    (tmp_path / "usual").touch()
+    assert path.stat().st_mode == (tmp_path / "usual").stat().st_mode
+    path.chmod(0o640)
+    before, files = path.read_bytes(), len([*tmp_path.iterdir()])
+    limited(100)
+    with pytest.raises(OSError, match="File too large"):
+        result.save(path)
+    limited()
+    assert path.read_bytes() == before
+    assert len([*tmp_path.iterdir()]) == files
+    result.save(path)
+    assert path.stat().st_mode & 0o777 == 0o640
+
+
+def test_the_events_of_an_earlier_run_go_and_what_is_no_such_file_stays(tmp_path: Path) -> None:
+    """They stood beside the CSV of a run that has none, as if they were its own."""
+    result, events = result_of(2), tmp_path / "it.events.csv"
+    with_events = Result(result.time, result.quantities, None, {"contact": np.array([0.5])}, {})
+    with_events.save(tmp_path / "it.csv")
+    assert events.exists()
+    result.save(tmp_path / "it.csv")
+    assert not events.exists()
+    events.write_text("mine\n")
+    result.save(tmp_path / "it.csv")
+    assert events.read_text() == "mine\n"
+
+
 @pytest.mark.thorough
 def test_a_csv_is_written_piece_by_piece(tmp_path: Path) -> None:
     """However long: some 100 bytes a number of one piece, where the whole text took 2 kB a row."""
