@@ -94,17 +94,18 @@ def test_rows_are_sorted_by_merging(seed, count, ties):
     wide = rng.normal(size=(3, 2, count + 16))
     wide = np.round(wide) if ties else wide
     rows = wide[:, 1, :count]
-    wanted, beside = np.sort(rows), wide[:, 0].copy()
-    sort_rows(rows)
+    wanted, beside, after = np.sort(rows), wide[:, 0].copy(), wide[:, 1, count:].copy()
+    sort_rows(wide, 1, count)
     assert (rows == wanted).all()
     assert (wide[:, 0] == beside).all()
+    assert (wide[:, 1, count:] == after).all()
 
 
 @given(st.integers(0, 2**32), st.sampled_from([1, 5, 128]), st.integers(1, 9))
 def test_sorted_blocks_are_merged(seed, size, blocks):
     rows = np.sort(np.random.default_rng(seed).normal(size=(3, blocks, size))).reshape(3, -1)
     wanted = np.sort(rows)
-    sort_rows(rows, size)
+    sort_rows(rows[:, None], 0, rows.shape[1], size)
     assert (rows == wanted).all()
 
 
