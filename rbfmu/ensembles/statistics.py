@@ -116,26 +116,29 @@ def summary_of(rows: Array, good: Indices, columns: Columns, most: int, turn: in
         compiled(moments)(rows, good, first, angles, pairs, mean[times], products[times], x)
         if most:
             block = x.reshape(at_once, width, padded)[: len(mean[times])]
-            for j in ranked.tolist():
-                sort_rows(block, j, len(good))
+            sort_rows(block, ranked, len(good))
             values[times] = block[:, ranked[:, None], chosen]
     table = values.reshape(points * len(ranked), values.shape[2])
     return Summary(len(good), mean, products, Points(table, weight, members, error))
 
 
-def sort_rows(x: Array, column: int, count: int, sorted_size: int = 0) -> None:
-    """Sort the first numbers of each row of a column of x (r, w, count or more).
+def sort_rows(x: Array, columns: Indices, count: int, sorted_size: int = 0) -> None:
+    """Sort the first numbers of each row of some columns of x (r, w, count or more).
 
     sorted_size: that of the blocks of them that are sorted already.
     """
-    rows, size = x[:, column, :count], sorted_size or min(count, SORTED_AT_ONCE)
+    size = sorted_size or min(count, SORTED_AT_ONCE)
     blocks, rest = divmod(count, max(size, 1))
-    if rest or blocks.bit_count() != 1:
-        rows.sort(axis=1)
-        return
-    if not sorted_size:
-        rows.reshape(len(rows), blocks, size).sort(axis=2)
-    compiled(merge_blocks)(x, column, size, np.empty((4, count)))
+    merges = rest == 0 and blocks.bit_count() == 1
+    groups = np.split(columns, np.flatnonzero(np.diff(columns) != 1) + 1) if len(columns) else []
+    for side_by_side in groups:
+        rows = x[:, side_by_side[0] : side_by_side[-1] + 1, :count]
+        if not merges:
+            rows.sort(axis=2)
+        elif not sorted_size:
+            rows.reshape(*rows.shape[:2], blocks, size).sort(axis=3)
+    if merges and blocks > 1:
+        compiled(merge_blocks)(x, columns, size, np.empty((4, count)))
 
 
 def _every(step: int, count: int, turn: int) -> tuple[Indices, float]:
@@ -167,7 +170,7 @@ def _thinned(sets: Sequence[Points], weight: int, turn: int) -> Points:
         some = [points.values[first : first + at_once] for points in sets]
         values = np.concatenate([*some, beyond[: len(some[0])]], axis=1)
         if is_even:
-            sort_rows(values[:, None], 0, count, lengths[0])
+            sort_rows(values[:, None], np.arange(1), count, lengths[0])
         else:
             values.sort(axis=1, kind="stable")  # Timsort, which merges what is sorted already
         values.take(chosen, axis=1, out=thinned[first : first + at_once], mode="clip")

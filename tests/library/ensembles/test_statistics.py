@@ -95,7 +95,7 @@ def test_rows_are_sorted_by_merging(seed, count, ties):
     wide = np.round(wide) if ties else wide
     rows = wide[:, 1, :count]
     wanted, beside, after = np.sort(rows), wide[:, 0].copy(), wide[:, 1, count:].copy()
-    sort_rows(wide, 1, count)
+    sort_rows(wide, np.arange(1, 2), count)
     assert (rows == wanted).all()
     assert (wide[:, 0] == beside).all()
     assert (wide[:, 1, count:] == after).all()
@@ -105,7 +105,7 @@ def test_rows_are_sorted_by_merging(seed, count, ties):
 def test_sorted_blocks_are_merged(seed, size, blocks):
     rows = np.sort(np.random.default_rng(seed).normal(size=(3, blocks, size))).reshape(3, -1)
     wanted = np.sort(rows)
-    sort_rows(rows[:, None], 0, rows.shape[1], size)
+    sort_rows(rows[:, None], np.arange(1), rows.shape[1], size)
     assert (rows == wanted).all()
 
 
