@@ -125,6 +125,7 @@ def run(asked: common.Asked, output: Path | None, plot: Path | None) -> None:
     with asked.opened() as scene:
         with common.usage_errors():
             check_attitude(output, scene.outputs.quantities)
+            asked = asked.with_inputs(scene)
         planned = rbfmu.Plan.from_dict(_plan_of(asked, nullcontext(scene))["plan"]).of_scene(scene)
         result = rbfmu.simulate(scene, planned=planned, progress=progress_bar(scene.name), **asked.driven)
     common.write(result, output, plot, scene.name)

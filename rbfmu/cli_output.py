@@ -5,9 +5,9 @@ Rich is loaded where it draws, as loading it takes a tenth of a short run.
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -232,7 +232,7 @@ RUN_OPTIONS = [
 class Driven(TypedDict):
     """What drives the ports, as plans and runs take it."""
 
-    inputs: Path | None
+    inputs: Path | Mapping[str, Any] | None
     interpolate: str
 
 
@@ -257,6 +257,13 @@ class Asked:
         with faults_of(f"{self.file} with {options}" if options else str(self.file)):
             yield loaded.replace(run=given)
 
+    def with_inputs(self, scene: "rbfmu.Scene") -> "Asked":
+        """Return the same with the inputs of the scene read, as those of a pipe can be read once."""
+        from rbfmu.runs.inputs import input_tables
+
+        read = self.driven["inputs"] and input_tables(scene, **self.driven)
+        return replace(self, driven=Driven(inputs=read, interpolate=self.driven["interpolate"]))
+
 
 class SceneCommand(click.Command):
     """A command on a scene file, which gets the file and what is asked for beside it as one.
@@ -272,12 +279,12 @@ class SceneCommand(click.Command):
         """Run the command."""
         given = ctx.params
         run = {key: given.pop(key) for key in [*given] if key in RUN}  # as they were typed
-        driven = Driven(inputs=given.pop("inputs", None), interpolate=given.pop("interpolate", "hold"))
-        if driven["interpolate"] != "hold" and driven["inputs"] is None:
-            raise click.UsageError(f"--interpolate {driven['interpolate']}: expected --inputs beside it")
-        read, written = driven["inputs"], given.get("output")
+        read, written, interpolate = given.pop("inputs", None), given.get("output"), given.pop("interpolate", "hold")
+        if interpolate != "hold" and read is None:
+            raise click.UsageError(f"--interpolate {interpolate}: expected --inputs beside it")
         if read and written and read.exists() and written.exists() and read.samefile(written):
             raise click.UsageError(f"--output {str(written)!r}: expected another file than that of --inputs")
+        driven = Driven(inputs=read, interpolate=interpolate)
         given["asked"] = Asked(given.pop("scene"), run, given.pop("model", "planned"), driven)
         return super().invoke(ctx)
 

@@ -5,6 +5,7 @@ import json
 import math
 import warnings
 from collections.abc import Callable, Collection, Iterable, Sequence
+from io import StringIO
 from pathlib import Path
 from typing import TextIO
 
@@ -28,7 +29,8 @@ def read_columns(
     """
     source = str(path)
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
+        with path.open(newline="", encoding="utf-8-sig") as given:
+            file = given if given.seekable() else StringIO(given.read(), newline="")  # a pipe is read once
             names = [x.strip() for x in next(filter(None, csv.reader(file, skipinitialspace=True)), [])]
             if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
                 raise SceneError((f"column {name!r} stands twice: expected each column once" for name in twice), source)

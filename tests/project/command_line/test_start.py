@@ -185,6 +185,20 @@ def test_a_scene_from_a_pipe_has_a_plan_of_its_own(scene):
     assert not kept(scene)
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/fd"), reason="needs pipes that have paths")
+def test_inputs_from_a_pipe_are_those_of_the_file(scene, tmp_path):
+    """They were read twice, for the plan and the run; numbers in quotes are read in another way, from the begin."""
+    text = "body = { mass = 1, inertia = [1, 2, 3] }\ninputs = { ports = ['torque_b'] }\n"
+    scene.write_text(f"{text}run = {{ stop = 1, step = 0.5 }}\noutputs = {{ quantities = ['quaternion'] }}\n")
+    table = tmp_path / "table.csv"
+    table.write_text('time,torque_b[1],torque_b[2],torque_b[3]\n0,"0.1",0,0\n0.5,0,0.2,0\n')
+    reading, writing = os.pipe()
+    os.write(writing, table.read_bytes())
+    os.close(writing)
+    assert said("run", scene, "--inputs", f"/dev/fd/{reading}") == said("run", scene, "--inputs", table)
+    os.close(reading)
+
+
 def test_sources_and_versions_are_told_from_others(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(on_disk, "PACKAGES", ("one_package", "none_of_this_name"))
