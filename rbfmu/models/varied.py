@@ -180,10 +180,10 @@ class VariedModel(formulas.FormulaModel):
         size, states = len(self.errors) * self.columns, [*self.rates]
         of = [name.partition("[")[0] for name in self.errors]
         return super()._places | {
-            "NUMBER_OF_ERRORS": len(self.errors), "COLUMNS": self.columns, "ENTRIES": len(self.pattern) // 4,
+            "NUMBER_OF_ERRORS": len(self.errors), "COLUMNS": self.columns, "NUMBER_OF_SLOPES": len(self.pattern) // 4,
             "STATE_OF": tuple(-1 if n in TURN else states.index(n) for n in self.errors) or (-1,),
             "GROUPS": tuple((of.index(n), of.index(n) + of.count(n)) for n in dict.fromkeys(of)) or ((0, 0),),
-            "OF_ENTRIES": rows + self.program.beside_at, "OF_ERRORS": rows + self.program.row - size,
+            "OF_SLOPES": rows + self.program.beside_at, "OF_ERRORS": rows + self.program.row - size,
             **{n.upper(): blocks[n].start for n in ("errors", "pattern", "shifts", "rates_before", "bounded")},
         }  # fmt: skip
 

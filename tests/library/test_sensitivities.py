@@ -3,11 +3,14 @@
 import csv
 import math
 import pickle
+import tomllib
 
 import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.models.formulas import FormulaModel
+from rbfmu.sensitivities import Varied
 from rbfmu_kernels.buffer import NO_OUTPUTS, OK
 from tests.support.paths import ROOT
 from tests.support.quadruple import reference, slopes
@@ -40,6 +43,15 @@ def test_the_motion_is_that_of_a_run():
     np.testing.assert_array_equal(found.time, run.time)
     np.testing.assert_array_equal(found.values["omega_b"], run.omega_b)
     np.testing.assert_array_equal(found.values["quaternion"], run.quaternion)
+
+
+def test_the_places_of_errors_take_none_of_the_motion_s():
+    """One of them and one of the events had one name: steps began by writing over whatever stood at that number."""
+    text = "body = { mass = 1, inertia = [1, 2, 2.5] }\ninitial = { omega_b = [1, 2, 3] }\nevents.e.when = 'omega_b[1]'"
+    model = Varied(rbfmu.Scene.from_dict(tomllib.loads(text)), ["initial.omega_b"]).model
+    of_motion = FormulaModel._places.fget(model)
+    assert "EVENT_SIDES" in of_motion
+    assert {name: model._places[name] for name in of_motion} == of_motion
 
 
 def test_a_switch_moves_in_time():

@@ -24,7 +24,7 @@ from ..types import Buffer
 # column of the state whose error it is, or -1; GROUPS: the first row of each vector's errors, and the one after them.
 # The pattern has four numbers for each entry: row, from what (a row, or -1 - column for B), the column of its series,
 # and 1 where that is constant. Rows beyond the errors are those of sides.
-NUMBER_OF_ERRORS = COLUMNS = ERRORS = PATTERN = ENTRIES = SHIFTS = RATES_BEFORE = OF_ERRORS = OF_ENTRIES = 0
+NUMBER_OF_ERRORS = COLUMNS = ERRORS = PATTERN = NUMBER_OF_SLOPES = SHIFTS = RATES_BEFORE = OF_ERRORS = OF_SLOPES = 0
 STATE_OF: tuple[int, ...] = (-1,)
 GROUPS: tuple[tuple[int, int], ...] = ((0, 0),)
 ORDER = TOLERANCE = SPAN = REACH = NEXT = WATCHED = NUMBER_OF_SIDES = ROWS = ROW = 0
@@ -48,10 +48,10 @@ def shift_of_corner(z: Buffer) -> None:
         z[SHIFTS + d] = 0.0
     if at_corner < 0:
         return
-    for e in range(ENTRIES):
+    for e in range(NUMBER_OF_SLOPES):
         at = PATTERN + 4 * e
         if int(z[at]) == NUMBER_OF_ERRORS + at_corner:
-            slope, of = polynomial(z, OF_ENTRIES + int(z[at + 2]), ROW, n - 1, reach), int(z[at + 1])
+            slope, of = polynomial(z, OF_SLOPES + int(z[at + 2]), ROW, n - 1, reach), int(z[at + 1])
             if of < 0:
                 z[SHIFTS - 1 - of] += slope
             else:
@@ -106,9 +106,9 @@ def vary_series(z: Buffer, ended: bool) -> None:
         here = OF_ERRORS + k * ROW
         for i in range(NUMBER_OF_ERRORS * COLUMNS):
             z[here + ROW + i] = 0.0
-        for e in range(ENTRIES):
+        for e in range(NUMBER_OF_SLOPES):
             at = PATTERN + 4 * e
-            row, of, term = int(z[at]), int(z[at + 1]), OF_ENTRIES + int(z[at + 2])
+            row, of, term = int(z[at]), int(z[at + 1]), OF_SLOPES + int(z[at + 2])
             if row < NUMBER_OF_ERRORS:
                 if of < 0:
                     z[here + ROW + row * COLUMNS - 1 - of] += z[term + k * ROW]
