@@ -24,25 +24,27 @@ def read_columns(
 
     expected: which numbers a cell may have, in words; holds: whether it may; gaps: what stands for none, in lower case,
     and is NaN; needed: a column that must be there, if any; faults_of_names: of the names in the header, yields
-    a column and what is wrong with it. Raises SceneError with the first fault of each column, in which rows are counted
-    from 1, without the header.
+    a column and what is wrong with it. A cell may have an array's numbers, as FMPy writes those of FMI 3.0: `x` then
+    stands for `x[1]`, `x[2]` and so on.
+    Raises SceneError with the first fault of each column, in which rows are counted from 1, without the header.
     """
     source = str(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as given:
             file = given if given.seekable() else StringIO(given.read(), newline="")  # a pipe is read once
             names = [x.strip() for x in next(filter(None, csv.reader(file, skipinitialspace=True)), [])]
-            if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
-                raise SceneError((f"column {name!r} stands twice: expected each column once" for name in twice), source)
             if needed and needed not in names:
                 said = f"column {needed!r} is missing: expected it in the header, not {', '.join(names) or 'nothing'}"
                 raise SceneError(said, source)
-            faults = dict(faults_of_names(names))
-            table = _plain_numbers(file)
-            if table is None or table.shape[1] != len(names):
+            rows = list[list[str]]()
+            if (plain := _plain_numbers(file, len(names))) is None:
                 file.seek(0)
                 rows = [*filter(None, csv.reader(file, skipinitialspace=True))][1:]
-                table = _numbers(faults, names, rows, expected, holds, gaps)
+                names, rows = _spread(names, rows, needed)
+            if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
+                raise SceneError((f"column {name!r} stands twice: expected each column once" for name in twice), source)
+            faults = dict(faults_of_names(names))
+            table = _numbers(faults, names, rows, expected, holds, gaps) if plain is None else plain
             if faults:
                 raise SceneError(faults.values(), source)
     except (UnicodeDecodeError, csv.Error) as error:
@@ -50,14 +52,35 @@ def read_columns(
     return dict(zip(names, table.T, strict=True))
 
 
-def _plain_numbers(lines: TextIO) -> Array | None:
+def _plain_numbers(lines: TextIO, columns: int) -> Array | None:
     """Return finite numbers without quotes, fast, or None where there is anything else."""
     with warnings.catch_warnings(action="ignore", category=UserWarning):  # of a file without rows
         try:
             table = np.loadtxt(lines, delimiter=",", ndmin=2, comments=None)
         except ValueError:
             return None
-    return table if np.isfinite(table).all() else None
+    return table if table.shape[1] == columns and np.isfinite(table).all() else None
+
+
+def _spread(names: list[str], rows: list[list[str]], needed: str) -> tuple[list[str], list[list[str]]]:
+    """Return names and rows with a column for each number of an array, which spaces in a cell of the first row tell."""
+    parts = [cell.split() for cell in rows[0]] if rows else []
+    arrays = {
+        i: [f"{name}[{k + 1}]" for k in range(len(x))]
+        for i, (name, x) in enumerate(zip(names, parts, strict=False))
+        if len(x) > 1 and name != needed and "[" not in name and all(_number(one)[1] for one in x)
+    }
+    if not arrays or any(len(row) != len(names) for row in rows):
+        return names, rows
+
+    def numbers(i: int, cell: str) -> list[str]:
+        found = cell.split()
+        if i not in arrays or len(found) == len(arrays[i]):
+            return found if i in arrays else [cell]
+        return [f"[{cell}]" if found else ""] * len(arrays[i])  # of another length: no number; or a gap
+
+    flat = [name for i, one in enumerate(names) for name in arrays.get(i, [one])]
+    return flat, [[x for i, cell in enumerate(row) for x in numbers(i, cell)] for row in rows]
 
 
 def _numbers(

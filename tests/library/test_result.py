@@ -225,6 +225,20 @@ def test_columns_of_others_are_left_out(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.omega_b, [[1, 2, 3], [4, 5, 6]])
 
 
+def test_arrays_of_fmi_3_are_read_as_fmpy_writes_them(tmp_path: Path) -> None:
+    """They were refused, as all of their numbers stand in one cell."""
+    saved, path = random_result(), tmp_path / "fmu.csv"
+    names = [("time", "f8"), *((name, "f8", x.shape[1:]) for name, x in saved.quantities.items()), ("status", "i4")]
+    rows = np.zeros(len(saved.time), np.dtype(names))
+    for name, values in {"time": saved.time, **saved.quantities}.items():
+        rows[name] = values
+    fmpy.util.write_csv(path, rows)
+    read = Result.load(path)
+    assert list(read.quantities) == list(saved.quantities)
+    for name, values in saved.quantities.items():
+        np.testing.assert_allclose(read.quantities[name], values, rtol=1e-15)
+
+
 def test_numbers_in_quotes_are_the_same_numbers(tmp_path: Path) -> None:
     (tmp_path / "it.csv").write_text(GOOD + '"0", "1.5" ,2,3\n\n1,4,5,-6e-3\n')
     read = Result.load(tmp_path / "it.csv")
@@ -242,6 +256,10 @@ def test_numbers_in_quotes_are_the_same_numbers(tmp_path: Path) -> None:
         (GOOD + "0,1,2,3\n1,1,2\n", "row 2 has 3 cells: expected 4"),
         (GOOD + "0,1,2\n", "row 1 has 3 cells: expected 4"),
         (GOOD + "0,1,2,x\n", r'omega_b\[3\] = "x" in row 1: expected a number'),
+        ("time,omega_b\n0,1 2 3\n1,5\n", r'omega_b\[1\] = "\[5\]" in row 2: expected a number'),
+        ("time,omega_b\n0,1 2\n1,1 2\n", r"omega_b\[3\] is missing"),
+        ("time,omega_b[1],omega_b\n0,1,1 2 3\n", r"'omega_b\[1\]' stands twice"),
+        ("time,kinetic_energy\n0 1,5\n", 'time = "0 1" in row 1: expected a number'),
     ],
 )
 def test_what_is_no_result_is_refused(text: str, message: str, tmp_path: Path) -> None:

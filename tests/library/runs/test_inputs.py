@@ -176,6 +176,9 @@ def test_a_file_gives_the_same_as_its_numbers(tmp_path):
     found = input_tables(scene(), path)
     np.testing.assert_array_equal(found["torque_b"].times, t)
     np.testing.assert_array_equal(found["torque_b"].values, rows)
+    lines = [f"{s!r},{u[0]!r} {u[1]!r} {u[2]!r}" for s, u in zip(t.tolist(), rows.tolist(), strict=True)]
+    path.write_text("time,torque_b\n" + "\n".join(lines) + "\n")  # as FMPy has those of FMI 3.0
+    np.testing.assert_array_equal(input_tables(scene(), path)["torque_b"].values, rows)
 
 
 T = [0.0, 1.0, 2.0]
