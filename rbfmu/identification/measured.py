@@ -46,7 +46,7 @@ def read_measured(scene: Scene, data: Data) -> Measured:
 
     data: the path of a CSV file with a column `time` and columns by the FMU's names, empty where there is a gap; of an
     `.npz` or `.aem` that `Result.load` reads; a `Result`; or a mapping from `time` and names of outputs to arrays.
-    Roll, pitch and yaw count as the attitude that they describe.
+    Roll, pitch and yaw count as the attitude that they describe, in rows that have no quaternion.
     Raises ValueError.
     """
     where = str(Path(data)) if isinstance(data, str | Path) else "data"
@@ -85,9 +85,9 @@ def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:
         if np.isinf(value).any():
             raise ValueError(f"{name}: expected finite numbers, or NaN for a gap")
     if "rpy" in values:
-        if QUATERNION in values:
-            raise ValueError("expected quaternion or rpy, not both")
-        values[QUATERNION] = arrays.quaternion_from_euler("ZYX", values.pop("rpy")[:, ::-1])
+        by_angles = arrays.quaternion_from_euler("ZYX", values.pop("rpy")[:, ::-1])
+        given = values.get(QUATERNION, np.full_like(by_angles, np.nan))
+        values[QUATERNION] = np.where(np.isfinite(given).all(axis=1, keepdims=True), given, by_angles)
     if QUATERNION in values:
         values[QUATERNION] = _unit(values[QUATERNION])
     found = Measured(time, values)
