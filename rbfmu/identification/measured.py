@@ -64,7 +64,7 @@ def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:
     if not isinstance(known, Mapping) or "time" not in known:
         raise ValueError("expected a file, a Result, or a mapping with time and outputs by name")
     rows = {**OUTPUT, **output_rows(scene)}
-    columns = {name: _numbers(name, value) for name, value in known.items()}
+    columns = {name: _numbers(name, known[name]) for name in ("time", *known)}  # a coordinate of a Dataset's
     time, values = columns.pop("time"), dict[str, Array]()
     if time.ndim != 1 or len(time) < 2:
         raise ValueError("time: expected at least two finite times (s) that increase")

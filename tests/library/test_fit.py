@@ -326,14 +326,17 @@ def test_what_cannot_be_fitted_is_refused_by_one_message(asked, said):
 
 
 def test_a_run_s_own_result_serves_as_data(tmp_path):
-    """It was refused, as it has the attitude twice; the quaternion counts, and angles where that has a gap."""
+    """It was refused, as it has the attitude twice; the quaternion counts, and angles where that has a gap.
+
+    As a Dataset of xarray's, whose time is a coordinate, it ended in a KeyError.
+    """
     scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
                         outputs={"quantities": ["quaternion", "rpy"]}, run={"stop": 4.0, "step": 0.5})  # fmt: skip
     run, guess = rbfmu.simulate(scene), scene.replace({"initial.omega_b": [0.0, 0.25, 0.3]})
     run.save(tmp_path / "run.csv")
     gaps = {"time": run.time, "quaternion": run.quaternion.copy(), "rpy": run.rpy.copy()}
     gaps["quaternion"][4:, 0], gaps["rpy"][:4] = np.nan, 0.1
-    for data in (run, tmp_path / "run.csv", gaps):
+    for data in (run, tmp_path / "run.csv", run.to_xarray(), gaps):
         one = rbfmu.fit(guess, data, ["initial.omega_b"])
         assert one.values == pytest.approx([0.1, 0.2, 0.3], abs=1e-8)
         assert one.measured.count == 27
