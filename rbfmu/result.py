@@ -187,7 +187,7 @@ class Result:
 
         readers = {
             ".csv": lambda path: by_quantity(read_columns(path, faults_of_names=incomplete)),
-            ".npz": _npz,
+            ".npz": arrays_of_npz,
             ".aem": read_aem,
         }
         columns = readers[path.suffix](path)
@@ -279,7 +279,8 @@ def read_npz(path: Path) -> dict[str, Any]:
         return {name: file[name] for name in file.files}
 
 
-def _npz(path: Path) -> dict[str, Array]:
+def arrays_of_npz(path: Path) -> dict[str, Array]:
+    """Return the arrays of a result's .npz. Raises ValueError where they are no numbers."""
     try:
         arrays = read_npz(path)
     except FileNotFoundError:

@@ -12,7 +12,7 @@ from rbfmu import arrays
 from rbfmu.arrays.from_kernel import no_numbers
 from rbfmu.csv_table import read_columns
 from rbfmu.ensembles.variables import output_rows
-from rbfmu.result import Result, by_quantity, incomplete
+from rbfmu.result import Result, arrays_of_npz, by_quantity, incomplete
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.quantities import OUTPUT
@@ -45,19 +45,27 @@ def read_measured(scene: Scene, data: Data) -> Measured:
     """Return data as measured outputs of a scene.
 
     data: the path of a CSV file with a column `time` and columns by the FMU's names, empty where there is a gap; of an
-    `.npz` or `.aem` that `Result.load` reads; a `Result`; or a mapping from `time` and names of outputs to arrays.
+    `.npz` with arrays by output, or an `.aem`, as `Result.save` writes them; a `Result`; or a mapping from `time` and
+    names of outputs to arrays.
     Roll, pitch and yaw count as the attitude that they describe, in rows that have no quaternion.
     Raises ValueError.
     """
     where = str(Path(data)) if isinstance(data, str | Path) else "data"
     if isinstance(data, str | Path):
-        path = Path(data)
-        names = partial(_faults_of_names, scene)
-        data = by_quantity(_columns(path, faults_of_names=names)) if path.suffix == ".csv" else Result.load(path)
+        data = _read(scene, Path(data))
     try:
         return _checked(scene, {"time": data.time, **data.quantities} if isinstance(data, Result) else data)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None
+
+
+def _read(scene: Scene, path: Path) -> Result | Mapping[str, ArrayLike]:
+    if path.suffix == ".csv":
+        return by_quantity(_columns(path, faults_of_names=partial(_faults_of_names, scene)))
+    if path.suffix == ".npz":  # with outputs of one's own, which only the scene knows, and gaps
+        wanted = ("time", *OUTPUT, *scene.outputs.own)
+        return {name: rows for name, rows in arrays_of_npz(path).items() if name in wanted}
+    return Result.load(path)
 
 
 def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:

@@ -342,6 +342,18 @@ def test_a_run_s_own_result_serves_as_data(tmp_path):
         assert one.measured.count == 27
 
 
+def test_arrays_of_a_file_are_data_with_own_outputs_and_gaps(tmp_path):
+    """Outputs of one's own were left out of an .npz, and gaps refused; a CSV has both."""
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
+                        outputs={"quantities": ["kinetic_energy"], "spin": "norm(omega_b)"},
+                        events={"slow": "omega_b[1]"}, run={"stop": 4.0, "step": 0.5})  # fmt: skip
+    rbfmu.simulate(scene).save(tmp_path / "run.npz")
+    guess = scene.replace({"initial.omega_b": [0.1, 0.2, 0.2]})
+    assert rbfmu.fit(guess, tmp_path / "run.npz", ["initial.omega_b[3]"]).measured.count == 18
+    np.savez(tmp_path / "gap.npz", time=[0.0, 1.0, 2.0], spin=[0.1, np.nan, 0.1], other=[[1.0]])
+    assert rbfmu.fit(guess, tmp_path / "gap.npz", ["initial.omega_b[3]"]).measured.count == 2
+
+
 def test_inputs_may_be_rows_for_the_scene_s_own_steps():
     """A fit takes one step, and told that it expected one row."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, "initial": {"omega_b": [0.1, 0.2, 0.3]},
