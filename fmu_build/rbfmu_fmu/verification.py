@@ -1,5 +1,6 @@
 """Verify an FMU: valid, complete, and equal to direct calls of the kernels that it was made from."""
 
+import ctypes
 import json
 import math
 import tempfile
@@ -28,6 +29,8 @@ from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.rotations.euler_angles import ZYX, quaternion_from_euler
+
+_CLEAR_ERROR = ctypes.pythonapi.PyErr_Clear
 
 MAX_STEPS = 10_000
 HELD_STEPS = 10
@@ -205,7 +208,11 @@ class Unit:
         self._get_integers = getattr(self.fmu, f"get{version.integer}")
 
     def _log(self, *said: object) -> None:
-        """Keep a message: FMI 2.0 gives the instance's name besides status, category and text."""
+        """Keep a message: FMI 2.0 gives the instance's name besides status, category and text.
+
+        An FMU of pythonfmu's calls this while its own error is set, with which calls from here fail in Python 3.13.
+        """
+        _CLEAR_ERROR()
         *_, status, _, message = said
         if status and isinstance(message, bytes):
             self.messages.append(message.decode())
