@@ -1,6 +1,5 @@
 """Verify an FMU: valid, complete, and equal to direct calls of the kernels that it was made from."""
 
-import ctypes
 import json
 import math
 import tempfile
@@ -25,12 +24,10 @@ from rbfmu.scene.section import whole
 from rbfmu.types import Array
 from rbfmu_fmu import builder, model_description
 from rbfmu_fmu.description import Description, describe, input_sizes
-from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH
+from rbfmu_fmu.python.pythonfmu_traps import CRASHES_IN_PATH, clear_error
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.rotations.euler_angles import ZYX, quaternion_from_euler
-
-_CLEAR_ERROR = ctypes.pythonapi.PyErr_Clear
 
 MAX_STEPS = 10_000
 HELD_STEPS = 10
@@ -212,7 +209,7 @@ class Unit:
 
         An FMU of pythonfmu's calls this while its own error is set, with which calls from here fail in Python 3.13.
         """
-        _CLEAR_ERROR()
+        clear_error()
         *_, status, _, message = said
         if status and isinstance(message, bytes):
             self.messages.append(message.decode())

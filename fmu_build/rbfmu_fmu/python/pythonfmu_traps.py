@@ -23,6 +23,8 @@ FMU where the URI points to as it is spelled, finds no class there, and calls it
 CATEGORIES = (*LOG_CATEGORIES, "cppfmu")
 """The categories of all messages that have one; the last is the library's."""
 
+clear_error = ctypes.pythonapi.PyErr_Clear
+"""Clears the error of a slave, which is still set when pythonfmu calls the importer's logger about it."""
 _increment = ctypes.pythonapi.Py_IncRef
 _increment.argtypes, _increment.restype = [ctypes.py_object], None
 
