@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -97,7 +97,12 @@ class FullDisk(io.FileIO):
 @KINDS
 def test_a_disk_full_at_any_byte_leaves_what_was_there(kind, scene_file, tmp_path, monkeypatch):
     target, whole = tmp_path / "it.fmu", built("prescribed", kind).read_bytes()
-    monkeypatch.setattr(on_disk, "os", SimpleNamespace(**vars(os) | {"fdopen": FullDisk}))
+    opened = Path.open
+
+    def opened_when_full(path, *of, **text):
+        return FullDisk(path, *of) if path.suffix == ".part" else opened(path, *of, **text)
+
+    monkeypatch.setattr(Path, "open", opened_when_full)
     target.write_bytes(b"what was there")
     for FullDisk.room in (0, 1, len(whole) - 1):
         result = call(*command(scene_file, target, kind)[3:])
