@@ -39,7 +39,6 @@ def drive(kind, examples, steps):
     return process
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("examples", [15, pytest.param(100, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("kind", ["python", "native", "fmi3_scalars"])
 def test_any_calls_are_answered_rightly(kind, examples):

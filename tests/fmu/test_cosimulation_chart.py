@@ -68,7 +68,6 @@ def test_picture_shows_one_step_as_lines_and_eight_as_crosses_in_the_steps_colou
     assert [text.get_text() for text in by_step.texts] == [label for label, _ in chart.WAYS.values()]
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("way", "order"), [("one step late", 1), ("held", 1), ("extrapolated", 2), ("rolled back", 2)])
 @pytest.mark.parametrize("substeps", chart.SUBSTEPS)
 def test_order_in_the_communication_step_whatever_the_substeps(errors, way, order, substeps) -> None:

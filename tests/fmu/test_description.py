@@ -132,7 +132,6 @@ def test_value_references_count_up_and_all_variables_are_described(name):
     assert kinds == {"parameter": ("fixed", "exact"), "output": ("continuous", "calculated")}
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_status_is_an_integer_output_from_0_to_2(name):
     status = model(name).modelVariables[-1]
@@ -208,7 +207,6 @@ def changes(instance, before):
     return {name for name, a, b in pairs if abs(a - b) > 1e-12 * max(1.0, abs(a))}
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", some_of([*NAMES], 4))
 def test_outputs_depend_at_once_on_what_they_say_and_on_nothing_else(name):
     """Bounds no importer's algebraic loop but a real one: each input is moved and the outputs are looked at."""
@@ -229,7 +227,6 @@ def test_outputs_depend_at_once_on_what_they_say_and_on_nothing_else(name):
         assert {block_of(i) for i in inputs} == {block_of(i) for i in seen.get(output, ())}
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["driven", "pendulum", "prescribed"])
 def test_initial_outputs_depend_on_what_they_say_and_on_nothing_else(name):
     listed = {u.variable.name: {d.name for d in u.dependencies} for u in model(name).initialUnknowns}
@@ -281,7 +278,6 @@ def test_guid_tells_fmus_apart():
     assert all(re.fullmatch(r"\{[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}\}", guid) for guid in guids)
 
 
-@pytest.mark.thorough
 @given(st.text(st.characters(codec="utf-8", exclude_characters="/\\"), min_size=1).filter(str.strip))
 @example("\ufdfa" * 200)
 def test_any_name_makes_an_identifier(name):

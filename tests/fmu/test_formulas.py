@@ -119,7 +119,6 @@ def test_counts_are_integers_that_a_saved_state_has(
     unit.freeInstance()
 
 
-@pytest.mark.thorough
 def test_counts_can_be_read_in_intermediate_updates(fmus: dict[str, Path], tmp_path: Path) -> None:
     fmpy.extract(str(fmus["fmi3"]), str(tmp_path))
     model = fmpy.read_model_description(str(tmp_path))
@@ -240,7 +239,6 @@ def test_initial_dependencies_are_of_numbers_that_are_zero_as_well() -> None:
     assert found.begins_with("omega_b") == {"omega_b_0"}
 
 
-@pytest.mark.thorough
 def test_own_outputs_over_a_closed_form_read_every_number_of_a_parameter() -> None:
     """A closed form takes another value of what is not listed; energies were without the numbers that had been zero."""
     tables = {"body": SCENE["body"], "initial": {"omega_b": [0.1, 0.2, 0.3], "position": [1.0, 0.0, 0.0]}}

@@ -149,7 +149,6 @@ def test_an_inertia_shrinks_no_further_than_a_mass():
         assert np.all(chart.numbers(np.maximum(high, 0.0))[:3] > 1e6 * lowest)
 
 
-@pytest.mark.thorough
 def test_an_attitude_varies_by_turns_of_any_size():
     scene = rbfmu.Scene(
         body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"attitude": {"rotvec": [1.0, 2.0, 0.3]}}

@@ -215,7 +215,6 @@ def test_a_scene_file_will_do():
     assert np.array_equal(B[3:], np.diag(1.0 / np.array([1.0, 2.0, 3.0])))
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("inertia", "told"), [([1.0, 2.0, 2.5], []), ([1e4, 2e4, 2.5e4], ["radius of gyration"])])
 def test_it_tells_the_doubts_of_the_scene_alone_and_once(inertia, told):
     with warnings.catch_warnings(record=True) as found:

@@ -130,7 +130,6 @@ def test_nasas_brick_has_nasas_rates():
     assert np.max(np.abs(np.degrees(result.omega_b[-1]) - nasa)) < 1e-9
 
 
-@pytest.mark.thorough
 def test_toutatis_has_its_published_periods():
     one = scene("toutatis", stop=2000 * around.DAY)
     result = rbfmu.simulate(one)
@@ -151,7 +150,6 @@ def test_toutatis_has_its_published_periods():
     assert period(precession) == pytest.approx(7.40, abs=0.03)
 
 
-@pytest.mark.thorough
 def test_toutatis_has_the_attitudes_that_radar_saw():
     one = scene("toutatis")
     result = rbfmu.simulate(one)
@@ -166,7 +164,6 @@ def test_toutatis_has_the_attitudes_that_radar_saw():
     assert max(apart) < 20.0
 
 
-@pytest.mark.thorough
 def test_a_beam_swings_with_the_period_of_a_pendulum():
     result = rbfmu.simulate(scene("beam_pendulum", step=1e-3))
     x = rbfmu.rotate(result.quaternion, X)

@@ -53,7 +53,6 @@ def test_functions_named_as_attributes_exist(document):
 RPY = np.array([[0.3, -0.5, 1.9], [-2.0, 1.1, 0.4]])
 
 
-@pytest.mark.thorough
 def test_roll_pitch_yaw_is_the_extrinsic_xyz_and_zyx_reversed():
     """R = R_z(psi) R_y(theta) R_x(phi)."""
     phi, theta, psi = RPY.T
@@ -85,7 +84,6 @@ def test_the_determinant_of_e_is_that_of_the_middle_angle(seq):
         assert abs(np.linalg.det(E)) == pytest.approx(expected, rel=1e-14)
 
 
-@pytest.mark.thorough
 def test_about_a_pivot_euler_s_equation_takes_inertia_and_torque_about_it():
     """As the equations about o, with the force that holds o at rest."""
     mass, M_c, r_oc, omega = 2.0, np.diag([1.0, 2.0, 2.5]), np.array([0.1, -0.2, 0.4]), np.array([0.3, 1.0, -0.5])

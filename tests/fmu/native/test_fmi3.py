@@ -69,7 +69,6 @@ def test_fmpy_gets_the_bits_of_simulate(kind):
         assert np.array_equal(np.transpose(columns) if kind == "fmi3" else columns, values.T), name
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_values_of_parameters_and_inputs_are_those_of_fmi_2(kind):
     values = {"mass": 5.0, "inertia[1,1]": 1.5, "inertia[2,3]": 0.1, "omega_b_0[2]": 0.7, "quaternion_0[1]": 0.5}

@@ -41,7 +41,6 @@ def differences(instance):
     return np.array(columns).T
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("kind", NATIVE)
 @pytest.mark.parametrize("name", ["driven", "pendulum", "prescribed", "torqued"])
 def test_directional_derivatives_are_the_outputs_differences(name, kind):

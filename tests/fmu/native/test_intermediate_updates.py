@@ -73,7 +73,6 @@ def test_they_are_the_input_derivatives_of_fmi_2_to_the_bit():
         assert importer.instance.steps(1, first=k) == [older.outputs()]
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("course", [constant, lambda time: {}])
 @pytest.mark.parametrize("kind", KINDS)
 def test_inputs_that_stay_give_the_bits_of_a_step_without_updates(kind, course):
@@ -108,7 +107,6 @@ def test_a_step_ends_when_the_importer_wants(when, early):
     assert importer.instance.answer == (False, False, False, when + H)
 
 
-@pytest.mark.thorough
 def test_a_step_that_is_refused_did_not_return_early():
     importer = Importer("torqued", quadratic, early=True, when=0.5 * H)
     importer.instance.start(quadratic(0.0))

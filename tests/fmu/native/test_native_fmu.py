@@ -54,7 +54,6 @@ def test_fmpy_validates(name):
     assert validate_fmu(str(built(name, "native"))) == []
 
 
-@pytest.mark.thorough
 def test_fmu_is_simulate_to_the_bit_at_the_same_communication_step():
     run = scene("brick").run
     recorded = fmpy.simulate_fmu(str(built("brick", "native")), stop_time=run.stop, output_interval=run.step)
@@ -66,7 +65,6 @@ def test_threads_compute_the_same_bits():
     assert run_case("threads", unzipped("driven", "native"))[0] == [True] * 16
 
 
-@pytest.mark.thorough
 def test_outputs_follow_parameters_in_initialisation_and_inputs_at_any_time():
     instance = native().instance()
     assert instance.setup() == instance.enter() == OK
@@ -139,7 +137,6 @@ def test_derivatives_that_there_are_not_are_errors():
     assert instance.set_rates({"torque_b[1]": 1.0}) == ERROR
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", OWN)
 def test_derivatives_are_served_where_the_description_says_so(name):
     said = fmpy.read_model_description(str(built(name, "native"))).coSimulation

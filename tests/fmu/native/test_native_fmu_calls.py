@@ -267,7 +267,6 @@ def test_refused_parameters_can_be_put_right():
     assert instance.steps(5) == right.steps(5)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "refusal"), [("native", ERROR), ("fmi3", ERROR), ("python", FATAL)])
 def test_what_the_plan_rests_on_must_keep_its_value(kind, refusal):
     """Of both kinds: they ask when initialisation ends, and say what to list in the scene."""

@@ -99,7 +99,6 @@ def test_shipped_code_needs_no_numba_and_no_numpy(name):
     assert not errors
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", some_of(["brick", "driven"], 1))
 def test_built_without_a_linker_it_ships_an_object_file(name, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))

@@ -56,7 +56,6 @@ def test_fmu_is_simulate_to_the_bit_at_the_same_communication_step():
         assert np.max(np.abs(recorded[name] - values)) <= ROUND_OFF, name
 
 
-@pytest.mark.thorough
 def test_fmpy_command_line_writes_the_same_bits(tmp_path):
     command = [sys.executable, "-m", "fmpy", "simulate", str(built("brick")), "--output-file", str(tmp_path / "o.csv")]
     command += ["--start-time", "0", "--stop-time", "30", "--output-interval", "0.1"]
@@ -71,7 +70,6 @@ def test_fmpy_validates(name):
     assert validate_fmu(str(built(name))) == []
 
 
-@pytest.mark.thorough
 def test_reset_forgets_everything():
     instance = opened("driven").started({"mass": 3.0} | LOADED)
     instance.steps(5)
@@ -120,7 +118,6 @@ def test_start_values_come_back_to_the_bit():
     assert dict(zip(expected, instance.get(*expected), strict=True)) == expected
 
 
-@pytest.mark.thorough
 def test_every_start_value_of_every_scene_is_written_in_full():
     for name in ("brick", "driven", "pendulum", "prescribed"):
         root = ElementTree.parse(unzipped(name) / "modelDescription.xml").getroot()
@@ -213,7 +210,6 @@ def test_refused_parameters_can_be_put_right():
     assert instance.steps(5) == right.steps(5)
 
 
-@pytest.mark.thorough
 def test_outputs_follow_parameters_in_initialisation():
     instance = opened("driven").instance()
     assert instance.setup() == instance.enter() == OK
@@ -255,7 +251,6 @@ def test_rates_at_a_port_show_at_once():
     assert instance.get("omega_a[3]") == [2.0]
 
 
-@pytest.mark.thorough
 def test_inputs_keep_their_values_over_steps_and_can_be_set_in_any_order():
     instance, other = opened("two_ports").started(), opened("two_ports").started()
     names = opened("two_ports").by_causality["input"]

@@ -65,7 +65,6 @@ def starts(kind, rng):
     return as_dd(x), as_dd(y), as_dd(z)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("kind", [pytest.param("tiny", marks=pytest.mark.thorough), "swing", "near", "over", "fast"])
 def test_a_pendulum_moves_as_jacobis_functions(kind):
     """Some 1e7 periods at most: the phase is double-double; a tiny swing is right relative to itself."""

@@ -126,7 +126,6 @@ def test_a_refused_step_leaves_a_series_as_it_was(change):
         np.testing.assert_array_equal(unit.step(0.01).outputs, other.step(0.01).outputs)
 
 
-@pytest.mark.thorough
 def test_derivatives_of_outputs_are_those_of_the_last_step():
     """Whether the closed form or a series served it."""
     unit, exact = Unit(wanted=("quaternion", "alpha_b")).step(0.0078125, 20), Unit(wanted=("quaternion", "alpha_b"))

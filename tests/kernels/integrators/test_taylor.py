@@ -86,7 +86,6 @@ def test_position_and_velocity_converge_at_the_two_point_formula_s_order():
         assert np.log2(np.divide(*errors)) == pytest.approx([2.0 * m] * 3, abs=0.15)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("m", [2, 3, 5])
 def test_a_steady_spin_s_error_is_the_two_point_formula_s_remainder(m):
     """An angle too small by 2 (m! / (2m)!)^2 / (2m + 1) (h omega / 2)^(2m+1) a step: Pade's approximation of exp."""

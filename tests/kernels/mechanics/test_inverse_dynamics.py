@@ -175,7 +175,6 @@ def test_a_rate_about_no_principal_axis_needs_a_torque_to_stay():
     assert loads == (ZERO, (0.0, 0.0, 1.0))
 
 
-@pytest.mark.thorough
 def test_momentum_is_that_of_the_particles():
     """P = sum of m v, h_o = sum of m r x v, of particles that move as one body."""
     random = rng(108)

@@ -56,7 +56,6 @@ def test_error_is_as_stated(law):
     law.check()
 
 
-@pytest.mark.thorough
 @given(any_quaternion, any_quaternion, any_vector, any_vector, any_vector)
 def test_angular_velocities_compose_in_any_grouping(q, p, first, second, third):
     """omega_ad = omega_ab + R_ab omega_bc + R_ab R_bc omega_cd."""

@@ -216,7 +216,6 @@ def test_newton_euler_o_solves_its_equations():
     assert worst[1] <= 1.5 * EPS
 
 
-@pytest.mark.thorough
 def test_newton_euler_about_o_and_about_c_are_one_motion():
     rng = np.random.default_rng(10)
     worst = 0.0
@@ -291,7 +290,6 @@ def test_a_body_point_moves_around_the_origin_of_its_arm():
     assert found == (-12.0, 15.0, 0.0)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name", ["euler_equation", "newton_euler_c", "newton_euler_o", "angular_momentum", "kinetic_energy"]
 )

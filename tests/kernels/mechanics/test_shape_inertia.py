@@ -94,7 +94,6 @@ def test_errors_of_inertia_of_points_do_not_grow_with_their_number():
     assert largest_difference(exact(M_c), truth[2]) <= EPS * exact_trace(truth[2])
 
 
-@pytest.mark.thorough
 def test_inertia_of_points_is_one_function_for_arrays_and_in_compiled_code():
     @njit
     def of_rows(masses, positions):

@@ -113,7 +113,6 @@ def a_body():
     return mass, M_c, r_oc, *r.normal(size=(4, 3))
 
 
-@pytest.mark.thorough
 def test_one_system_of_six_has_the_accelerations_of_newton_euler():
     mass, M_c, r_oc, omega, force, torque_o, _ = a_body()
     M_o = rbfmu.parallel_axis(M_c, mass, r_oc)
@@ -137,7 +136,6 @@ def test_inertia_times_twist_is_momentum_and_energy_at_any_point():
         np.testing.assert_allclose(energy, rbfmu.kinetic_energy(mass, M_c, v_c, omega), rtol=1e-12)
 
 
-@pytest.mark.thorough
 def test_power_is_the_same_at_any_point():
     *_, r_op, _ = a_body()
     twist, wrench, r = np.array(SIX[0]), np.array(SIX[1]), np.linalg.norm(r_op)

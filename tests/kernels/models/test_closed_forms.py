@@ -98,7 +98,6 @@ def test_quaternions_of_closed_forms_are_continuous():
         np.testing.assert_allclose(steps, math.cos(0.15), rtol=1e-12)
 
 
-@pytest.mark.thorough
 def test_a_path_in_closed_form_gathers_no_round_off():
     """1e5 steps of 0.1 s, which no binary number is, end where one of 1e4 s does."""
     tables = {"body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, "loads": {"gravity_a": [0.0, 0.1, -9.81]},
@@ -154,7 +153,6 @@ def test_a_symmetric_body_is_spun_up_as_in_40_digits(moments, torque, along, acr
     assert reference.errors(points, blank, found["omega_b"], zero, zero)["omega_b"] <= 4 * EPS * max(turned, 1.0)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("steps", [1, 7, 400])
 def test_a_swing_is_that_of_40_digits(steps):
     """Large swings of a damped body about a level axis, within the tolerance of round-off."""

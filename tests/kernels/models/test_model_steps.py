@@ -179,7 +179,6 @@ FAULTY += [
 ]
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("model", "code", "values"), FAULTY)
 def test_initialize_refuses_what_its_model_cannot_be(model, code, values):
     unit = Unit(scene_of(model), KICKS if model == "symmetric top" else plan_by_hand(model))

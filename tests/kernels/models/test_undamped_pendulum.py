@@ -73,7 +73,6 @@ def test_a_pendulum_is_that_of_40_digits(name, steps):
     assert np.max(np.abs(norms - 1.0)) <= 6 * EPS
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("angle", [math.pi / 2, -math.pi / 2])
 def test_a_beam_hung_or_balanced_exactly_stays(angle):
     unit = Unit(scene_of(BEAM, {}), Plan(MODEL, "", 2))

@@ -95,7 +95,6 @@ def distance(found, alpha, beta, sign):
     return float(mp.sqrt(sum((x / length - y / size) ** 2 for x, y in zip(found, truth, strict=True)))) / EPS
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_attitude_is_two_theta_functions(sign):
     rng, worst = np.random.default_rng(1), 0.0
@@ -111,7 +110,6 @@ def test_attitude_is_two_theta_functions(sign):
     assert 0.5 < worst <= 4.0
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_attitude_near_the_separatrix_is_two_theta_functions(sign):
     rng, worst = np.random.default_rng(2), 0.0

@@ -52,7 +52,6 @@ def turned(q, omega_b, t):
     return quaternion.compose_quaternions(q, rotation_vector.quaternion_from_rotvec(vec3.scale(t, omega_b)))
 
 
-@pytest.mark.thorough
 def test_the_rate_is_that_of_the_error_of_two_moving_frames():
     h = 1e-5
     omega_ad_d, omega_ab_b = (0.3, -0.7, 0.2), (-0.1, 0.4, 1.1)

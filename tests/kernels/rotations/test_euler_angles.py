@@ -169,7 +169,6 @@ def test_quaternions_of_any_length_and_sign_have_the_same_angles(seq, q, size):
     assert exact.error(euler.matrix_from_euler(seq, again), exact.exact(euler.matrix_from_euler(seq, angles))) <= 10.0
 
 
-@pytest.mark.thorough
 @given(st.sampled_from(euler.NAMES[:12]), any_angles)
 def test_extrinsic_is_intrinsic_in_reverse(name, angles):
     extrinsic = euler.quaternion_from_euler(euler.sequence(name[::-1].lower()), angles[::-1])

@@ -185,7 +185,6 @@ def test_slerp_extrapolates_far():
     assert 3.0 < exact.error(quaternion.slerp(q0, q1, s), truth, 1.0 + s) <= 4.0
 
 
-@pytest.mark.thorough
 @given(any_quaternion, any_quaternion)
 def test_slerp_ends_exactly(q, p):
     assert quaternion.slerp(q, p, 0.0) == pytest.approx(q, rel=0.0, abs=0.0)

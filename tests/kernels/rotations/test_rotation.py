@@ -93,7 +93,6 @@ def test_quaternion_of_a_matrix_has_no_negative_eta():
     assert min(matrix.quaternion_from_matrix(R)[0] for R in MATRICES) == 0.0
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("noise", some_of([1e-8, 1e-4, 1e-2, 0.1], 2))
 def test_nearest_rotation_is_the_polar_factor(noise):
     law = Law(matrix.nearest_rotation, exact.polar_factor, lambda: noisy(noise), 3.0)

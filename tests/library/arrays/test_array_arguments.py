@@ -110,7 +110,6 @@ def test_tables_of_others_give_their_numbers():
         np.testing.assert_array_equal(found, expected)
 
 
-@pytest.mark.thorough
 def test_objects_that_are_numbers_are_taken_as_such():
     """A mass in whole numbers beyond 64 bits; a row of a table that has words elsewhere."""
     assert (rbfmu.sphere_inertia(6 * 10**24, 2) == rbfmu.sphere_inertia(6e24, 2.0)).all()
@@ -121,7 +120,6 @@ def test_objects_that_are_numbers_are_taken_as_such():
         rbfmu.sphere_inertia(10**400, 2)
 
 
-@pytest.mark.thorough
 def test_masked_items_are_refused():
     """NumPy would mask single components of results that all components of an argument make."""
     masked = np.ma.masked_array(V, mask=V > 1.0)
@@ -221,7 +219,6 @@ def numbers(results):
     return [r.tolist() for r in (results if isinstance(results, tuple) else (results,))]
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", some_of([*ARRAY_FUNCTIONS], 2))
 def test_arguments_may_be_given_by_name(name):
     """All of them, in any order, or the last ones only; `repr`, since a NaN equals none."""
@@ -246,7 +243,6 @@ def test_out_goes_with_names():
     assert (out == rbfmu.rotate(Q, V)).all()
 
 
-@pytest.mark.thorough
 @compiled_only
 @pytest.mark.parametrize("rate", ["compose_omega", "rotvec_rate_a"])
 def test_axes_are_those_of_numpy(rate):

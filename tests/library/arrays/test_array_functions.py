@@ -74,7 +74,6 @@ def test_array_function_has_the_kernel_s_bits(name):
     assert by_array_function(name, cases) == [exact.flat(LAWS[name].kernel(*case)) for case in cases]
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("sequence", ["ZXZ", "xyz"])
 def test_sequences_compiled_as_constants_have_the_kernel_s_bits(sequence):
     seq = euler_angles.sequence(sequence)
@@ -90,7 +89,6 @@ def strided(array):
     return view
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("function", "args"),
     [(rbfmu.rotate, (Q, V)), (rbfmu.transform, (R, V)), (rbfmu.slerp, (Q, Q[::-1], np.linspace(0, 1, 100)))],
@@ -239,7 +237,6 @@ def test_random_rotations_are_uniform():
 I_123, Q_0, OMEGA = (1.0, 2.0, 3.0), (0.5, 0.5, 0.5, 0.5), (0.3, 1.0, 0.2)
 
 
-@pytest.mark.thorough
 @compiled_only
 def test_constants_fit_a_flat_buffer_and_serve_in_compiled_code():
     @njit
@@ -261,7 +258,6 @@ def test_constants_have_a_shape_of_their_own_and_other_tuples_of_floats_none():
     assert tuple[float, ...] not in SHAPES
 
 
-@pytest.mark.thorough
 def test_array_function_equals_the_kernel_over_bodies_and_times():
     rng = np.random.default_rng(5)
     cases = [random_case("generic", rng) for _ in range(3)]
@@ -291,7 +287,6 @@ def test_array_function_names_the_wrong_argument(arguments, message):
         rbfmu.free_rotation(I_123, Q_0)
 
 
-@pytest.mark.thorough
 def test_rk4_of_the_cost_unit_is_right():
     y = bench("free_rotation").rk4_steps(I_123, Q_0, OMEGA, 1e-3, 1000)
     assert angle_to(y[:4], body_at(I_123, Q_0, OMEGA, 1.0)[0]) < 1e-12

@@ -35,7 +35,6 @@ def test_the_zero_quaternion_gives_nan_and_nothing_warns(to):
         assert (np.delete(ours, 60, axis=0) == np.delete(theirs, 60, axis=0)).all()
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("rate", "omega"), [("euler_rate_a", V), ("euler_rate_b", V[0])])
 def test_singular_euler_rates_warn_of_gimbal_lock(rate, omega):
     angles = np.full((100, 3), 0.3)
@@ -98,7 +97,6 @@ def first_of(results):
     return results[0] if isinstance(results, tuple) else results
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("row", WITHOUT_ANSWER, ids=lambda row: f"{row[0]}-{row[2]}")
 def test_what_has_no_answer_is_nan_and_warns(row):
     name, arguments, k, impossible, said = row
@@ -114,7 +112,6 @@ def test_what_has_no_answer_is_nan_and_warns(row):
     function(*spoiled)  # without a warning, which would be an error here
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("seq", "pole"), [("ZYX", [0.3, math.pi / 2, 0.2]), ("zxz", [0.3, 0.0, 0.2])])
 def test_euler_angles_of_a_pole_warn(seq, pole):
     angles = np.tile([0.3, 1.0, 0.2], (100, 1))

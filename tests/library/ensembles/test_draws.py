@@ -61,7 +61,6 @@ def test_a_grid_s_member_is_the_same_in_any_chunk():
     equal(together, draw(scene, 11, 8), slice(11, 19))
 
 
-@pytest.mark.thorough
 def test_more_runs_leave_the_first_as_they_are():
     few, more = ensemble(EVERYTHING, runs=10), ensemble(EVERYTHING, runs=5000)
     equal(draw(more, 0, 10), draw(few, 0, 10))

@@ -215,7 +215,6 @@ def test_a_key_without_effect_is_said(recwarn):
     assert said == ("it: ensemble.vary: body.mass varies without effect on any output", __file__)
 
 
-@pytest.mark.thorough
 def test_a_scene_that_was_run_is_planned_once_and_its_warnings_are_said_each_time(recwarn, monkeypatch):
     warnings.simplefilter("always")
     planned, as_it_is = [], planning.plan_ensemble

@@ -167,7 +167,6 @@ def test_rank_correlations_are_scipys(found):
     assert drivers.chance == pytest.approx(3.0 / np.sqrt(98.0))
 
 
-@pytest.mark.thorough
 def test_attitudes_and_angles_lie_about_their_mean_also_near_half_a_turn():
     rates = {"normal": [[0.0] * 3, [0.0, 0.01, 0.1]]}
     vary = {"initial.omega_b": rates, "initial.attitude": {"rotvec_deg": [0.0, 0.0, 6.0]}}

@@ -35,7 +35,6 @@ def test_the_plan_makes_chunks_of_some_members(scene):
     assert 5 < running.Work(scene, PLAN, running.members_of_a_chunk(scene, PLAN)).chunks < 20
 
 
-@pytest.mark.thorough
 def test_a_run_can_be_looked_at_alone_and_has_the_same_bits(whole):
     for number in whole.good[[0, 7, -1]]:
         alone = simulate(whole.member(number), planned=PLAN)

@@ -56,7 +56,6 @@ def test_mean_and_covariance_are_those_of_all_values(seed, runs, size, offset):
         assert covariance(found) == pytest.approx(wanted, rel=1e-9, abs=1e-11)
 
 
-@pytest.mark.thorough
 def test_a_variance_beside_a_large_mean_keeps_its_digits():
     values = 1e8 + np.random.default_rng(1).normal(size=(10_000, 1, 2))
     exact = [math.fsum(x - 1e8 for x in values[:, 0, j]) / 10_000 for j in (0, 1)]
@@ -110,7 +109,6 @@ def test_sorted_blocks_are_merged(seed, size, blocks):
     assert (rows == wanted).all()
 
 
-@pytest.mark.thorough
 @given(
     st.integers(0, 2**32),
     st.one_of(st.lists(st.integers(1, 40), min_size=1, max_size=9), st.lists(st.just(8), max_size=9, min_size=1)),

@@ -95,7 +95,6 @@ def test_own_outputs_read_parameters_that_were_zero(changed):
             np.testing.assert_array_equal(getattr(simulator, name), expected.quantities[name][1])
 
 
-@pytest.mark.thorough
 def test_a_step_is_refused_where_an_own_output_is_not_finite_and_all_is_as_it_was():
     one = scene(own={"end": "log(10*k - t)"}, constants={"k": 1.0}, inputs={"parameters": ["k"]})
     planned = rbfmu.plan(one)

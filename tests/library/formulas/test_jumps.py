@@ -138,7 +138,6 @@ def test_an_input_that_comes_back_to_what_it_was_holds_from_there_on():
     np.testing.assert_allclose(found.velocity[:, 0], [0.0, 1.5, 2.5, 3.5], rtol=1e-15)
 
 
-@pytest.mark.thorough
 def test_inputs_that_were_set_before_a_refused_step_stay_set():
     """They went back to those of the step before."""
     scene = driven_by("[u, 0, 0]")

@@ -80,7 +80,6 @@ def test_a_force_beside_a_potential_is_that_of_the_scene_whose_plan_it_is_not_an
         np.testing.assert_allclose(found.total_energy, found.total_energy[0], rtol=1e-6)
 
 
-@pytest.mark.thorough
 def test_names_of_ones_own_are_not_mistaken_for_those_of_a_body():
     names = {"constants": {"M": 2.0, "arm": 0.5}, "states": {"q": {"start": 0.1, "rate": "-M*q"},
              "omega": {"start": [0.1, 0.2, 0.3], "rate": "-arm*omega"}}}  # fmt: skip
@@ -97,7 +96,6 @@ def test_names_of_ones_own_are_not_mistaken_for_those_of_a_body():
         rbfmu.Scene.from_dict(scene(loads={"torque_b": "-omega_b"}, outputs={"arm": "t"}))
 
 
-@pytest.mark.thorough
 def test_ports_of_ones_own_enter_formulas():
     ports = ["torque_b", {"name": "wheel", "unit": "N m", "start": [0.01, 0, 0]}, {"name": "u", "size": 1}]
     loads = {"torque_b": "-wheel - cross(omega_b, h) + [0, 0, u]"}
@@ -135,7 +133,6 @@ def test_wrong_ports_are_refused(port, said):
         rbfmu.Scene.from_dict(scene(inputs={"ports": [port]}, loads={"torque_b": "-omega_b"}))
 
 
-@pytest.mark.thorough
 def test_outputs_of_ones_own_hide_no_attribute_of_results_and_simulators():
     one = rbfmu.Scene.from_dict(scene(loads={"torque_b": "-omega_b"}))
     both = rbfmu.simulate(one), rbfmu.Simulator(one)

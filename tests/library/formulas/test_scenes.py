@@ -223,7 +223,6 @@ def test_what_formulas_read_decides_what_is_integrated(loads, outputs, states):
     assert "u, which no output needs" in str(planned.reasons)
 
 
-@pytest.mark.thorough
 def test_time_may_begin_at_any_date():
     """Clocks resolve 2e-7 s there, which is what formulas of t can know."""
     one = rbfmu.Scene.from_dict(CASES["gravity gradient"][0])
@@ -268,7 +267,6 @@ def test_mistakes_raise_with_key_and_place(changes, said):
         one.replace(changes)
 
 
-@pytest.mark.thorough
 def test_what_leads_nowhere_is_refused():
     relay = scene(loads={"torque_b": "[0, 0, where(omega_b[3] > 0, -1, 1)]"}, body=B | {"r_oc_b": [0.0, 0.0, 0.0]})
     with pytest.raises(rbfmu.SceneError, match=r"before t = .*, where loads\.torque_b slides along a corner"):
@@ -352,7 +350,6 @@ def test_what_comes_down_to_zero_and_rises_again_is_seen_at_any_tolerance(torque
             assert judge.try_out(whole_series(judge.scene, order, tolerance))[0] <= 100.0 * tolerance
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("rate", [1.0, 3.0])
 def test_a_relay_switches_when_its_clock_says_so(rate):
     """2026-11-23: between switches all states are polynomials, and series reached where the clock's own were wrong."""

@@ -115,7 +115,6 @@ def swung(step, derivatives):
     return growth(energies) / step
 
 
-@pytest.mark.thorough
 def test_input_derivatives_raise_the_order():
     k, h = 4.0, 0.05
     held, first, second = (swung(h, order) for order in (0, 1, 2))

@@ -304,7 +304,6 @@ def ends(scene, found, steps):
     return [np.array(column) for column in zip(*rows, strict=True)]
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("factor", some_of([0.1, 0.7, 3.3, 10.0, 100.0], 2))
 def test_the_quadrature_holds_in_any_communication_step(factor):
     scene = made(TRIAXIAL, SPUN, PUSH, accuracy=1e-8)

@@ -358,7 +358,6 @@ def test_what_no_motion_changes_is_not_integrated():
     assert (found.model, found.states) == ("no rotation", 6)
 
 
-@pytest.mark.thorough
 def test_a_full_plan_meets_the_accuracy_where_few_outputs_are_asked_for():
     """2026-11-22: judged with all outputs, whose attitude cut the series, it was 1e6 times off without them."""
     scene = Scene.from_dict({

@@ -81,7 +81,6 @@ def test_300_turned_bodies_of_each_kind(kind):
     check(kind, 300, seed=2)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["symmetric", "sphere", "rod"])
 def test_a_body_symmetric_but_for_round_off_loses_its_moments_difference(kind):
     rng = np.random.default_rng([3, KINDS.index(kind)])
@@ -156,7 +155,6 @@ def test_a_turned_beam_keeps_its_rate():
         np.testing.assert_allclose(found, omega, rtol=0.0, atol=2e-15)
 
 
-@pytest.mark.thorough
 def test_moments_and_axes_are_those_of_40_digits():
     rng = np.random.default_rng(6)
     for kind in KINDS:

@@ -60,7 +60,6 @@ def test_a_driven_run_meets_its_accuracy_wherever_the_rows_lie(interpolate):
         np.testing.assert_allclose(result.velocity[k], velocity, rtol=0, atol=ACCURACY)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("interpolate", "order"), [("hold", 1), ("linear", 2)])
 def test_a_sampled_torque_is_followed_in_the_order_of_its_interpolation(interpolate, order):
     """torque_b = sin t about a principal axis: omega = 1 - cos t, turned by t - sin t."""

@@ -29,7 +29,6 @@ def assert_same(one, other):
         np.testing.assert_array_equal(values, other[name], err_msg=name)
 
 
-@pytest.mark.thorough
 def test_steps_have_the_bits_of_a_run_with_the_same_inputs():
     sim, u = rbfmu.Simulator(SATELLITE), torques(600)
     u[0] = 0.0  # a run has its first inputs at initialisation, a simulator none
@@ -265,7 +264,6 @@ def test_the_compiled_step_works_on_its_buffer():
     np.testing.assert_array_equal(z[blocks["quaternion"]], sim.quaternion)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("call", "error", "said"), [
     (lambda sim: sim.step("x"), TypeError, r'h = "x": expected a number \(s\)'),
     (lambda sim: sim.step([0.0, 0.0, 1.0]), TypeError, r"h = \[0.0, 0.0, 1.0\]: expected a number \(s\); inputs are"),

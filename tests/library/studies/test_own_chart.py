@@ -120,7 +120,6 @@ def test_all_follow_the_same_motion_in_their_own_ways(satellite: cases.Case, nam
 # What is charted of a scene
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "states"),
     [("thrown_ball", WHOLE[7:]), ("flywheel", WHOLE[4:7]), ("toutatis", WHOLE[:7]), ("ship", WHOLE)],
@@ -260,7 +259,6 @@ def test_the_command_charts_a_scene_and_names_what_is_wrong_with_it(
     assert "mass" in wrong.stderr
 
 
-@pytest.mark.thorough
 def test_prescribed_rates_are_charted_at_rest() -> None:
     found = rbfmu.chart(ROOT / "examples/scenes/gyro_attitude.toml", quick=True)
     assert found.plan.error == 0.0
@@ -269,7 +267,6 @@ def test_prescribed_rates_are_charted_at_rest() -> None:
     found.figure()
 
 
-@pytest.mark.thorough
 def test_absent_peers_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measure.Peer, "installed", "")
     few(monkeypatch, "Taylor, order 12")

@@ -43,7 +43,6 @@ def test_order_on_a_free_body(method: OneStepMethod) -> None:
     assert _order([math.dist(r.omega_b, omega) for r in runs]) == pytest.approx(method.order, abs=0.1)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("method", REFERENCE_INTEGRATORS.values(), ids=lambda m: m.name)
 def test_order_of_six_degrees_of_freedom_under_all_loads(method: OneStepMethod) -> None:
     truth = START
@@ -56,7 +55,6 @@ def test_order_of_six_degrees_of_freedom_under_all_loads(method: OneStepMethod) 
         assert _order([math.dist(r[part], truth[part]) for r in runs]) == pytest.approx(method.order, abs=0.15)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("method", REFERENCE_INTEGRATORS.values(), ids=lambda m: m.name)
 def test_state_survives_the_method_s_form(method: OneStepMethod) -> None:
     after = method.run(START, 0.1, 0, LOADED, LOADS)

@@ -139,12 +139,10 @@ def test_normalised_rk4_does_not_drift() -> None:
     assert max(_measure("drift").columns["q normalised"]) < 2.0**-51
 
 
-@pytest.mark.thorough
 def test_explicit_euler_is_never_stable() -> None:
     assert all(factor > 1.0 for factor in _measure("growth_factors").columns["explicit Euler, measured"])
 
 
-@pytest.mark.thorough
 def test_the_peak_that_the_picture_of_the_resonance_names_is_on_its_curve() -> None:
     study = _measure("splitting_resonance")
     named = next(f.measured for f in study.findings if f.what.startswith("Strang, energy error") and f.measured > 1.0)
@@ -215,7 +213,6 @@ def test_verdicts_on_fixed_steps(name: str, h: float, ratio: float, verdict: int
     assert motions.verdict_of_steps(REFERENCE_INTEGRATORS[name], h, ratio)[0] == verdict
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", motions.OURS)
 @pytest.mark.parametrize("h", [0.1, 10.0])
 def test_product_is_right_at_any_step(name: str, h: float) -> None:

@@ -130,7 +130,6 @@ def test_a_long_path_makes_the_body_larger_and_all_is_in_view() -> None:
     assert drawn.toward[2] > 0.0
 
 
-@pytest.mark.thorough
 def test_paths_of_ghosts_count_as_well() -> None:
     vary = {"initial.velocity": {"normal": [[5.0, 0.0, 0.0], [1.0, 1.0, 1.0]]}}
     still = scene(loads={"gravity_a": [0, 0, 0]}, run={"stop": 100.0, "step": 1.0}, ensemble={"runs": 3, "vary": vary})

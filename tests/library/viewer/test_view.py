@@ -89,7 +89,6 @@ def test_the_size_of_a_page_is_bounded(tmp_path: Path) -> None:
     assert re.search(r"up to \d+° between pictures", text)
 
 
-@pytest.mark.thorough
 def test_a_page_names_frames_units_and_scales(thrown: tuple[Path, Motion]) -> None:
     text = thrown[0].read_text(encoding="utf-8")
     rate = f"longest {np.max(np.linalg.norm(thrown[1].result.omega_b, axis=1)):.3g} rad/s"

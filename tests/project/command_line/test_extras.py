@@ -61,7 +61,6 @@ def test_importers_that_are_absent_name_the_extra_or_the_program():
     assert interop.absent(program) == "no fmuCheck.linux64 on PATH"
 
 
-@pytest.mark.thorough
 def test_a_view_without_viser_is_one_message(tmp_path):
     scene = str(SCENES / "tumbling_brick.toml")
     done = without(["viser"], f"from rbfmu.cli import main\nmain(['view', {scene!r}, '-o', '{tmp_path}/it.html'])")
@@ -70,13 +69,11 @@ def test_a_view_without_viser_is_one_message(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.thorough
 def test_a_spline_without_scipy_is_one_message():
     done = without(["scipy"], "import numpy, rbfmu\nrbfmu.attitude_spline(numpy.arange(4.0), numpy.ones((4, 4)))")
     assert done.stderr.endswith('ModuleNotFoundError: scipy is not installed: pip install "rbfmu[ensemble]"\n')
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("method", "package"), [("to_dataframe", "pandas"), ("to_xarray", "xarray")])
 def test_a_table_without_its_package_is_one_message(method, package):
     made = "import numpy, rbfmu\nit = rbfmu.Result(numpy.arange(2.0), {'kinetic_energy': numpy.arange(2.0)})"

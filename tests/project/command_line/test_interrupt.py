@@ -107,7 +107,6 @@ def check_interrupted(process: subprocess.Popen[str], before: str = "") -> None:
     assert re.fullmatch(f"{before}(\nAborted!\n)?", said)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("stage", some_of([*STAGES], 2))
 def test_an_interrupt_ends_with_status_130_and_no_traceback(stage: str, tmp_path: Path) -> None:
     planned_anew = stage in ("imports of a command", "an exec that lets it through", "planning", "compiling")
@@ -122,7 +121,6 @@ def test_every_command_can_be_interrupted(command: str, tmp_path: Path) -> None:
     check_interrupted(start(tmp_path, arguments, "import click; click.Command.invoke = strike"))
 
 
-@pytest.mark.thorough
 def test_an_interrupt_from_outside_ends_a_run(tmp_path: Path) -> None:
     stage = """
 def wait(*args):
