@@ -247,50 +247,6 @@ def test_nasas_tumbling_brick_is_found_from_a_simulation_of_nasas():
     np.testing.assert_allclose(np.degrees(one.scene.initial.omega_b), [10.0, 20.0, 30.0], rtol=1e-8)
 
 
-def csv_of(tmp_path, text):
-    (tmp_path / "data.csv").write_text(text)
-    return tmp_path / "data.csv"
-
-
-W = "time,omega_b[1],omega_b[2],omega_b[3]\n"
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "column 'time' is missing"),
-        ("a,b\n1,2\n", "column 'time' is missing"),
-        ("time,time\n1,2\n", "each column once"),
-        (W, "expected at least two finite times"),
-        (W + "0,1,2,3\n", "at least two finite times"),
-        (W + "0,1,2,3\n0,1,2,3\n", "that increase"),
-        (W + "1,1,2,3\n0,1,2,3\n", "that increase"),
-        (W + ",1,2,3\n0,1,2,3\n", "finite times"),
-        (W + "-1,1,2,3\n0,1,2,3\n", r"time = -1\.0 in row 1: expected at least run\.start"),
-        (W + "0,1,2\n1,1,2,3\n", "row 1 has 3 cells: expected 4"),
-        (W + "0,1,x,3\n1,1,2,3\n", r'omega_b\[2\] = "x" in row 1: expected a number'),
-        (W + "0,1,inf,3\n1,1,2,3\n", "omega_b: expected finite numbers"),
-        (W + "0,,,\n1,,,\n", "expected at least one measured output"),
-        ("time,omega_b[1]\n0,1\n1,1\n", r"omega_b\[2\] is missing"),
-        (
-            "time,speed,omega_b[1]\n0,x,y\n1,1,1\n",
-            r"'speed': .*\n.*omega_b\[2\] is missing.*\n.*omega_b\[1\] = \"y\" in row 1: [^\n]*\Z",
-        ),
-        ("time,speed\n0,1\n1,1\n", "'speed': expected outputs among position"),
-        ("time,quaternion[1],quaternion[2],quaternion[3],quaternion[4]\n0,2,0,0,0\n1,1,0,0,0\n", "has length 2"),
-        (W + "0,nan,2,3\nnan,1,2,3\n", "time = nan in row 2, after 0.0: expected finite times"),
-        (W + "0,1,2,3\n1,1,2,3\n1,1,2,3\n", "time = 1.0 in row 3, after 1.0: expected finite times"),
-        (W + "0,1,2,3\n", "expected at least two finite times"),
-        ("time;omega_b[1]\n0;1\n1;1\n", "column 'time' is missing"),
-        (W + "0,1,2,3\n1,1,,\n", "data: 4 numbers: expected at least 7, more than"),
-    ],
-)
-def test_bad_tables_are_refused_by_one_message(tmp_path, text, said):
-    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [1.0, 0.1, 0.2]})
-    with pytest.raises(ValueError, match=said):
-        rbfmu.fit(scene, csv_of(tmp_path, text), ["body.inertia", "initial.omega_b"])
-
-
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
@@ -322,35 +278,6 @@ def test_what_cannot_be_fitted_is_refused_by_one_message(asked, said):
     data = {"time": [0.0, 1.0, 2.0], "omega_b": np.ones((3, 3))}
     with pytest.raises(ValueError, match=said):
         rbfmu.fit(scene, **{"data": data, "free": ["initial.omega_b"], **asked})
-
-
-def test_a_run_s_own_result_serves_as_data(tmp_path):
-    """It was refused, as it has the attitude twice; the quaternion counts, and angles where that has a gap.
-
-    As a Dataset of xarray's, whose time is a coordinate, it ended in a KeyError.
-    """
-    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
-                        outputs={"quantities": ["quaternion", "rpy"]}, run={"stop": 4.0, "step": 0.5})  # fmt: skip
-    run, guess = rbfmu.simulate(scene), scene.replace({"initial.omega_b": [0.0, 0.25, 0.3]})
-    run.save(tmp_path / "run.csv")
-    gaps = {"time": run.time, "quaternion": run.quaternion.copy(), "rpy": run.rpy.copy()}
-    gaps["quaternion"][4:, 0], gaps["rpy"][:4] = np.nan, 0.1
-    for data in (run, tmp_path / "run.csv", run.to_xarray(), gaps):
-        one = rbfmu.fit(guess, data, ["initial.omega_b"])
-        assert one.values == pytest.approx([0.1, 0.2, 0.3], abs=1e-8)
-        assert one.measured.count == 27
-
-
-def test_arrays_of_a_file_are_data_with_own_outputs_and_gaps(tmp_path):
-    """Outputs of one's own were left out of an .npz, and gaps refused; a CSV has both."""
-    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
-                        outputs={"quantities": ["kinetic_energy"], "spin": "norm(omega_b)"},
-                        events={"slow": "omega_b[1]"}, run={"stop": 4.0, "step": 0.5})  # fmt: skip
-    rbfmu.simulate(scene).save(tmp_path / "run.npz")
-    guess = scene.replace({"initial.omega_b": [0.1, 0.2, 0.2]})
-    assert rbfmu.fit(guess, tmp_path / "run.npz", ["initial.omega_b[3]"]).measured.count == 18
-    np.savez(tmp_path / "gap.npz", time=[0.0, 1.0, 2.0], spin=[0.1, np.nan, 0.1], other=[[1.0]])
-    assert rbfmu.fit(guess, tmp_path / "gap.npz", ["initial.omega_b[3]"]).measured.count == 2
 
 
 def test_inputs_may_be_rows_for_the_scene_s_own_steps():
