@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from rbfmu.exceptions import named, path_of
+from rbfmu.exceptions import path_of
+from rbfmu.on_disk import replacing
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import OUTPUT, Output
 
@@ -119,8 +120,8 @@ def _mark_events(panels: Sequence[Axes], events: Mapping[str, Array]) -> None:
 def with_file(figure: Figure, path: str | Path | None) -> Figure:
     """Return the figure, written to a file where a path is given; its ending (.png, .svg, .pdf) sets the format."""
     if path is not None:
-        with named(path):
-            figure.savefig(path_of(path), dpi=130)
+        with replacing(path_of(path)) as file:
+            figure.savefig(file, dpi=130, format=path_of(path).suffix[1:] or None)
     return figure
 
 

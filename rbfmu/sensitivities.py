@@ -179,7 +179,7 @@ class Varied:
         n = len(self.columns)
         try:
             covariance = np.asarray(numbers, dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             covariance = np.empty(0)
         if covariance.shape != (n, n):
             raise ValueError(f"covariance: expected a matrix {(n, n)} for {', '.join(self.numbers)}")

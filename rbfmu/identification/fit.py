@@ -220,7 +220,7 @@ class _Search:
     ) -> None:
         self._least_squares = needed("scipy.optimize", "fit").least_squares
         self._block_diagonal = needed("scipy.linalg", "fit").block_diag
-        self._scene, self._data, self._given, self._loss, self._inputs = scene, data, given, loss, inputs
+        self._scene, self._data, self._given, self._loss = scene, data, given, loss
         self._charts: list[Chart] = [chart_of(scene, key) for key in keys]
         names = [column.name for chart in self._charts for column in chart.columns]
         if len({*names}) < len(names):
@@ -232,6 +232,7 @@ class _Search:
         self._names = tuple(names)
         self._asked = _scene_to_run(scene, data)
         self._varied = Varied(self._asked, keys)
+        self._tables, self._interpolate = input_tables(self._asked, *inputs), inputs[1]  # a pipe is read once
 
     def fit(self) -> Fit:
         """Return the fit: part of the time after another; then with the noise that is left, if none was given."""
@@ -283,9 +284,8 @@ class _Search:
     def _evaluate(self, p: Array, data: Measured) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return residuals and their slopes by numbers, by output."""
         scene = self._asked.replace(changes(self._charts, p))
-        tables, interpolate = input_tables(scene, *self._inputs), self._inputs[1]
         time = np.unique(np.append(scene.run.start, data.time))
-        found = self._varied.along(scene, drive_of(scene, tables, interpolate, time=time))
+        found = self._varied.along(scene, drive_of(scene, self._tables, self._interpolate, time=time))
         rows = np.searchsorted(time, data.time)
         left, slopes = dict[str, Array](), dict[str, Array]()
         for name, values in data.values.items():

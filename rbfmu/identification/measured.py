@@ -44,9 +44,9 @@ class Measured:
 def read_measured(scene: Scene, data: Data) -> Measured:
     """Return data as measured outputs of a scene.
 
-    data: the path of a CSV file with a column `time` and columns by the FMU's names, empty where there is a gap; of an
-    `.npz` with arrays by output, or an `.aem`, as `Result.save` writes them; a `Result`; or a mapping from `time` and
-    names of outputs to arrays.
+    data: the path of a CSV file with a column `time` and columns by the FMU's names, empty where there is a gap, as
+    importers write it too; of an `.npz` with arrays by output, or an `.aem`, as `Result.save` writes them; a `Result`;
+    or a mapping from `time` and names of outputs to arrays.
     Roll, pitch and yaw count as the attitude that they describe, in rows that have no quaternion.
     Raises ValueError.
     """
@@ -61,7 +61,8 @@ def read_measured(scene: Scene, data: Data) -> Measured:
 
 def _read(scene: Scene, path: Path) -> Result | Mapping[str, ArrayLike]:
     if path.suffix == ".csv":
-        return by_quantity(_columns(path, faults_of_names=partial(_faults_of_names, scene)))
+        found = by_quantity(_columns(path, faults_of_names=partial(_faults_of_names, scene)))
+        return {name: rows for name, rows in found.items() if name not in _of_an_fmu(scene)}
     if path.suffix == ".npz":  # with outputs of one's own, which only the scene knows, and gaps
         wanted = ("time", *OUTPUT, *scene.outputs.own)
         return {name: rows for name, rows in arrays_of_npz(path).items() if name in wanted}
@@ -127,10 +128,15 @@ def _unit(rows: Array) -> Array:
     return np.asarray(rows / lengths[:, None])
 
 
+def _of_an_fmu(scene: Scene) -> list[str]:
+    """Return the outputs of the scene's FMU, which importers write, that are no motion: its state, counts of events."""
+    return ["status", *(f"{name}_count" for name in scene.events)]
+
+
 def _faults_of_names(scene: Scene, names: Sequence[str]) -> Iterator[tuple[str, str]]:
     shown = (*OUTPUT, *scene.outputs.own)
     for name in names:
-        if name != "time" and name.partition("[")[0] not in shown:
+        if name.partition("[")[0] not in ("time", *shown, *_of_an_fmu(scene)):
             yield name, f"column {name!r}: expected outputs among {', '.join(shown)}"
     yield from incomplete(names)
 

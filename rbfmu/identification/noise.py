@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Mapping
-from numbers import Real
 
 import numpy as np
 
 from rbfmu.identification.measured import QUATERNION, Measured
+from rbfmu.scene.section import POSITIVE, Numbers
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import elements
 
@@ -22,6 +22,8 @@ STILL = 1e-9
 """The size of a column's residuals, over the largest of its output, below which it has no noise."""
 LEAST_LEFT = 0.5
 """How many numbers of an output a fit has to leave free, at least, to tell its noise."""
+DEVIATION = Numbers((), "", *POSITIVE)
+"""The rule of a standard deviation that is given."""
 SMALL, LARGE = 0.1, 0.5
 """By which part residuals may be larger than the noise given, however many there are, and however few."""
 
@@ -31,11 +33,7 @@ def given_deviations(sigma: float | Mapping[str, float] | None, data: Measured) 
     given = dict.fromkeys(data.values, sigma) if not isinstance(sigma, Mapping) else dict(sigma)
     if unknown := [name for name in given if name not in data.values]:
         raise ValueError(f"sigma: {unknown[0]!r}: expected some of {', '.join(data.values)}")
-    found = {name: value for name, value in given.items() if value is not None}
-    for name, value in found.items():
-        if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 < float(value) < math.inf:
-            raise ValueError(f"sigma: {name} = {value!r}: expected a number above 0")
-    return {name: float(value) for name, value in found.items()}
+    return {name: DEVIATION.read(value, f"sigma: {name}") for name, value in given.items() if value is not None}
 
 
 def size_of(name: str, rows: Array) -> float:

@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.arrays import angle_between, quaternion_from_euler, rotate
-from rbfmu.exceptions import SceneWarning, named
+from rbfmu.exceptions import SceneWarning
 from rbfmu.extras import needed
+from rbfmu.on_disk import replacing
 from rbfmu.result import FORMATS, Result
 from rbfmu.runs.inputs import input_tables
 from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, faults_of, load_scene
@@ -293,7 +294,6 @@ def view(
     ModuleNotFoundError without viser, and ValueError where a result has no attitude.
     """
     needed("viser", "view")
-    driven = None if inputs is None else {"inputs": inputs, "interpolate": interpolate}
     title = "motion"
     if not isinstance(source, Scene | Result | str | Path):
         raise TypeError(fault("source", source, "a rbfmu.Scene, a rbfmu.Result, or the path of a file of either"))
@@ -303,10 +303,10 @@ def view(
         raise TypeError(fault("path", path, "the path of a page to write, or None"))
     if isinstance(source, str | Path) and Path(source).suffix in FORMATS:
         title, source = Path(source).stem, Result.load(source)
-    if ghosts and (isinstance(source, Result) or driven):
+    if ghosts and (isinstance(source, Result) or inputs is not None):
         raise ValueError(f"ghosts = {ghosts}: expected a scene with them, and no inputs")
     if isinstance(source, Result):
-        if driven:
+        if inputs is not None:
             raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
         motion = motion_of_result(source.until(stop), title, *_scene_and_shape(scene))
     else:
@@ -314,12 +314,13 @@ def view(
         name = source.name if isinstance(source, Scene) else str(source)
         with faults_of(name if stop is None else f"{name} with stop {stop!r}"):
             shown = loaded if stop is None else loaded.replace(run={"stop": stop})
-            input_tables(shown, inputs, interpolate)  # refused before anything is planned
+            tables = input_tables(shown, inputs, interpolate)  # read once, and refused before anything is planned
+            driven = {"inputs": tables, "interpolate": interpolate} if tables else None
             motion = motion_of_scene(shown, shape, progress, ghosts, driven)
     if path is not None:
         page = motion.page
-        with named(path):
-            Path(path).write_text(page, encoding="utf-8")
+        with replacing(Path(path), "w", encoding="utf-8") as file:
+            file.write(page)
     return motion
 
 

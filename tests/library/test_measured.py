@@ -1,5 +1,7 @@
 """Measured motion as a fit reads it: tables, results of rbfmu's own, gaps, and what is no data."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -67,6 +69,14 @@ def test_a_run_s_own_result_serves_as_data(tmp_path):
         assert one.measured.count == 27
 
 
+def test_what_an_importer_writes_of_an_fmu_is_data(tmp_path):
+    """FMPy writes all outputs: `status` was refused, and so were counts of events."""
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
+                        events={"slow": "omega_b[1]"})  # fmt: skip
+    path = csv_of(tmp_path, W[:-1] + ",status,slow_count\n0,0.1,0.2,0.3,0,0\n1,0.1,0.2,0.3,0,0\n2,0.1,0.2,0.3,0,0\n")
+    assert rbfmu.fit(scene, path, ["initial.omega_b"]).measured.values.keys() == {"omega_b"}
+
+
 def test_arrays_of_a_file_are_data_with_own_outputs_and_gaps(tmp_path):
     """Outputs of one's own were left out of an .npz, and gaps refused; a CSV has both."""
     scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
@@ -77,3 +87,18 @@ def test_arrays_of_a_file_are_data_with_own_outputs_and_gaps(tmp_path):
     assert rbfmu.fit(guess, tmp_path / "run.npz", ["initial.omega_b[3]"]).measured.count == 18
     np.savez(tmp_path / "gap.npz", time=[0.0, 1.0, 2.0], spin=[0.1, np.nan, 0.1], other=[[1.0]])
     assert rbfmu.fit(guess, tmp_path / "gap.npz", ["initial.omega_b[3]"]).measured.count == 2
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/fd"), reason="needs pipes that have paths")
+def test_inputs_of_a_fit_are_read_once(tmp_path):
+    """They were read at each try: a pipe was empty then."""
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
+                        inputs={"ports": ["torque_b"]}, run={"stop": 4.0, "step": 0.5})  # fmt: skip
+    table = csv_of(tmp_path, "time,torque_b[1],torque_b[2],torque_b[3]\n0,0.1,0,0\n2,0,0.2,0\n")
+    run, guess = rbfmu.simulate(scene, inputs=table), scene.replace({"initial.omega_b": [0.0, 0.25, 0.3]})
+    reading, writing = os.pipe()
+    os.write(writing, table.read_bytes())
+    os.close(writing)
+    one = rbfmu.fit(guess, run, ["initial.omega_b"], inputs=f"/dev/fd/{reading}")
+    os.close(reading)
+    assert one.values == pytest.approx([0.1, 0.2, 0.3], abs=1e-8)

@@ -44,25 +44,29 @@ def test_a_full_disk_is_said_with_the_file_s_name(name: str, tmp_path: Path, lim
     result, path = result_of(2, ("quaternion",)), tmp_path / name
     limited(100)
     with pytest.raises(OSError, match=rf"File too large: '{path}'"):
-        charts.plot_result(result, path) if path.suffix == ".png" else result.save(path)
+        write(result, path)
 
 
-@pytest.mark.parametrize("name", ["it.csv", "it.npz", "it.aem"])
+def write(result: Result, path: Path) -> None:
+    charts.plot_result(result, path) if path.suffix == ".png" else result.save(path)
+
+
+@pytest.mark.parametrize("name", ["it.csv", "it.npz", "it.aem", "it.png"])
 def test_a_result_that_stands_there_is_not_lost_on_a_full_disk(name: str, tmp_path: Path, limited: Any) -> None:
     """It was emptied before that was seen. Its mode stays, a new file has the usual one, and no part of one is left."""
     path = tmp_path / name
-    (result := result_of(2, ("quaternion",))).save(path)
+    write(result := result_of(2, ("quaternion",)), path)
     (tmp_path / "usual").touch()
     assert path.stat().st_mode == (tmp_path / "usual").stat().st_mode
     path.chmod(0o640)
     before, files = path.read_bytes(), len([*tmp_path.iterdir()])
     limited(100)
     with pytest.raises(OSError, match="File too large"):
-        result.save(path)
+        write(result, path)
     limited()
     assert path.read_bytes() == before
     assert len([*tmp_path.iterdir()]) == files
-    result.save(path)
+    write(result, path)
     assert path.stat().st_mode & 0o777 == 0o640
 
 
