@@ -67,8 +67,11 @@ def estimated(name: str, rows: Array, followed: float) -> float:
 
 
 def scatter(f: Array, loss: str, n: int, is_known: bool) -> float:
-    """Return by how much the covariance is more than that of least squares with unit noise (P. J. Huber, Robust
-    Statistics, 1981, ch. 7); 1 where there are no more data than numbers, n, and in least squares with known noise."""
+    """Return by how much the covariance is more than that of least squares with unit noise.
+
+    P. J. Huber, Robust Statistics, 1981, ch. 7: with his correction for few data. 1 where there are no more data than
+    numbers, n, and in least squares with known noise.
+    """
     if len(f) <= n or (is_known and loss == "linear"):
         return 1.0
     z = f * f
@@ -79,7 +82,9 @@ def scatter(f: Array, loss: str, n: int, is_known: bool) -> float:
                   np.where(z <= 1.0, 0.0, -0.5 * np.maximum(z, 1.0) ** -1.5)),
         "cauchy": (1.0 / (1.0 + z), -1.0 / (1.0 + z) ** 2),
     }[loss]  # fmt: skip
-    return float(np.sum(slope * slope * z) / (len(f) - n) / np.mean(slope + 2.0 * z * bend) ** 2)
+    follows = slope + 2.0 * z * bend  # how the influence of each residual grows with it
+    few = 1.0 + n / len(f) * np.var(follows) / np.mean(follows) ** 2
+    return float(few**2 * np.sum(slope * slope * z) / (len(f) - n) / np.mean(follows) ** 2)
 
 
 def trends(left: Mapping[str, Array]) -> list[str]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.identification.noise import scatter
 
 
 def csv_of(tmp_path, text):
@@ -102,3 +103,10 @@ def test_inputs_of_a_fit_are_read_once(tmp_path):
     one = rbfmu.fit(guess, run, ["initial.omega_b"], inputs=f"/dev/fd/{reading}")
     os.close(reading)
     assert one.values == pytest.approx([0.1, 0.2, 0.3], abs=1e-8)
+
+
+def test_the_covariance_of_few_data_is_huber_s():
+    """Of ten residuals two beyond 1: psi' is 1 of eight and 0 of two, and K is 1 + n/10 0.16/0.64 (Huber, ch. 7)."""
+    f = np.array([0.5, -0.5, 0.5, -0.5, 0.5, -0.5, 0.5, -0.5, 3.0, -4.0])
+    squares = 8 * 0.25 + 2 * 1.0  # psi is f, and no more than 1
+    assert scatter(f, "huber", 4, True) == pytest.approx((1.0 + 0.4 * 0.25) ** 2 * squares / 6 / 0.8**2)

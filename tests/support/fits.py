@@ -1,6 +1,6 @@
 """Fits to simulated noise: how often the truth lies within two standard errors.
 
-By hand: python -m tests.support.fits SEED COUNT [PART OF OUTLIERS]
+By hand: python -m tests.support.fits SEED COUNT [PART OF OUTLIERS] [LOSS] [TIMES]
 """
 
 import sys
@@ -13,7 +13,7 @@ from tests.support.quadruple.scenes import Draw
 FREE = ("body.inertia", "initial.omega_b", "initial.attitude")
 
 
-def truth(rng, name="truth"):
+def truth(rng, name="truth", times=101):
     """A body with three moments, turned by a torque that is known, so that its moments can be told."""
     a, b, c = rng.uniform(0.3, 1.0, 3)
     return rbfmu.Scene.from_dict({
@@ -22,7 +22,7 @@ def truth(rng, name="truth"):
                     "attitude": {"rotvec": rng.uniform(-1.5, 1.5, 3).tolist()}},
         "loads": {"torque_b": rng.uniform(-0.2, 0.2, 3).tolist()},
         "outputs": {"quantities": ["omega_b", "quaternion"]},
-        "run": {"stop": 10.0, "step": 0.1},
+        "run": {"stop": 10.0, "step": 10.0 / (times - 1)},
     }, name)  # fmt: skip
 
 
@@ -59,14 +59,14 @@ def errors(fit, scene, begun):
     return (fit.values - true) / fit.standard_errors
 
 
-def main(first, count, outliers=0.05):
+def main(first, count, outliers=0.05, loss="soft_l1", times=101):
     """Print each fit's largest error, and how many of all are within two standard errors."""
     within, total = 0, 0
     for seed in range(first, first + count):
         rng = np.random.default_rng(seed)
-        scene = truth(rng)
+        scene = truth(rng, times=times)
         data, begun = measured(rng, scene, outliers=outliers), start(rng, scene)
-        fit = rbfmu.fit(begun, data, FREE, loss="soft_l1" if outliers else "linear")
+        fit = rbfmu.fit(begun, data, FREE, loss=loss if outliers else "linear")
         z = errors(fit, scene, begun)
         within, total = within + int(np.sum(np.abs(z) < 2.0)), total + len(z)
         print(seed, f"{np.nanmax(np.abs(z)):.2f}", *fit.unknown, *fit.doubts, flush=True)
@@ -74,4 +74,5 @@ def main(first, count, outliers=0.05):
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), *map(float, sys.argv[3:4]))
+    kinds = int, int, float, str, int
+    main(*(kind(text) for kind, text in zip(kinds, sys.argv[1:], strict=False)))
