@@ -196,9 +196,7 @@ class Result:
         time, quantities = columns["time"], {name: columns[name] for name in OUTPUT if name in columns}
         for name, values in {"time": time, **quantities}.items():
             _check_shape(OUTPUT.get(name, TIME), values, len(time), f"{path}: ")
-            if bad := np.argwhere(~np.isfinite(values)).tolist():
-                found = float(values[tuple(bad[0])])
-                raise ValueError(f"{path}: {name} = {found!r} in row {bad[0][0] + 1}: expected numbers")
+            refuse_gaps(name, values, f"{path}: ")
         if np.any(np.diff(time) <= 0.0):
             row = int(np.argmax(np.diff(time) <= 0.0)) + 1
             raise ValueError(f"{path}: time = {float(time[row])!r} in row {row + 1}: expected times that increase")
@@ -254,6 +252,23 @@ def _check_shape(row: Quantity, values: Array, points: int, where: str = "") -> 
     shape = (points, row.size) if row.size > 1 else (points,)
     if values.shape != shape:
         raise ValueError(f"{where}{row.name} has the shape {values.shape}: expected {shape}")
+
+
+def refuse_gaps(name: str, values: Array, where: str = "") -> None:
+    """Raise ValueError where a number is not finite."""
+    if bad := np.argwhere(~np.isfinite(values)).tolist():
+        found = float(values[tuple(bad[0])])
+        raise ValueError(f"{where}{name} = {found!r} in row {bad[0][0] + 1}: expected numbers")
+
+
+def quaternion_lengths(rows: Array) -> Array:
+    """Return the lengths (n,) of quaternions (n, 4), NaN of gaps. Raises ValueError where one is far from 1."""
+    lengths: Array = np.linalg.norm(rows, axis=1)
+    off = np.abs(lengths - 1.0)
+    if np.any(off > 0.1):
+        row = int(np.nanargmax(off))
+        raise ValueError(f"quaternion in row {row + 1} has length {lengths[row]:.3g}: expected 1, scalar first")
+    return lengths
 
 
 def _arrays(values: Mapping[str, ArrayLike]) -> dict[str, Array]:

@@ -12,7 +12,7 @@ from rbfmu import arrays
 from rbfmu.arrays.from_kernel import no_numbers
 from rbfmu.csv_table import read_columns
 from rbfmu.ensembles.variables import output_rows
-from rbfmu.result import Result, arrays_of_npz, by_quantity, incomplete
+from rbfmu.result import Result, arrays_of_npz, by_quantity, incomplete, quaternion_lengths
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.quantities import OUTPUT
@@ -121,11 +121,7 @@ def _numbers(name: str, value: ArrayLike) -> Array:
 def _unit(rows: Array) -> Array:
     """Return quaternions of length 1; a row with a gap counts as one."""
     rows[~np.isfinite(rows).all(axis=1)] = np.nan
-    lengths = np.linalg.norm(rows, axis=1)
-    if np.any(np.abs(lengths - 1.0) > 0.1):
-        row = int(np.nanargmax(np.abs(lengths - 1.0))) + 1
-        raise ValueError(f"quaternion in row {row} has length {lengths[row - 1]:.3g}: expected 1, scalar first")
-    return np.asarray(rows / lengths[:, None])
+    return np.asarray(rows / quaternion_lengths(rows)[:, None])
 
 
 def _of_an_fmu(scene: Scene) -> list[str]:

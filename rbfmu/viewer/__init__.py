@@ -19,7 +19,7 @@ from rbfmu.arrays import angle_between, quaternion_from_euler, rotate
 from rbfmu.exceptions import SceneWarning
 from rbfmu.extras import needed
 from rbfmu.on_disk import replacing
-from rbfmu.result import FORMATS, Result
+from rbfmu.result import FORMATS, Result, quaternion_lengths, refuse_gaps
 from rbfmu.runs.inputs import input_tables
 from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, faults_of, load_scene
 from rbfmu.scene.section import fault
@@ -254,7 +254,10 @@ def motion_of_scene(
 
 
 def motion_of_result(result: Result, title: str, scene: Scene | None = None, written: Written = None) -> Motion:
-    """Return the motion of a result; scene: whose body it is. Raises ValueError where the result has no attitude."""
+    """Return the motion of a result; scene: whose body it is. Raises ValueError without an attitude, or of gaps."""
+    for name, values in {"time": result.time, **result.quantities}.items():
+        refuse_gaps(name, values)
+    quaternion_lengths(result.quantities.get("quaternion", np.empty((0, 4))))
     whole = _motion(title, result, scene, written)
     if len(whole.quaternion) < 2:
         raise ValueError(f"time: expected at least two points in time in the result, which has {len(result.time)}")

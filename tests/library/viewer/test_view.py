@@ -1,6 +1,7 @@
 """A motion as its page shows it: opened in a browser, and read back from what viser has recorded."""
 
 import base64
+import math
 import re
 from pathlib import Path
 
@@ -117,6 +118,23 @@ def test_a_result_without_attitude_is_refused(keep: tuple[str, ...], tmp_path: P
     assert done.exit_code == 2
     assert f"quaternion or rpy: expected one of them in the result, which has {keep[0]}" in done.stderr
     assert not (tmp_path / "it.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"quaternion": 0.0}, "quaternion in row 2 has length 0: expected 1"),
+        ({"quaternion": math.nan}, "quaternion = nan in row 2: expected numbers"),
+        ({"position": math.inf}, "position = inf in row 2: expected numbers"),
+    ],
+)
+def test_what_is_no_motion_is_refused(changed: dict[str, float], said: str) -> None:
+    """It stood in the page without a word."""
+    rows = {"quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)), "position": np.zeros((3, 3))}
+    for name, value in changed.items():
+        rows[name][1] = value
+    with pytest.raises(ValueError, match=said):
+        rbfmu.view(rbfmu.Result([0.0, 1.0, 2.0], rows))
 
 
 def test_inputs_drive_what_is_shown(tmp_path: Path) -> None:
