@@ -171,7 +171,7 @@ class Result:
             if not isinstance(row, Mapping) or "time" not in row or row.keys() != listed[0].keys():
                 expected = "expected time and the same quantities in each, as Simulator.values gives them"
                 raise ValueError(f"rows[{k}]: {expected}")
-        columns = {name: np.array([row[name] for row in listed]) for name in listed[0]}
+        columns = {name: as_floats("Result", name, [row[name] for row in listed]) for name in listed[0]}
         return cls(columns.pop("time"), columns, getattr(listed[0], "own", None))
 
     @classmethod
@@ -228,6 +228,8 @@ class Result:
             check_attitude(path, self.quantities)
             if not len(self.time):
                 raise ValueError(f"cannot save to {str(path)!r}: expected at least one point in time")
+            for name, values in {"time": self.time, "quaternion": self.quaternion}.items():
+                refuse_gaps(name, values)
             write_aem(path, self.time, self.quaternion, self.quantities.get("omega_b"))
         else:
             raise ValueError(f"cannot save to {str(path)!r}: the name must end in {ENDINGS}")

@@ -1,5 +1,6 @@
 """Attitude Ephemeris Messages: the standard's own examples, both its issues, and files that go round."""
 
+import math
 import re
 from pathlib import Path
 
@@ -204,6 +205,11 @@ def test_a_bad_file_is_one_message(text: str, said: str, tmp_path: Path) -> None
 def test_times_beyond_all_years_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"time = 1000000000000000.0 s: expected one within some thousand years"):
         some_result([0.0, 1e15]).save(tmp_path / "it.aem")
+    with pytest.raises(ValueError, match="time = nan in row 2: expected numbers"):
+        some_result([0.0, math.nan]).save(tmp_path / "it.aem")
+    gap = rbfmu.Result([0.0], {"quaternion": [[math.nan, 0.0, 0.0, 0.0]]})
+    with pytest.raises(ValueError, match="quaternion = nan in row 1: expected numbers"):
+        gap.save(tmp_path / "it.aem")
 
 
 def test_a_run_is_written_and_shown(tmp_path: Path) -> None:
