@@ -85,7 +85,7 @@ def _words(figure: Figure, chart: Chart) -> None:
     first, second = chart.headline
     title = textwrap.wrap(first, 84)
     below = 0.966 - 0.036 * len(title)
-    figure.text(0.015, 0.98, "\n".join(title), fontsize=13.5, weight="bold", va="top")
+    figure.text(0.015, 0.98, "\n".join(title), fontsize=13.5, weight="bold", va="top", parse_math=False)
     figure.text(0.015, below, second, fontsize=11.5, va="top")
     figure.text(0.015, below - 0.036, "\n".join(textwrap.wrap(_HOW, 150)), fontsize=8.5, color="#555555", va="top")
     said = (f"Run: {chart.conditions}.", _further(chart), _small(chart))

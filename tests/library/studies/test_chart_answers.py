@@ -265,6 +265,12 @@ def test_the_picture_s_words_name_further_digits_and_models() -> None:
     assert "1e-7 to 1e-8: 1.0 x" in words
 
 
+def test_dollars_of_a_scene_s_name_are_no_mathematics():
+    """The title was set as it, and its underscores were a fault of Matplotlib's."""
+    title = replace(made_up(3.0), scene="cost $5_ and $6_x").figure().texts[0]
+    assert not title.get_parse_math()
+
+
 def test_costs_within_a_decade_have_no_labels_of_another_kind() -> None:
     one = made_up(3.0)
     figure = replace(one, rows=one.plans[:1], ends=()).figure()
