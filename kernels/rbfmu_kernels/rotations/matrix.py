@@ -212,7 +212,7 @@ def nearest_rotation(R: Matrix) -> Matrix:
         u * (shift - a - e + i),
     )
     spread, count = 1.0, 0
-    while spread > 1e-9 and count < 40:
+    while spread > 1e-9 and count < 56:  # by then a gap of 1e-15 is 21 powers of e
         p, spread = _square(p)
         count += 1
     (p00, p01, p02, p03), (p11, p12, p13), (p22, p23), p33 = p
@@ -258,4 +258,6 @@ def _toward_symmetry(q: Quaternion, M: Matrix) -> Quaternion:
     determinant = vec3.dot(first, adjugate[0])
     delta = transform(adjugate, vec3.unskew(N))  # half of the rotation vector
     delta = vec3.scale(1.0 / determinant if determinant != 0.0 else 0.0, delta)
-    return normalize(compose_quaternions(q, (1.0, *delta)))
+    is_step = vec3.dot(delta, delta) < 1e-6  # else two rotations are equally near, and this is round-off over round-off
+    x, y, z = delta if is_step else vec3.scale(0.0, q[1:])
+    return normalize(compose_quaternions(q, (1.0, x, y, z)))

@@ -125,6 +125,21 @@ def test_nearest_rotation_of_all_that_take_axes_to_axes():
         assert np.linalg.det(R) == pytest.approx(1.0, abs=4.0 * EPS)
 
 
+@pytest.mark.parametrize("second", [1e-14, 1e-13, 1e-12])
+def test_nearest_rotation_of_nearly_rank_one_is_within_eps_over_the_gap(second):
+    for U, V in np.linalg.qr(rng(24).standard_normal((20, 2, 3, 3)))[0]:
+        R = matrix.nearest_rotation(exact.rounded((U @ np.diag([1.0, second, 0.0]) @ V).tolist()))
+        best = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
+        assert np.abs(R - best).max() <= 10.0 * EPS / second
+
+
+def test_nearest_rotation_of_rank_one_is_one_of_many_equally_near():
+    """The last step had nothing to go by there, and with these zeros it went to the rotation that is farthest."""
+    M = np.zeros((3, 3))
+    M[2, :2] = 0.04373891237045473, -0.08171775683669098
+    assert np.sum(matrix.nearest_rotation(exact.rounded(M.tolist())) * M) == pytest.approx(np.linalg.norm(M), rel=1e-15)
+
+
 def test_nearest_rotation_of_nothing_is_no_rotation():
     assert matrix.nearest_rotation(((0.0,) * 3,) * 3) == ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
