@@ -35,7 +35,11 @@ def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, A
         raise ValueError(f"inertia_of_points: positions must have trailing shape (n, 3), got {r.shape}")
     if m.ndim < 1 or m.shape[-1] != r.shape[-2]:
         raise ValueError(f"inertia_of_points: masses must have trailing shape ({r.shape[-2]},), got {m.shape}")
-    leading, n = np.broadcast_shapes(m.shape[:-1], r.shape[:-2]), m.shape[-1]
+    axes, n = {"masses": m.shape[:-1], "positions": r.shape[:-2]}, m.shape[-1]
+    try:
+        leading = np.broadcast_shapes(*axes.values())
+    except ValueError:
+        raise ValueError(f"inertia_of_points: leading shapes {axes} do not broadcast") from None
     clouds = math.prod(leading)
     mass, r_oc, M_c = np.empty(clouds), np.empty((clouds, 3)), np.empty((clouds, 3, 3))
     m = np.array(np.broadcast_to(m, (*leading, n))).reshape(clouds, n)  # copies: packed, as the kernel was compiled for

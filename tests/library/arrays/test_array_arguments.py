@@ -26,6 +26,7 @@ from tests.support.references.hard_cases import rng
         (lambda: rbfmu.euler_from_matrix("ZZX", R), "Euler sequence"),
         (lambda: rbfmu.euler_from_matrix(R, R), "Euler sequence"),
         (lambda: rbfmu.rotate(Q[:7], V[:6]), "do not broadcast"),
+        (lambda: rbfmu.inertia_of_points(np.ones((2, 3)), np.ones((4, 3, 3))), "points: leading .* do not broadcast"),
         (lambda: rbfmu.rotate(["a", "b", "c", "d"], V[0]), "q_ab must be real numbers"),
         (lambda: rbfmu.normalize(Q * 1j), "q must be real numbers"),
         (lambda: rbfmu.rotate([[1.0], [1.0, 2.0]], V[0]), "q_ab must be a regular array"),
