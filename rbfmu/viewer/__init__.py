@@ -21,6 +21,7 @@ from rbfmu.extras import needed
 from rbfmu.on_disk import replacing
 from rbfmu.result import FORMATS, Result, quaternion_lengths, refuse_gaps
 from rbfmu.runs.inputs import input_tables
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, faults_of, load_scene
 from rbfmu.scene.section import fault
 from rbfmu.scene.toml_file import read_file
@@ -241,16 +242,32 @@ def motion_of_scene(
     wanted = scene.replace({"outputs.quantities": tuple(name for name in QUANTITIES if name in shown)})
     if driven:
         return motion_of_result(simulate(wanted, **driven), scene.name, scene, written)
-    span = scene.run.stop - scene.run.start
     with warnings.catch_warnings(action="ignore", category=SceneWarning):  # of steps that are not the pictures'
         chosen = plan(wanted, progress=progress)
-        result = simulate(wanted.replace({"run.step": span / (pictures(span, 0.0).number - 1)}), planned=chosen)
+        wanted, result = _in_few_pictures(wanted, chosen)
     coarse = _motion(scene.name, result, scene, written)
-    fine = pictures(span, coarse.largest_rate)
-    wanted = wanted.replace({"run.step": span / (fine.number - 1)})
+    played = pictures(wanted.run.stop - wanted.run.start, coarse.largest_rate).played
+    wanted = _at_pictures(wanted, coarse.largest_rate)
     notes = ("inputs are zero",) if scene.inputs.ports else ()
     members = ghosts_of(wanted, ghosts) if ghosts else ()
-    return replace(coarse, result=simulate(wanted, planned=chosen), played=fine.played, notes=notes, ghosts=members)
+    return replace(coarse, result=simulate(wanted, planned=chosen), played=played, notes=notes, ghosts=members)
+
+
+def _in_few_pictures(scene: Scene, chosen: Plan) -> tuple[Scene, Result]:
+    """Return a scene, which stops where an event ends its run, and its motion in as many pictures as rest takes."""
+    result = simulate(_at_pictures(scene, 0.0), planned=chosen)
+    if not any(scene.events[name].stop and len(times) for name, times in result.events.items()):
+        return scene, result
+    _check_length(len(result.time))
+    ended = _at_pictures(scene, 0.0, float(result.time[-1]))
+    return ended, simulate(ended, planned=chosen)
+
+
+def _at_pictures(scene: Scene, largest_rate: float, stop: float | None = None) -> Scene:
+    """Return a scene, perhaps with another stop, whose communication points are the instants of its pictures."""
+    stop = scene.run.stop if stop is None else stop
+    span = stop - scene.run.start
+    return scene.replace(run={"stop": stop, "step": span / (pictures(span, largest_rate).number - 1)})
 
 
 def motion_of_result(result: Result, title: str, scene: Scene | None = None, written: Written = None) -> Motion:
@@ -259,12 +276,16 @@ def motion_of_result(result: Result, title: str, scene: Scene | None = None, wri
         refuse_gaps(name, values)
     quaternion_lengths(result.quantities.get("quaternion", np.empty((0, 4))))
     whole = _motion(title, result, scene, written)
-    if len(whole.quaternion) < 2:
-        raise ValueError(f"time: expected at least two points in time in the result, which has {len(result.time)}")
+    _check_length(len(whole.quaternion))
     shown = pictures(float(result.time[-1] - result.time[0]), whole.largest_rate, len(result.time))
     rows = np.linspace(0.0, len(result.time) - 1.0, shown.number).round().astype(int)
     thinned = {name: values[rows] for name, values in result.quantities.items()}
     return replace(whole, result=Result(result.time[rows], thinned, result.rows), played=shown.played)
+
+
+def _check_length(count: int) -> None:
+    if count < 2:
+        raise ValueError(f"time: expected at least two points in time in the result, which has {count}")
 
 
 def _motion(title: str, result: Result, scene: Scene | None, written: Written) -> Motion:

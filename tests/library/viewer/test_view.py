@@ -189,6 +189,16 @@ TUMBLING = {
 }
 
 
+def test_a_run_that_an_event_ends_early_has_as_many_pictures_as_one_that_stops_there() -> None:
+    events = {"end": {"when": "t - 0.05", "stop": True}}
+    scene = rbfmu.Scene.from_dict(TUMBLING | {"events": events, "run": {"stop": 20.0, "step": 1.0}})
+    motion = rbfmu.view(scene)
+    assert (len(motion.result.time), motion.result.time[-1], motion.played) == (601, pytest.approx(0.05), 20.0)
+    at_once = scene.replace({"events": {"end": {"when": "t", "stop": True}}})
+    with pytest.raises(ValueError, match="two points in time in the result, which has 1"):
+        rbfmu.view(at_once)
+
+
 @pytest.mark.thorough
 def test_ghosts_are_runs_of_the_ensemble(tmp_path: Path) -> None:
     scene = rbfmu.Scene.from_dict(TUMBLING)
