@@ -334,6 +334,8 @@ def view(
             raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
         motion = motion_of_result(source.until(stop), title, *_scene_and_shape(scene))
     else:
+        if scene is not None:
+            raise ValueError("scene: expected a result with it, as a scene moves its own body")
         loaded, shape = _scene_and_shape(source)
         name = source.name if isinstance(source, Scene) else str(source)
         with faults_of(name if stop is None else f"{name} with stop {stop!r}"):

@@ -108,6 +108,8 @@ def test_a_result_is_shown_with_or_without_its_body(tmp_path: Path) -> None:
     own = rbfmu.view(tmp_path / "it.npz", tmp_path / "own.html", scene=scene, stop=0.305)
     assert own.shape == shape_of(scene)
     assert own.result.time[-1] == pytest.approx(0.3)
+    with pytest.raises(ValueError, match="scene: expected a result with it"):
+        rbfmu.view(scene, scene=scene)
 
 
 @pytest.mark.parametrize("keep", [("position",), ("omega_b",)])
