@@ -248,7 +248,7 @@ def motion_of_scene(
     coarse = _motion(scene.name, result, scene, written)
     played = pictures(wanted.run.stop - wanted.run.start, coarse.largest_rate).played
     wanted = _at_pictures(wanted, coarse.largest_rate)
-    notes = ("inputs are zero",) if scene.inputs.ports else ()
+    notes = (scene.inputs.at_start,) if scene.inputs.ports else ()
     members = ghosts_of(wanted, ghosts) if ghosts else ()
     return replace(coarse, result=simulate(wanted, planned=chosen), played=played, notes=notes, ghosts=members)
 

@@ -157,6 +157,7 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
         (*_not_charted(case, ends), *(f"{m.name}: {_NOT_OWN}" for m in own if m not in methods)),
         next((m.refusal for m in methods if m.refusal), ""),
         tuple(line for line in machine() if line not in absent()), key=case.key, many=case.many,
+        held=case.scene.inputs.at_start.removeprefix("inputs "),
     )  # fmt: skip
 
 

@@ -119,10 +119,11 @@ class TooSmall(NamedTuple):
 class Chart:
     """Accuracy against cost on a scene; `print` shows a table, `save` writes table, CSV file and picture.
 
-    model: the plan's; accuracy: the one asked; span, outputs: of the charted run, s; ports: those that are at zero;
-    rows: all measurements; ends: how far each method came; too_small: models that the plan's is larger than; absent:
-    lines on peers that are not charted; refusal: why no tighter plan is made; machine: what it was measured on; whole:
-    the length of the scene's run, s (0: `span`); key, many: which of the eight motions, and of its numbers of outputs.
+    model: the plan's; accuracy: the one asked; span, outputs: of the charted run, s; ports: those that nothing
+    drives, held: where they stay; rows: all measurements; ends: how far each method came; too_small: models that the
+    plan's is larger than; absent: lines on peers that are not charted; refusal: why no tighter plan is made; machine:
+    what it was measured on; whole: the length of the scene's run, s (0: `span`); key, many: which of the eight motions,
+    and of its numbers of outputs.
     """
 
     scene: str
@@ -140,6 +141,7 @@ class Chart:
     whole: float = 0.0
     key: str = ""
     many: bool = False
+    held: str = "at zero"
 
     @property
     def plans(self) -> tuple[Row, ...]:
@@ -241,7 +243,7 @@ class Chart:
         said = f"{part}{whole:,.8g} s, an output every {self.span / self.outputs:,.8g} s"
         if not self.ports:
             return said
-        return f"{said}; {' and '.join(self.ports)} at zero all the time, so that others may step over outputs"
+        return f"{said}; {' and '.join(self.ports)} {self.held} all the time, so that others may step over outputs"
 
     def _kinds(self) -> Iterator[str]:
         asked = short_number(self.accuracy)
@@ -285,7 +287,7 @@ class Chart:
     def headline(self) -> tuple[str, str]:
         """Return two lines: which method costs least at the accuracy asked, and what is beside it."""
         plan, first = self.plan, self.reaches[0]
-        asked = f"{self.scene} at {short_number(self.accuracy)}{', ports at zero' if self.ports else ''}"
+        asked = f"{self.scene} at {short_number(self.accuracy)}{f', ports {self.held}' if self.ports else ''}"
         ratio, planned = plan.seconds / first.cost, f"{self.model}: {plan.detail}"
         if ratio <= self.noise:
             use = f"{asked}: use rbfmu's plan, {cost_text(plan.seconds)} per simulated second"

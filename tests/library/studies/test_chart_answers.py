@@ -242,6 +242,9 @@ def test_the_table_has_every_answer() -> None:
     assert "torque_b at zero" in text
     assert "Drake: not installed" in text
     assert max(map(len, text.splitlines())) <= WIDTH
+    text = made_up(3.0, held="at their start").table
+    assert "at 1e-6, ports at their start: use" in text
+    assert "torque_b at their start all the time" in text
 
 
 def test_a_method_stopped_by_time_is_not_said_to_be_unable() -> None:

@@ -96,7 +96,7 @@ def test_a_page_names_frames_units_and_scales(thrown: tuple[Path, Motion]) -> No
     for part in ("<h1>thrown &lt;brick&gt;</h1>", "fixed in space", "fixed in the body", rate, "kg m2/s"):
         assert part in text
     assert "box with the body&#x27;s mass and inertia" in text
-    assert "inputs are zero" not in text  # there are none
+    assert "inputs at" not in text  # there are none
 
 
 def test_a_result_is_shown_with_or_without_its_body(tmp_path: Path) -> None:
@@ -149,6 +149,13 @@ def test_inputs_drive_what_is_shown(tmp_path: Path) -> None:
     motion.result.save(tmp_path / "it.npz")
     with pytest.raises(ValueError, match="inputs: expected a scene with them"):
         rbfmu.view(tmp_path / "it.npz", tmp_path / "it.html", inputs=table)
+
+
+def test_a_page_says_where_inputs_are_that_nothing_drives() -> None:
+    ports = [{"name": "u", "size": 1, "unit": "N m", "start": 0.1}]
+    scene = rbfmu.Scene.from_dict(TUMBLING | {"inputs": {"ports": ports}, "loads": {"torque_b": "[u, 0, 0]"}})
+    assert rbfmu.view(scene).notes == ("inputs at their start",)
+    assert rbfmu.view(scene.replace({"inputs.ports": [{**ports[0], "start": 0.0}]})).notes == ("inputs at zero",)
 
 
 @pytest.mark.thorough
