@@ -18,6 +18,7 @@ import rbfmu
 import rbfmu_fmu
 from rbfmu.models.formulas import equations_of
 from rbfmu_fmu.description import describe
+from rbfmu_fmu.native.headers import slopes_header
 from rbfmu_kernels.buffer import OK
 from tests.support.paths import ROOT
 
@@ -346,3 +347,18 @@ def test_a_body_at_rest_has_derivatives_by_inputs_at_the_start_beside_a_norm_tha
     with pytest.raises(FMICallException):
         one.getDirectionalDerivative(shown, [at["omega_b_0[2]"]], [1.0])
     one.freeInstance()
+
+
+def test_a_state_may_have_the_name_of_a_block_of_the_body() -> None:
+    """Its derivatives at the start were looked for there, and building ended with a traceback."""
+    tables = {
+        "body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},
+        "states": {"q": {"start": [1.0, 0.0, 0.5], "rate": "-q"}},
+    }
+    more = {"loads": {"torque_b": "q"}, "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 1.0, "accuracy": 1e-3}}
+    scene = rbfmu.Scene.from_dict(tables | more)
+    described = describe(scene, rbfmu.plan(scene))
+    at = {v.name: v.offset for v in described.variables}
+    lines = slopes_header(described).splitlines()
+    for k in (1, 2, 3):
+        assert f"    change[{at[f'q[{k}]']}] += change[{at[f'q_0[{k}]']}];" in lines

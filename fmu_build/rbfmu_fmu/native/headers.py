@@ -162,7 +162,8 @@ def slopes_header(d: Description) -> str:
     set_by = [element for name, size in sizes.items() for element in elements(name, size)]
     start, shown = (_prescribed if d.scene.body is None else _of_body)(set_by, d.scene)
     outputs = [v for v in d.outputs if v.block in shown]  # the last time of an event is none of the motion's
-    places = [v.offset - blocks[_block_of(v.block, blocks)].start for v in outputs]
+    own = {name: f"{STATE}{name}" for name in d.scene.states}  # which may be called as a block of the body's, such as q
+    places = [v.offset - blocks[own.get(v.block, v.block)].start for v in outputs]
     changes = changes_of([shown[v.block][i] for v, i in zip(outputs, places, strict=True)], start.changes)
     lines, found = source.lines_of(start.graph, changes, _leaves_in_c(start.graph, blocks), _IN_C)
     added = [f"change[{v.offset}] += {x};" for v, x in zip(outputs, found, strict=True) if x != 0.0]
@@ -176,8 +177,8 @@ def slopes_header(d: Description) -> str:
 
 
 def _block_of(name: str, blocks: Mapping[str, slice]) -> str:
-    """Return the block that has a variable or the numbers of leaves."""
-    return next((one for one in (name, f"{STATE}{name}", f"series.{name}") if one in blocks), "")
+    """Return the block that has the numbers of leaves."""
+    return next((one for one in (name, f"series.{name}") if one in blocks), "")
 
 
 def _leaves_in_c(graph: Graph, blocks: Mapping[str, slice]) -> dict[str, str]:
