@@ -75,7 +75,8 @@ FAULTS: dict[int, tuple[str, str]] = {
     NO_PENDULUM: (CHANGED, "expected no damping or torque but that of weight: this model is an undamped pendulum"),
     NO_SPIN_UP: (CHANGED, "expected two equal moments, torque and damping about the third axis alone, no attitude to "
                  "show: this model is a symmetric body spun up"),
-    MORE_THAN_MOMENTUM: (CHANGED, "expected no torque but torque_a, which alone changes this model's angular momentum"),
+    MORE_THAN_MOMENTUM: (CHANGED, "expected no torque but torque_a, and three equal moments where rates are shown: "
+                         "this model has the angular momentum alone"),
 }  # fmt: skip
 NEGATIVE = max(FAULTS) + 1
 """The fault of a first load that must not be negative; those of others follow."""

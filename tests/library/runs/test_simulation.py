@@ -244,3 +244,13 @@ def test_a_plan_by_hand_whose_model_has_no_place_for_what_moves_the_body_is_refu
     one = rbfmu.Scene(**{name: table for name, table in given.items() if table is not None})
     with pytest.raises(ValueError, match=f"Plan.model = '{planned}': expected {expected}"):
         rbfmu.simulate(one, planned=Plan(planned, "", 7, tolerance=1e-9, order=12))
+
+
+def test_a_body_that_is_no_sphere_any_more_is_refused_for_its_moments():
+    """It was said to have a torque, which an FMU of this model has no parameter for."""
+    tables = {"outputs": {"quantities": ["omega_a"]}, "inputs": {"ports": ["torque_a"]}}
+    sphere = scene(body={"mass": 2.0, "inertia": [1.0, 1.0, 1.0]}, **tables)
+    planned = rbfmu.plan(sphere)
+    assert planned.model == "angular momentum"
+    with pytest.raises(rbfmu.SceneError, match="three equal moments where rates are shown"):
+        rbfmu.simulate(sphere.replace({"body.inertia": [1.0, 1.0, 1.1]}), planned=planned)
