@@ -130,7 +130,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise ValueError("with these inputs an output is not finite")
         self._stale = False
 
-    # --- life: `setup_experiment` and `terminate` do no harm in any phase, and refusing them would be fmi2Fatal
+    # --- life: `setup_experiment` and `terminate` do no harm in any phase, and refusing them there would be fmi2Fatal
 
     def _allow(self, call: str) -> None:
         if self._phase not in CALLS[call].phases:
@@ -140,6 +140,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
     ) -> None:
         """Tell the time to a model that has it. A tolerance does nothing but be named: the accuracy is the scene's."""
+        if not math.isfinite(start_time):
+            error = ValueError(f"start time = {start_time!r}: expected a finite number")
+            raise self._survivable("fmi2SetupExperiment", error)
         if (place := self.access.description["start_place"]) >= 0:
             self._z[place] = start_time
         if tolerance not in (None, self.access.accuracy):

@@ -7,6 +7,8 @@ import sys
 from tests.support.paths import SOURCE_ROOTS
 
 NAMED = {
+    "start_time_nan": "start time = nan: expected a finite number",
+    "start_time_infinite": "start time = -inf: expected a finite number",
     "mass_negative": "mass = -1.0",
     "mass_zero": "mass = 0.0",
     "inertia_triangle": "inertia[1,1] = 9.0",

@@ -146,6 +146,8 @@ def _step(size, time=0.0):
 
 _INERTIA = [f"inertia[{pair}]" for pair in ("1,1", "2,2", "3,3", "1,2", "1,3", "2,3")]
 WRONGS = {
+    "start_time_nan": ("instantiated", lambda i: i.setup(math.nan) or i.enter()),
+    "start_time_infinite": ("instantiated", lambda i: i.setup(-math.inf) or i.enter()),
     "mass_negative": ("initializing", _bad_parameters({"mass": -1.0})),
     "mass_zero": ("initializing", _bad_parameters({"mass": 0.0})),
     "inertia_triangle": ("initializing", _bad_parameters({"inertia[1,1]": 9.0})),

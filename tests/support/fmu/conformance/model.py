@@ -75,13 +75,13 @@ class Model:
         return OK, None
 
     def setup(self, start, stop):
+        if not math.isfinite(start):
+            return self.refused
         if self.native:
-            bad = not math.isfinite(start) or (stop is not None and not stop >= start)
-            if not self._allowed("set_up_experiment") or bad:
+            if not self._allowed("set_up_experiment") or (stop is not None and not stop >= start):
                 return self.refused
             self.now.stop = math.inf if stop is None else stop
-        if math.isfinite(start):
-            self.now.time = start  # python: where the importer stands
+        self.now.time = start  # python: where the importer stands
         return OK, None
 
     def enter(self):
