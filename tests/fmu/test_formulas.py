@@ -20,6 +20,8 @@ from rbfmu.models.formulas import equations_of
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.native.headers import slopes_header
 from rbfmu_kernels.buffer import OK
+from rbfmu_kernels.compile.tiered import tiered
+from tests.support.fmu.conformance.model import IN_C, Facts
 from tests.support.paths import ROOT
 
 SCENE = {
@@ -361,4 +363,22 @@ def test_a_state_may_have_the_name_of_a_block_of_the_body() -> None:
     at = {v.name: v.offset for v in described.variables}
     lines = slopes_header(described).splitlines()
     for k in (1, 2, 3):
-        assert f"    change[{at[f'q[{k}]']}] += change[{at[f'q_0[{k}]']}];" in lines
+        at_q, of_start = f"change[{at[f'q[{k}]']}] += ", f"change[{at[f'q_0[{k}]']}]);"
+        assert any(at_q in line and of_start in line for line in lines)
+
+
+def test_what_an_output_does_not_depend_on_does_not_change_it_where_it_has_no_derivative() -> None:
+    """The angle between two axes has none by the attitude where they are one, and was refused by all else as well."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "constants": {"c": 0.3}}
+    more = {"loads": {"torque_b": "c*[1, t, 0]"}, "run": {"stop": 1.0, "accuracy": 1e-3}}
+    shown = {"quantities": ["alpha_b"], "tilt": "acos(R_ab[3,3])"}
+    scene = rbfmu.Scene.from_dict(tables | more | {"outputs": shown})
+    facts = Facts(scene, rbfmu.plan(scene), "native")
+    at, z = {v.name: v.offset for v in facts.description.variables}, facts.start.copy()
+    assert tiered(facts.unit.initialize)(z) == OK
+    for name, expected in (("c", [1.0, 0.0]), ("quaternion_0[2]", [0.0, np.nan])):
+        change = np.zeros(len(z))
+        change[at[name]] = 1.0
+        with np.errstate(all="ignore"):
+            exec(facts.changes, {**IN_C, "sqrt": np.sqrt, "z": z, "change": change})
+        np.testing.assert_array_equal(change[[at["alpha_b[1]"], at["tilt"]]], expected)

@@ -1,7 +1,7 @@
 """The C headers that are generated: the rules of calls; of a scene numbers, names, and derivatives at the start."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import accumulate
 
 import numpy as np
@@ -166,14 +166,28 @@ def slopes_header(d: Description) -> str:
     places = [v.offset - blocks[own.get(v.block, v.block)].start for v in outputs]
     changes = changes_of([shown[v.block][i] for v, i in zip(outputs, places, strict=True)], start.changes)
     lines, found = source.lines_of(start.graph, changes, _leaves_in_c(start.graph, blocks), _IN_C)
-    added = [f"change[{v.offset}] += {x};" for v, x in zip(outputs, found, strict=True) if x != 0.0]
+    by = {names: f"by_{i}" for i, names in enumerate(dict.fromkeys(v.begins_with for v in outputs))}
+    lines += [f"{by[names]} = {_moved_by(d, names)}" for names in by]
+    added = [
+        f"change[{v.offset}] += moved({by[v.begins_with]}, {x});"
+        for v, x in zip(outputs, found, strict=True)
+        if x != 0.0
+    ]
     return "\n".join([
         "/* How outputs change at once with parameters at the start, made from the graph of the motion. */",
         "#include <math.h>",
+        "/* What an output does not depend on does not change it, also where its formula has no derivative. */",
+        "static inline double moved(double by, double x) { return by != 0.0 ? x : 0.0; }",
         "static void add_changes(const double *z, double *change) {",
         *(f"    const double {line};" for line in lines), *(f"    {line}" for line in added),
-        "    (void)z, (void)change;", "}", "",
+        *(f"    (void){one};" for one in ("z", "change", *by.values())), "}", "",
     ])  # fmt: skip
+
+
+def _moved_by(d: Description, names: Collection[str]) -> str:
+    """Return how much parameters change on which an output depends, as C."""
+    of_these = (v for v in d.variables if v.causality == "parameter" and v.block in names)
+    return " + ".join(f"fabs(change[{v.offset}])" for v in of_these) or "0.0"
 
 
 def _block_of(name: str, blocks: Mapping[str, slice]) -> str:

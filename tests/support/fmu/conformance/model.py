@@ -19,6 +19,9 @@ from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, LAST_SUCCESSFU
 
 REFUSED = {"python": FATAL, "native": ERROR, "fmi3_scalars": ERROR}
 
+IN_C = {"sqrt": math.sqrt, "fabs": abs, "moved": lambda by, x: x if by != 0.0 else 0.0}
+"""What the generated C of derivatives calls."""
+
 
 class Facts:
     """One FMU: its kernels and what the importer can know of it."""
@@ -187,7 +190,7 @@ class Model:
         self.facts.unit.feedthrough(self.now.z, change)
         if self.now.phase == INITIALIZING:
             with np.errstate(all="ignore"):  # as the FMU's code, which divides by zero and goes beyond all numbers
-                exec(self.facts.changes, {"sqrt": math.sqrt, "z": self.now.z, "change": change})
+                exec(self.facts.changes, {**IN_C, "z": self.now.z, "change": change})
         found = [float(change[self.facts.offsets[r]]) for r in unknowns]
         return (OK, found) if np.isfinite(found).all() else self.refused
 
