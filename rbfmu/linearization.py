@@ -70,7 +70,7 @@ def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Lineariz
     """
     run = scene.run
     t = run.start if t is None else t
-    if not isinstance(t, Real) or not run.start <= t <= run.stop:
+    if not isinstance(t, Real) or isinstance(t, bool) or not run.start <= t <= run.stop:
         raise ValueError(f"t = {t!r}: expected a time from run.start = {run.start!r} to run.stop = {run.stop!r} (s)")
     t = float(t)
     simulator = _simulator_at(scene, t, ports)

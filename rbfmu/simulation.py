@@ -107,6 +107,12 @@ class Simulator:
     time; several objects run side by side. Raises SceneError.
     """
 
+    __slots__ = (  # else `sim.torque_b = ...` would drive nothing, without a word
+        "__weakref__", "_bytes", "_clock", "_count", "_end", "_events", "_h", "_identity", "_known", "_last",
+        "_last_time", "_ports", "_quantities", "_scalars", "_start", "_step", "_told", "_untold", "_z", "plan", "scene",
+        "time",
+    )  # fmt: skip
+
     def __init__(self, scene: Any, /, **parameters: Any) -> None:
         own, planned = of_scene_or_path(lambda one: (one, plan(one)), "Simulator")(scene)
         self._set_up(own, *_started(own, planned, parameters))
@@ -168,7 +174,7 @@ class Simulator:
 
     def __getattr__(self, name: str) -> Any:
         """Return an output of one's own; raise AttributeError for what is none, and for quantities not asked for."""
-        known = self.__dict__.get("_quantities", {})
+        known = {} if name in self.__slots__ else self._quantities  # without some it is not set up, or being copied
         if name not in known:
             whose = f"{self.scene.name}; it has {', '.join(known)}" if known else "it"
             raise AttributeError(f"no quantity {name!r} is asked for by {whose}")

@@ -42,6 +42,7 @@ WRONG = [
     (lambda: rbfmu.fit(SCENE, RESULT, free=3), ValueError, "free = 3: expected one of initial.attitude, "),
     (lambda: rbfmu.fit(SCENE, RESULT, free=[["x"]]), ValueError, "free = ['x']: expected one of initial.attitude, "),
     (lambda: rbfmu.linearize(SCENE, "x"), ValueError, "t = 'x': expected a time from run.start = 0.0 to run.stop"),
+    (lambda: rbfmu.linearize(SCENE, True), ValueError, "t = True: expected a time from run.start = 0.0 to run.stop"),
     (lambda: rbfmu.Simulator(3), TypeError, "Simulator: scene = 3: expected a rbfmu.Scene or the path of a scene file"),
     (lambda: rbfmu.Simulator(SCENE).restore("x"), TypeError, 'state = "x": expected the bytes that `save` returned'),
     (lambda: rbfmu.Result.of_rows([3]), ValueError, "rows[0]: expected time and the same quantities in each"),

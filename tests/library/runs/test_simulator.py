@@ -232,6 +232,14 @@ def test_a_quantity_that_is_not_asked_for_is_named_with_those_that_are():
         _ = rbfmu.Simulator(SATELLITE).position
 
 
+@pytest.mark.parametrize("name", ["torque_b", "mass", "omega_b", "anything"])
+def test_an_attribute_that_would_do_nothing_is_refused(name):
+    """`sim.torque_b = ...` was kept beside the motion, which it did not drive."""
+    simulator = rbfmu.Simulator(SATELLITE)
+    with pytest.raises(AttributeError, match=r"Simulator' object has no"):
+        setattr(simulator, name, [1.0, 0.0, 0.0])
+
+
 def test_a_number_is_read_as_a_float():
     scene = rbfmu.load_scene(SATELLITE).replace({"outputs.quantities": ["kinetic_energy"]})
     sim = rbfmu.Simulator(scene)
