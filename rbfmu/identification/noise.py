@@ -22,7 +22,7 @@ STILL = 1e-9
 """The size of a column's residuals, over the largest of its output, below which it has no noise."""
 LEAST_LEFT = 0.5
 """How many numbers of an output a fit has to leave free, at least, to tell its noise."""
-DEVIATION = Numbers((), "", *POSITIVE)
+SIGMA = Numbers((), "", *POSITIVE)
 """The rule of a standard deviation that is given."""
 SMALL, LARGE = 0.1, 0.5
 """By which part residuals may be larger than the noise given, however many there are, and however few."""
@@ -33,7 +33,7 @@ def given_deviations(sigma: float | Mapping[str, float] | None, data: Measured) 
     given = dict.fromkeys(data.values, sigma) if not isinstance(sigma, Mapping) else dict(sigma)
     if unknown := [name for name in given if name not in data.values]:
         raise ValueError(f"sigma: {unknown[0]!r}: expected some of {', '.join(data.values)}")
-    return {name: DEVIATION.read(value, f"sigma: {name}") for name, value in given.items() if value is not None}
+    return {name: SIGMA.read(value, f"sigma: {name}") for name, value in given.items() if value is not None}
 
 
 def size_of(name: str, rows: Array) -> float:
@@ -83,8 +83,9 @@ def scatter(f: Array, loss: str, n: int, is_known: bool) -> float:
         "cauchy": (1.0 / (1.0 + z), -1.0 / (1.0 + z) ** 2),
     }[loss]  # fmt: skip
     follows = slope + 2.0 * z * bend  # how the influence of each residual grows with it
-    few = 1.0 + n / len(f) * np.var(follows) / np.mean(follows) ** 2
-    return float(few**2 * np.sum(slope * slope * z) / (len(f) - n) / np.mean(follows) ** 2)
+    mean = np.mean(follows)
+    few = 1.0 + n / len(f) * np.var(follows) / mean**2
+    return float(few**2 * np.sum(slope * slope * z) / (len(f) - n) / mean**2)
 
 
 def trends(left: Mapping[str, Array]) -> list[str]:
