@@ -60,6 +60,16 @@ def test_a_word_that_is_not_known_is_refused(capsys):
     assert said.startswith("lowset, tests/no_such_test.py: expected of lowest, newest, 3.11")
 
 
+def test_each_range_makes_fmus_of_its_own(tmp_path):
+    """The newest packages were tested with FMUs that the lowest had built, of other bytes."""
+    (tmp_path / "bin").mkdir()
+    python = tmp_path / "bin" / "python"
+    python.write_text('#!/bin/sh\ntest -z "$RBFMU_TESTS"\n')
+    python.chmod(0o755)
+    assert "RBFMU_TESTS" in os.environ
+    assert ranges.tested(python, [TEST], tmp_path)
+
+
 def test_what_is_asked_for_is_tested_and_the_status_says_how_it_went(capsys, monkeypatch):
     seen = []
 

@@ -30,7 +30,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tests.support.paths import ROOT
+from tests.support.paths import ROOT, of_a_session
 
 PACKAGES = {"kernels": "*.py", "rbfmu": "*.py", "fmu_build": "*.py", "C": "*.c"}
 PLACE = Path(tempfile.gettempdir()) / "rbfmu-mutants"
@@ -214,12 +214,11 @@ class Slot:
     def run(self, marks: str, tests: list[str], *options: str) -> subprocess.CompletedProcess[str]:
         """Run tests in the order given."""
         paths = [self.folder, self.folder / "kernels", self.folder / "fmu_build"]
-        environment = {name: value for name, value in os.environ.items() if name != "RBFMU_TESTS"}  # FMUs of its own
-        environment |= {
-            "PYTHONPATH": os.pathsep.join(map(str, paths)),
-            "NUMBA_CACHE_DIR": str(self.cache),
-            "COVERAGE_FILE": str(PLACE / "reach" / "data"),
-        }
+        environment = of_a_session(
+            PYTHONPATH=os.pathsep.join(map(str, paths)),
+            NUMBA_CACHE_DIR=str(self.cache),
+            COVERAGE_FILE=str(PLACE / "reach" / "data"),
+        )
         listed = self.folder / "tests.txt"
         listed.write_text("\n".join(tests))
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", marks, *options]

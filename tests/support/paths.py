@@ -17,3 +17,8 @@ if "RBFMU_TESTS" not in os.environ:
     atexit.register(shutil.rmtree, os.environ["RBFMU_TESTS"], ignore_errors=True)
 SHARED_BY_WORKERS = Path(os.environ["RBFMU_TESTS"])
 """A folder for what one worker of a session makes and all use; who comes first, the session, makes and removes it."""
+
+
+def of_a_session(**more: str) -> dict[str, str]:
+    """Return the environment of a session of tests that is started here: it makes FMUs of its own."""
+    return {name: value for name, value in os.environ.items() if name != "RBFMU_TESTS"} | more

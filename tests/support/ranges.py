@@ -5,7 +5,6 @@ in pyproject.toml alone: uv resolves it (`--resolution lowest-direct`). Every Py
 taken; the others are named.
 """
 
-import os
 import shutil
 import subprocess
 import sys
@@ -13,7 +12,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from tests.support.paths import ROOT
+from tests.support.paths import ROOT, of_a_session
 
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 RESOLUTIONS = {"lowest": "lowest-direct", "newest": "highest"}
@@ -75,7 +74,7 @@ def tested(python: Path, tests: Sequence[str], folder: Path) -> bool:
     """Return whether these tests of a checkout pass; older packages may use what newer ones warn of."""
     command = [str(python), "-m", "pytest", "-q", "-n", "2", "--dist", "loadfile", "-m", "not slow"]
     command += ["-W", "ignore::DeprecationWarning", *tests]
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(python.parents[1] / "compiled")}
+    environment = of_a_session(NUMBA_CACHE_DIR=str(python.parents[1] / "compiled"))
     return subprocess.run(command, cwd=folder, env=environment).returncode == 0
 
 
