@@ -65,30 +65,13 @@ def shift_of_corner(z: Buffer) -> None:
 
 
 def add_products_of(z: Buffer, to: int, term: int, of: int, last: int) -> None:
-    """Add the sum over j <= last of a series' coefficients times the columns of a row of errors, j orders before.
-
-    Twelve columns at a time take each coefficient once, and their sums do not wait for one another.
-    """
-    d = 0
-    while d + 12 <= COLUMNS:
-        s0, s1, s2 = lanes_at(z, to + d), lanes_at(z, to + d + 4), lanes_at(z, to + d + 8)
-        for j in range(last + 1):
-            a, b = z[term + j * ROW], of + d - j * ROW
-            four = lanes(a, a, a, a)
-            s0 = add_lanes(s0, multiply_lanes(four, lanes_at(z, b)))
-            s1 = add_lanes(s1, multiply_lanes(four, lanes_at(z, b + 4)))
-            s2 = add_lanes(s2, multiply_lanes(four, lanes_at(z, b + 8)))
-        put_lanes(z, to + d, s0)
-        put_lanes(z, to + d + 4, s1)
-        put_lanes(z, to + d + 8, s2)
-        d += 12
-    while d < COLUMNS:
-        s0 = lanes_at(z, to + d)
+    """Add the sum over j <= last of a series' coefficients times the columns of a row of errors, j orders before."""
+    for d in range(0, COLUMNS, 4):
+        total = lanes_at(z, to + d)
         for j in range(last + 1):
             a = z[term + j * ROW]
-            s0 = add_lanes(s0, multiply_lanes(lanes(a, a, a, a), lanes_at(z, of + d - j * ROW)))
-        put_lanes(z, to + d, s0)
-        d += 4
+            total = add_lanes(total, multiply_lanes(lanes(a, a, a, a), lanes_at(z, of + d - j * ROW)))
+        put_lanes(z, to + d, total)
 
 
 def vary_series(z: Buffer, ended: bool) -> None:
