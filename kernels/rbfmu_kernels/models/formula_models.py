@@ -16,7 +16,7 @@ from ..body.shell import Lanes, Model, bind, make_model
 from ..buffer import OK, STEP_REJECTED, Layout
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..types import Array, Buffer
-from . import formula_events, formula_outputs, formula_variations, formulas
+from . import formula_outputs, formulas
 from .formulas import PENDING, begin_step, evaluate_at_end, go_on_by_series, prepare_series, reaches_over, settle_sides
 
 MARKS = 8
@@ -153,9 +153,8 @@ def run_in_lanes(
 Kernels = Mapping[str, Callable[..., Any]]
 _HOME = formulas.__name__
 """The module of all that is bound."""
-_BESIDE = formula_events, formula_outputs, formula_variations
-_TEMPLATES = {__name__, _HOME, *(module.__name__ for module in _BESIDE)}
-"""The modules whose functions are templates."""
+_TEMPLATES = f"{__package__}.formula"
+"""What the names of modules begin with whose functions are templates."""
 
 
 def _bound(template: Callable[..., Any], constant: str, own: dict[str, Any]) -> Any:
@@ -166,7 +165,7 @@ def _bound(template: Callable[..., Any], constant: str, own: dict[str, Any]) -> 
     assert isinstance(template, FunctionType)
     for name in template.__code__.co_names:
         called = template.__globals__.get(name)
-        if isinstance(called, FunctionType) and called.__module__ in _TEMPLATES and name not in own:
+        if isinstance(called, FunctionType) and called.__module__.startswith(_TEMPLATES) and name not in own:
             own[name] = _bound(called, constant, own)
     return bind(template, _HOME, constant, **own)
 
