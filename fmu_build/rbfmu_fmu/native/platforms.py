@@ -46,10 +46,6 @@ class NoLinkerError(BuildError):
     """There is no C compiler for a platform."""
 
 
-class LinkError(BuildError):
-    """The compiler failed; the message is what it said."""
-
-
 @dataclass(frozen=True)
 class Platform:
     """A triple and a processor for LLVM, a target for ziglang, and the suffix of a shared library."""
@@ -127,7 +123,7 @@ def link(
         command += [*layer, *objects, "-lm", "-o", library]
         done = subprocess.run(command, capture_output=True, cwd=folder, check=False, encoding="utf-8", errors="replace")
         if done.returncode:
-            raise LinkError(f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}")
+            raise BuildError(f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}")
         return (folder / library).read_bytes()
 
 
