@@ -267,43 +267,32 @@ class _Run:
         self._errors = self.values.pop("errors").reshape(len(self.time), -1, self._model.columns)
 
     def slopes(self) -> dict[str, Array]:
-        """Return the derivatives of each output."""
-        found = {}
+        """Return the derivatives of each output; in the last row at the event that ended the run, which shifts."""
+        found, shift = {}, self._shift() if self._event else None
         for name in self._scene.outputs.names:
-            if name == "quaternion":
-                found["attitude"] = self._attitude()
-            elif name == "rpy":
-                found["rpy"] = self._roll_pitch_yaw()
-            else:
-                found[name] = self._model.slopes_at(name, self._errors, self._slopes, self._count)
-        return self._at_event(found) if self._event else found
-
-    def _at_event(self, found: dict[str, Array]) -> dict[str, Array]:
-        """Return the derivatives, in the last row those at the event that ended the run, whose time shifts as well."""
-        when, last = f"{formulas.EVENT}{self._event}", slice(len(self.time) - 1, None)
-        of_event = self._model.slopes_at(when, self._errors[last], self._slopes[last], self._count)[0, 0]
-        shift = -of_event / self._model.rates_at(when, self._slopes[-1], self._inputs)[0]
-        for name, rows in found.items():
-            rows[-1] += self._rates_of(name)[:, None] * shift
+            of = "quaternion" if name == "rpy" else name
+            rows = self._attitude() if of == "quaternion" else self._slopes_of(of)
+            if shift is not None:
+                rows[-1] += self._model.rates_at(of, self._slopes[-1], self._inputs)[:, None] * shift
+            found["attitude" if name == "quaternion" else name] = self._of_angles(rows) if name == "rpy" else rows
         return found
 
-    def _rates_of(self, name: str) -> Array:
-        """Return the time derivatives of an output in the last row."""
-        of = "quaternion" if name in ("attitude", "rpy") else name
-        rates = self._model.rates_at(of, self._slopes[-1], self._inputs)
-        if name != "rpy":
-            return rates
-        angles = arrays.euler_from_quaternion("ZYX", self.values["quaternion"][-1])
-        return np.asarray(arrays.euler_rate_b("ZYX", angles, rates))[::-1]
+    def _shift(self) -> Array:
+        """Return how the time of the event that ended the run changes."""
+        when = f"{formulas.EVENT}{self._event}"
+        return np.asarray(-self._slopes_of(when)[-1, 0] / self._model.rates_at(when, self._slopes[-1], self._inputs)[0])
+
+    def _slopes_of(self, name: str) -> Array:
+        return self._model.slopes_at(name, self._errors, self._slopes, self._count)
 
     def _attitude(self) -> Array:
         at = [self._model.errors.index(name) for name in TURN]
         return np.asarray(self._errors[:, at, : self._count])
 
-    def _roll_pitch_yaw(self) -> Array:
+    def _of_angles(self, turns: Array) -> Array:
+        """Return the derivatives of roll, pitch and yaw; turns: those of the attitude."""
         angles = arrays.euler_from_quaternion("ZYX", self.values["quaternion"])
-        turns = np.moveaxis(self._attitude(), 1, 2)
-        rates: Array = arrays.euler_rate_b("ZYX", angles[:, None, :], turns)
+        rates: Array = arrays.euler_rate_b("ZYX", angles[:, None, :], np.moveaxis(turns, 1, 2))
         return np.moveaxis(rates[..., ::-1], 1, 2)
 
 
