@@ -103,6 +103,8 @@ NOTHING: Mapping[str, Any] = Named()
 class Entry(rules.Section):
     """What has a name of one's own: a table, or where nothing else is said the value of its first key."""
 
+    about: Annotated[str, _ABOUT] = ""
+
     @classmethod
     def read(cls, value: object, path: str = "") -> Self:
         """Return the entry, or an entry itself."""
@@ -123,29 +125,29 @@ class Entry(rules.Section):
         return {name: x for name, x in self.table().items() if name in self._set()}
 
 
-class Constant(Entry):
+class WithUnit(Entry):
+    """An entry with a unit."""
+
+    unit: Annotated[str, _UNIT] = ""
+
+
+class Constant(WithUnit):
     """A number or a vector of one's own."""
 
     value: Annotated[tuple[float, ...], NUMBERS]
-    unit: Annotated[str, _UNIT] = ""
-    about: Annotated[str, _ABOUT] = ""
 
 
-class State(Entry):
+class State(WithUnit):
     """A state of one's own: its start, and its rate as a formula."""
 
     start: Annotated[tuple[float, ...], NUMBERS]
     rate: Annotated[str, TEXT]
-    unit: Annotated[str, _UNIT] = ""
-    about: Annotated[str, _ABOUT] = ""
 
 
-class Shown(Entry):
+class Shown(WithUnit):
     """An output of one's own: its value as a formula."""
 
     value: Annotated[str, TEXT]
-    unit: Annotated[str, _UNIT] = ""
-    about: Annotated[str, _ABOUT] = ""
 
 
 class Event(Entry):
@@ -154,17 +156,14 @@ class Event(Entry):
     when: Annotated[str, TEXT]
     direction: Annotated[str, rules.one_word(DIRECTIONS, "rising, falling or any")] = "any"
     stop: Annotated[bool, rules.FLAG] = False
-    about: Annotated[str, _ABOUT] = ""
 
 
-class Port(Entry):
+class Port(WithUnit):
     """An input of one's own, that formulas read; its size is that of its start, if that is given."""
 
     name: Annotated[str, _NAME]
     start: Annotated[tuple[float, ...], NUMBERS]
     size: Annotated[int, rules.Rule("1 or 3", lambda n: int(n) if rules.plain(n) in (1, 3) and n is not True else None)]
-    unit: Annotated[str, _UNIT] = ""
-    about: Annotated[str, _ABOUT] = ""
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
         start = rules.plain(data.get("start"))
@@ -182,7 +181,6 @@ class Table(Entry):
     x: Annotated[tuple[float, ...], _ROW]
     y: Annotated[tuple[float, ...], _ROW]
     method: Annotated[str, rules.one_word(("linear", "cubic"), "linear or cubic")] = "linear"
-    about: Annotated[str, _ABOUT] = ""
 
     def _contradictions(self) -> Iterator[str]:
         if len(self.x) != len(self.y) or not 2 <= len(self.x) <= MOST_ROWS:

@@ -92,7 +92,7 @@ NOT_SHAPES = {
     "beam of negative length": ('{ kind = "beam", length = -1 }', "body.shape.length"),
     "beam with a radius": (
         '{ kind = "beam", length = 1, radius = 0.1 }',
-        "body.shape.radius = 0.1: unknown key; expected one of kind, length",
+        "body.shape.radius = 0.1: unknown key; expected one of length, kind",
     ),
     "cylinder without radius": ('{ kind = "cylinder", length = 1 }', "body.shape.radius is missing"),
     "cylinder of length nan": ('{ kind = "cylinder", radius = 1, length = nan }', "body.shape.length"),
