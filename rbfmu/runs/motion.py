@@ -16,7 +16,7 @@ from rbfmu.models.question import Question
 from rbfmu.runs.inputs import Drive
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene
-from rbfmu.types import Array, Buffer, Motion, NDArray
+from rbfmu.types import Array, Buffer, Motion
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered
@@ -70,9 +70,11 @@ class Driven:
         half = 0.5 * drive.lengths[:, None] if follows else 0.0
         values = {port: pieces.values + half * pieces.slopes for port, pieces in drive.ports.items()}
         last = {port: values[port] + half * pieces.slopes for port, pieces in drive.ports.items() if follows}
-        slopes = {f"{port}_rate": pieces.slopes for port, pieces in drive.ports.items() if takes_slopes}
-        self._values, self._last = _Pieces(kernels, z, values), _Pieces(kernels, z, last)
-        self._slopes = _Pieces(kernels, z, {} if drive.is_steady else slopes)
+        if takes_slopes and not drive.is_steady:
+            values |= {f"{port}_rate": pieces.slopes for port, pieces in drive.ports.items()}
+        self._inputs, self._last = (
+            [(z[kernels.BLOCKS[name]], rows) for name, rows in of.items()] for of in (values, last)
+        )
         self.events = Events(scene, plan, z) if scene.events else None
         self.ended: float | None = None
         """The time of the event that ended the run, s."""
@@ -107,16 +109,17 @@ class Driven:
     def advance(self, k: int) -> bool:
         """Take the pieces from communication point k - 1 to k; return whether none was refused."""
         for i in range(self._counts[k - 1], self._counts[k]):
-            self._values.put(i)
-            self._slopes.put(i)
+            for block, rows in self._inputs:
+                block[:] = rows[i]
             before = self.z.copy() if self.events and self.events.ending else None
             if self._step(self.z, self._lengths[i]) != OK:
                 return False
             self.ended = self.events.take(self._lengths[i]) if self.events else None
             if self.ended is not None and before is not None:
                 return self._go_back(before, self.ended)
-        if self._last.names:
-            self._last.put(self._counts[k] - 1)
+        if self._last:
+            for block, rows in self._last:
+                block[:] = rows[self._counts[k] - 1]
             self._outputs(self.z)
         return True
 
@@ -131,23 +134,6 @@ class Driven:
 def refused_step(name: str, begin: float) -> SimulationError:
     """Return the error for a step of a scene's run that was refused; begin: s."""
     return SimulationError(f"{name}: the step from t = {float(begin)!r} s was refused: not finite")
-
-
-class _Pieces:
-    """A row of numbers for each piece, and the places of the buffer that it goes to."""
-
-    def __init__(self, kernels: Model, z: Buffer, blocks: dict[str, Array]) -> None:
-        self.names, self._z = tuple(blocks), z
-        places = [np.arange(p.start, p.stop) for p in map(kernels.BLOCKS.__getitem__, blocks)]
-        at = np.concatenate([*places, np.zeros(0, np.intp)])
-        together = len(at) and bool((np.diff(at) == 1).all())
-        self._places: slice | NDArray[np.intp] = slice(at[0], at[-1] + 1) if together else at
-        self._rows = np.hstack([*blocks.values()]) if blocks else np.zeros((0, 0))
-
-    def put(self, i: int) -> None:
-        """Set the inputs of piece i."""
-        if self.names:
-            self._z[self._places] = self._rows[i]
 
 
 class Happened(NamedTuple):
