@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 import click
 
@@ -229,21 +229,17 @@ RUN_OPTIONS = [
 ]
 
 
-class Driven(TypedDict):
-    """What drives the ports, as plans and runs take it."""
-
-    inputs: Path | Mapping[str, Any] | None
-    interpolate: str
-
-
 @dataclass(frozen=True)
 class Asked:
-    """A scene file, and what a command asks for beside it; run: in place of what its table [run] has."""
+    """A scene file, and what a command asks for beside it.
+
+    run: in place of what its table [run] has; driven: what drives the ports, as plans and runs take it.
+    """
 
     file: Path
     run: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys(RUN))
     model: str = "planned"
-    driven: Driven = field(default_factory=lambda: Driven(inputs=None, interpolate="hold"))
+    driven: Mapping[str, Any] = field(default_factory=lambda: {"inputs": None, "interpolate": "hold"})
 
     @contextmanager
     def opened(self) -> Iterator["rbfmu.Scene"]:
@@ -262,7 +258,7 @@ class Asked:
         from rbfmu.runs.inputs import input_tables
 
         read = self.driven["inputs"] and input_tables(scene, **self.driven)
-        return replace(self, driven=Driven(inputs=read, interpolate=self.driven["interpolate"]))
+        return replace(self, driven={**self.driven, "inputs": read})
 
 
 class SceneCommand(click.Command):
@@ -284,7 +280,7 @@ class SceneCommand(click.Command):
             raise click.UsageError(f"--interpolate {interpolate}: expected --inputs beside it")
         if read and written and read.exists() and written.exists() and read.samefile(written):
             raise click.UsageError(f"--output {str(written)!r}: expected another file than that of --inputs")
-        driven = Driven(inputs=read, interpolate=interpolate)
+        driven = {"inputs": read, "interpolate": interpolate}
         given["asked"] = Asked(given.pop("scene"), run, given.pop("model", "planned"), driven)
         return super().invoke(ctx)
 
