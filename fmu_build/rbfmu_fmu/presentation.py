@@ -83,7 +83,7 @@ def page(d: Description, version: FmiVersion, needs_python: bool) -> str:
 
 def _formulas(scene: rbfmu.Scene) -> str:
     """Return the scene's formulas as they stand in it, or that no load depends on the position."""
-    if not scene.load_formulas:
+    if not scene.loads.formulas:
         return "<p>No load depends on the position.</p>\n"
     loads = scene.loads
     beside = {n: str(list(getattr(loads, n))) for n, size in loads.sizes.items() if size and n in loads.made}

@@ -37,9 +37,9 @@ class Texts:
         for name, row in scene.tables.items():
             self.motion.names[name] = Table.through(row.x, row.y, row.method == "cubic")
         self._read_formulas(scene.formulas)
-        texts = {name: text for name, text in scene.load_formulas.items() if name != "potential"}
+        texts = {name: text for name, text in scene.loads.formulas.items() if name != "potential"}
         self.loads = {name: self._shaped(f"loads.{name}", text, (3,)) for name, text in texts.items()}
-        self._take_potential(scene.load_formulas.get("potential"))
+        self._take_potential(scene.loads.formulas.get("potential"))
         self.states = {
             name: self._shaped(f"states.{name}.rate", row.rate, () if len(row.start) == 1 else (3,))
             for name, row in scene.states.items()
@@ -91,10 +91,10 @@ class Texts:
         """Yield what is wrong where loads act that have no potential."""
         loads, inputs = self.scene.loads, self.scene.inputs
         acting = [name for name in ("force_b", "torque_a", "torque_b") if any(getattr(loads, name))]
-        acting += [*(name for name in self.scene.load_formulas if name != "potential"), *inputs.ports]
-        if acting or any(loads.damping_b):
-            name = acting[0] if acting else "damping_b"
-            yield f"outputs.quantities: expected no {asked}: {name} has no potential"
+        acting += [*(name for name in loads.formulas if name != "potential"), *inputs.ports]
+        acting += ["damping_b"] if any(loads.damping_b) else []
+        if acting:
+            yield f"outputs.quantities: expected no {asked}: {acting[0]} has no potential"
 
     def _reads_place_alone(self, potential: Any) -> bool:
         """Return whether a potential changes with the path and the attitude alone."""

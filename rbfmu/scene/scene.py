@@ -50,18 +50,13 @@ class Scene(Section):
     events: Annotated[Mapping[str, named.Event], named.EVENTS] = named.NOTHING
 
     @property
-    def load_formulas(self) -> Mapping[str, str]:
-        """Return the loads that are formulas, by name."""
-        return self.loads.formulas
-
-    @property
     def has_formulas(self) -> bool:
         """Return whether loads, states, outputs or events are given as formulas, or have numbers that are set for them.
 
         Those are ports of one's own and listed constants, for which no other model has places.
         """
         listed = self.constants.keys() & {*self.inputs.parameters}
-        return bool(self.load_formulas or self.states or self.outputs.own or self.events or self.inputs.own or listed)
+        return bool(self.loads.formulas or self.states or self.outputs.own or self.events or self.inputs.own or listed)
 
     @property
     def own_texts(self) -> tuple[object, ...]:
@@ -70,7 +65,7 @@ class Scene(Section):
         events = {name: (row.when, row.direction) for name, row in self.events.items()}
         own = {name: row.value for name, row in self.outputs.own.items()}
         added = [getattr(self.loads, name) for name in sorted(self.loads.made - {"potential"})]
-        return self.load_formulas, added, self.formulas, self.tables, rates, events, own
+        return self.loads.formulas, added, self.formulas, self.tables, rates, events, own
 
     @property
     def own_parameters(self) -> dict[str, Parameter]:
