@@ -57,16 +57,12 @@ class Texts:
     def _changing(self, key: str, text: str) -> Any:
         """Return the value of a scalar formula that changes with the motion, the time or an input, not by jumps."""
         found = self._shaped(key, text, ())
-        if found is None or (isinstance(found, Symbol) and self._changes_between_jumps(found)):
+        if found is None or self.motion.graph.reached_of(("state", "input"), [found], "side"):
             return found
         jumps = ", not by jumps alone" if isinstance(found, Symbol) and not found.is_constant else ""
         changing = f"a formula that changes with the motion, the time or an input{jumps}"
         self.faults.append(f"{key}: expected {changing}: {text}")
         return None
-
-    def _changes_between_jumps(self, x: Symbol) -> bool:
-        graph = self.motion.graph
-        return any(graph.operations[i].kind in ("state", "input") for i in graph.reached([x], "side"))
 
     def _take_potential(self, text: str | None) -> None:
         """Add the force and the torque of a potential, and let outputs read energies."""
@@ -98,10 +94,8 @@ class Texts:
 
     def _reads_place_alone(self, potential: Any) -> bool:
         """Return whether a potential changes with the path and the attitude alone."""
-        graph = self.motion.graph
-        reached = [graph.operations[i] for i in graph.reached([potential])]
-        changing = {str(x.value).partition("[")[0] for x in reached if x.kind in ("state", "input")}
-        return changing <= {"q", "r_c"}
+        changing = self.motion.graph.reached_of(("state", "input"), [potential])
+        return {str(x.value).partition("[")[0] for x in changing} <= {"q", "r_c"}
 
     def _check_names(self, scene: Any) -> None:
         taken = {*self.motion.given_names, *FUNCTIONS, *CONSTANTS, "to_a", "to_b", *OUTPUT, *TAKEN, *LOADS}

@@ -6,7 +6,7 @@ the graph without being written again.
 
 import math
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from rbfmu_kernels.numerics.elementary import sincos
@@ -75,6 +75,10 @@ class Graph:
                 seen.add(i)
                 left += () if self.operations[i].kind == last else self.operations[i].of
         return sorted(seen)
+
+    def reached_of(self, kinds: Collection[str], numbers: Iterable["Number"], last: str = "") -> list[Operation]:
+        """Return those operations of some kinds that numbers come of; last: see `reached`."""
+        return [x for i in self.reached(numbers, last) if (x := self.operations[i]).kind in kinds]
 
 
 class Symbol:

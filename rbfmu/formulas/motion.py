@@ -224,7 +224,7 @@ def closure(rates: Mapping[str, Number], wanted: Sequence[Number], graph: Graph)
     found: set[str] = set()
     left = list(wanted)
     while left:
-        new = {str(graph.operations[i].value) for i in graph.reached(left) if graph.operations[i].kind == "state"}
+        new = {str(x.value) for x in graph.reached_of(["state"], left)}
         left = [rates[name] for name in new - found]
         found |= new
     return [name for name in rates if name in found]

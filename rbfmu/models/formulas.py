@@ -131,8 +131,7 @@ class FormulaModel:
         return [x for name in names for x in np.ravel(self.shown[name])]
 
     def _leaves(self, kind: str, numbers: Iterable[Any]) -> list[str]:
-        graph = self.motion.graph
-        return [str(graph.operations[i].value) for i in graph.reached(numbers) if graph.operations[i].kind == kind]
+        return [str(x.value) for x in self.motion.graph.reached_of([kind], numbers)]
 
     def _parameters(self, numbers: Iterable[Any], states: Iterable[str]) -> set[str]:
         places = {value.partition("[")[0] for value in self._leaves("place", numbers)}
