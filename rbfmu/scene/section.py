@@ -270,13 +270,16 @@ class Section:
     """Of the fields that are not by default the key, and the value if the key has another name."""
 
     def __init_subclass__(cls, path: str = "") -> None:
-        """Find the rules, own ones before a base's, and each key's table, which an error names of a misplaced key."""
+        """Find the rules, and record the table of each key, so that an error can name it where the key is misplaced.
+
+        Own rules come before those of a base, as the first may stand alone, and in their place.
+        """
         cls._path, found = path or cls._path, dict[str, Any]()
         for name, hint in get_annotations(cls).items():
             for said in (*getattr(hint, "__metadata__", ()), hint, *get_args(hint)):
                 if isinstance(said, Rule) or (isinstance(said, type) and issubclass(said, Section)):
                     found.setdefault(name, said)
-        cls._rules, cls._keys = {**found, **cls._rules}, {}
+        cls._rules, cls._keys = {**found, **cls._rules, **found}, {}
         for name, rule in cls._rules.items():
             cls._keys |= {} if name in cls._hidden else {name: (name, rule)}
             cls._keys |= {key: way for key, way in cls._instead.items() if way[0] == name}
