@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import rbfmu
+from rbfmu.studies import reference_methods
 from rbfmu.studies.one_step import method_of_file
 from rbfmu.studies.stability import CURVE, method_laws, motions
 from rbfmu.studies.stability.method_laws import largest_stable, order, own_laws
@@ -33,6 +34,14 @@ def test_heuns_method_has_its_order_and_its_limits(heun):
     assert largest_stable(lambda x: method_laws.decay_factor(heun, x)) == pytest.approx(2.0, abs=1e-9)
     x = 0.4
     assert method_laws.growth(heun, x) == pytest.approx(abs(1 + 0.5j * x - x**2 / 8), rel=1e-15)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ["RK4, quaternion", "RK4, matrix", "Moser-Veselov, order 10"])
+def test_the_order_is_that_of_fine_steps(name):
+    """2026-11-27: RK4 had the order 4.54, between the first two steps with small errors."""
+    method = reference_methods.ALL_INTEGRATORS[name]
+    assert order(method) == pytest.approx(method.order, abs=0.07)
 
 
 @pytest.mark.thorough
