@@ -331,6 +331,15 @@ def test_a_pictures_ticks_stand_on_their_axes(monkeypatch: pytest.MonkeyPatch) -
     assert [text.get_text() for text in axes.get_yticklabels()] == ["two"]
 
 
+@pytest.mark.thorough
+def test_titles_say_the_errors_of_resonant_and_shorter_steps() -> None:
+    """2026-11-27: at a quarter of the resonant step the title had 0.0004, and the curve 0.00048."""
+    resonance = 2.0 * math.pi / (0.3 * 50.0)
+    large, small = (motion_laws._energy_error("Strang", h) for h in (resonance, 0.25 * resonance))
+    title = pictures.PICTURES["splitting_resonance"].title
+    assert f"error is {large:.1f} m g l, at a quarter of that step it is {small:.4f} m g l" in title
+
+
 @pytest.mark.parametrize(("error", "said"), [(1.32e-10, "2e-10"), (2e-10, "2e-10"), (9.1e-10, "1e-09"), (0.0, "0e+00")])
 def test_no_picture_says_a_smaller_error_than_was_found(error: float, said: str, monkeypatch, tmp_path: Path) -> None:
     """2026-11-22: 1.32e-10 rad were "within 1e-10 rad"."""
