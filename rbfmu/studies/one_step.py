@@ -73,6 +73,17 @@ def compiled_loop(step: Callable[[Form, float, Body, Loads], Form]) -> Steps:
 
 # A method of the reader's own
 
+
+class _Own(OneStepMethod):
+    """A method of a file: what its step raises is told with its name, whatever it is."""
+
+    def path(self, state: State, h: float, counts: Iterable[int], body: Body, loads: Loads = NO_LOADS) -> list[Form]:
+        try:
+            return super().path(state, h, counts, body, loads)
+        except Exception as error:
+            raise ValueError(f"{self.name}, a step of {h:g} s: {type(error).__name__}: {error}") from error
+
+
 EXPECTED = "expected a function step(q, omega, h, body, loads) that returns (q, omega): 4 and 3 finite numbers"
 _I = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _TRIED = (1.0, 0.0, 0.0, 0.0), (0.3, 1.0, 0.2)
@@ -95,7 +106,7 @@ def method_of_file(path: str | Path) -> OneStepMethod:
         loop(State((0.0,) * 3, (0.0,) * 3, *_TRIED), 0.01, 1, Body(1.0, _I, _I, (0.0,) * 3, (0.0,) * 3, 1.0), NO_LOADS)
     except NumbaError:
         name, loop = f"{path.stem} (as Python)", _interpreted(step)
-    return OneStepMethod(name, loop, 0, math.nan)
+    return _Own(name, loop, 0, math.nan)
 
 
 def _check(found: Any) -> None:

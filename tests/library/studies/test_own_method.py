@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import rbfmu
-from rbfmu.studies import reference_methods
+from rbfmu.studies import one_step, reference_methods
 from rbfmu.studies.one_step import method_of_file
 from rbfmu.studies.stability import CURVE, method_laws, motions
 from rbfmu.studies.stability.method_laws import largest_stable, order, own_laws
@@ -90,6 +90,17 @@ def test_a_bad_file_is_refused_with_what_was_expected(text, tmp_path: Path):
     with pytest.raises(ValueError, match=r"bad\.py") as refused:
         method_of_file(path)
     assert FAULTY[text] in str(refused.value)
+
+
+def test_what_a_step_raises_later_is_told_with_the_methods_name():
+    """2026-11-27: the command ended with a traceback, or with the words of the error alone."""
+
+    def steps(y, h, n, body, loads):
+        raise RuntimeError("no convergence")
+
+    start, body = motions.TUMBLING.start, motions.TUMBLING.body
+    with pytest.raises(ValueError, match=r"implicit, a step of 0\.5 s: RuntimeError: no convergence"):
+        one_step._Own("implicit", steps, 0, math.nan).run(start, 0.5, 1, body, NO_LOADS)
 
 
 def test_a_command_refuses_a_bad_file_before_it_writes(tmp_path: Path):
