@@ -24,9 +24,9 @@ def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, A
 
     Shapes: masses (n), positions (n, 3) -> (), (3), (3, 3); leading axes broadcast.
     Units: masses in kg, together above 0, positions in m, from o; M_c in kg m^2.  Frames: all in one frame.
-    Error <= 1 eps of the mass, of the largest position and of the trace, for any n, where no mass is negative: sums are
-    compensated, and a cloud far away loses no digits but those of its positions. With negative masses, for holes, that
-    of M_c is 1 eps of the trace that their sizes have.
+    Error <= 1 eps of the mass and of the largest position, 2 eps of the trace, for any n, where no mass is negative:
+    sums are compensated, and a cloud far away loses no digits but those of its positions. With negative masses, for
+    holes, that of M_c is 2 eps of the trace that their sizes have.
     Singular: where the masses' sum is not above 0, a ValueError.  Source: E&G (7.30); lecture, "Inertia dyadic".
     """
     m = from_kernel.as_floats("inertia_of_points", "masses", masses)

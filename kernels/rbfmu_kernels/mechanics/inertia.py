@@ -69,9 +69,9 @@ def inertia_of_points(masses: Sequence[float], positions: Sequence[Vec3]) -> tup
 
     masses are n numbers, positions n points from o: arrays (n) and (n, 3), or tuples.
     Units: masses in kg, together above 0, positions in m; M_c in kg m^2.  Frames: all in one frame.
-    Error <= 1 eps of the mass, of the largest position and of the trace, for any n, where no mass is negative: sums are
-    compensated, and a cloud far away loses no digits but those of its positions. With negative masses, for holes, that
-    of M_c is 1 eps of the trace that their sizes have.
+    Error <= 1 eps of the mass and of the largest position, 2 eps of the trace, for any n, where no mass is negative:
+    sums are compensated, and a cloud far away loses no digits but those of its positions. With negative masses, for
+    holes, that of M_c is 2 eps of the trace that their sizes have.
     Singular: where the masses' sum is 0, which gives NaN.  Source: E&G (7.30); lecture, "Inertia dyadic".
     """
     zero = (0.0, 0.0, 0.0)
