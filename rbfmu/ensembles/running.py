@@ -134,7 +134,9 @@ def workers_of(executor: Any) -> Iterator[tuple[Submit, int]]:
         with ThreadPoolExecutor(number, "rbfmu") as pool:
             yield pool.submit, number
     elif hasattr(executor, "scheduler_info"):  # a client of Dask, which runs the chunk of a worker that dies on another
-        yield partial(executor.submit, pure=False), max(1, sum(executor.nthreads().values()))
+        with _losses():  # the scheduler may have died while the ensemble was planned
+            number = max(1, sum(executor.nthreads().values()))
+        yield partial(executor.submit, pure=False), number
     elif hasattr(executor, "submit"):
         yield executor.submit, int(getattr(executor, "_max_workers", 0)) or processors()
     else:

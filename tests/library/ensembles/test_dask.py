@@ -119,6 +119,21 @@ def test_no_scheduler_is_said(monkeypatch):
     assert "Error: no scheduler of Dask at 'tcp://127.0.0.1:9': " in found.stderr
 
 
+class Lost:
+    """A client whose scheduler died while the ensemble was planned: its error is an OSError."""
+
+    submit = scheduler_info = None
+
+    def nthreads(self):
+        raise distributed.comm.core.CommClosedError("ConnectionPool closing.")
+
+
+def test_a_scheduler_that_died_before_the_first_chunk_is_said(tmp_path):
+    """2026-11-27: the command said "a file: ConnectionPool closing."."""
+    with pytest.raises(SimulationError, match="the executor lost a chunk of the ensemble: CommClosedError: Conn"):
+        run(satellite(), tmp_path / "store.npz", executor=Lost())
+
+
 def process(module, *arguments):
     command = [sys.executable, "-m", f"distributed.cli.{module}", *arguments, "--no-dashboard"]
     return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ | PATHS)
