@@ -126,7 +126,7 @@ def with_file(figure: Figure, path: str | Path | None) -> Figure:
 
 
 def draw_components(axes: Axes, time: Array, values: Array, names: tuple[str, ...], turn: float = math.inf) -> None:
-    """Draw values (n,) or (n, k) as named lines; those of angles are with_gaps where they lose a turn."""
+    """Draw values (n,) or (n, k) as named lines; those of angles have gaps where they lose a turn."""
     columns = values[:, None] if values.ndim == 1 else values
     for k, name in enumerate(names):
         axes.plot(*with_gaps(time, columns[:, k], turn), color=COLORS[k], linewidth=1.2, label=name)
@@ -137,8 +137,12 @@ def draw_components(axes: Axes, time: Array, values: Array, names: tuple[str, ..
 
 
 def with_gaps(time: Array, angles: Array, turn: float) -> tuple[Array, Array]:
-    """Return the points (n,) of a line with a gap between those that are more than half a turn apart."""
-    jumps = np.flatnonzero(np.abs(np.diff(angles)) > 0.5 * turn) + 1
+    """Return the points (n,) of a line with a gap between those that are more than half a turn apart.
+
+    Angles that take up more than a turn count on, and have no gaps: a wheel may turn by any angle between two points.
+    """
+    loses_turns = np.fmax.reduce(angles) - np.fmin.reduce(angles) <= turn * (1.0 + 1e-9)
+    jumps = np.flatnonzero(loses_turns & (np.abs(np.diff(angles)) > 0.5 * turn)) + 1
     return np.insert(time, jumps, time[jumps]), np.insert(angles, jumps, np.nan)
 
 
