@@ -134,6 +134,8 @@ def workers_of(executor: Any) -> Iterator[tuple[Submit, int]]:
         with ThreadPoolExecutor(number, "rbfmu") as pool:
             yield pool.submit, number
     elif hasattr(executor, "scheduler_info"):  # a client of Dask, which runs the chunk of a worker that dies on another
+        if executor.status == "closed":
+            raise ValueError(f"executor = {executor!r}: expected a client of Dask that is open")
         with _losses():  # the scheduler may have died while the ensemble was planned
             number = max(1, sum(executor.nthreads().values()))
         yield partial(executor.submit, pure=False), number

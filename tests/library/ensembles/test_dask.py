@@ -41,7 +41,7 @@ class Fatal:
 
     def __init__(self, client, mark, victim=0):
         self.client, self.mark, self.victim, self.count = client, mark, victim, 0
-        self.scheduler_info, self.nthreads = client.scheduler_info, client.nthreads
+        self.scheduler_info, self.nthreads, self.status = client.scheduler_info, client.nthreads, client.status
 
     def submit(self, task, *args, pure):
         self.count += 1
@@ -123,6 +123,7 @@ class Lost:
     """A client whose scheduler died while the ensemble was planned: its error is an OSError."""
 
     submit = scheduler_info = None
+    status = "connecting"
 
     def nthreads(self):
         raise distributed.comm.core.CommClosedError("ConnectionPool closing.")
@@ -132,6 +133,13 @@ def test_a_scheduler_that_died_before_the_first_chunk_is_said(tmp_path):
     """2026-11-27: the command said "a file: ConnectionPool closing."."""
     with pytest.raises(SimulationError, match="the executor lost a chunk of the ensemble: CommClosedError: Conn"):
         run(satellite(), tmp_path / "store.npz", executor=Lost())
+
+
+def test_a_closed_client_is_refused(monkeypatch):
+    """2026-11-27: it ended with an AttributeError of Dask's."""
+    monkeypatch.setattr(Lost, "status", "closed")
+    with pytest.raises(ValueError, match="expected a client of Dask that is open"):
+        run(satellite(), executor=Lost())
 
 
 def process(module, *arguments):
