@@ -86,20 +86,18 @@ def truth(key: str) -> dict[str, Array]:
     return {name: np.array(references()["motions"][key][name]) for name in QUANTITIES}
 
 
-def attitude_error(q: Array, true_q: Array) -> float:
-    """Return the largest attitude error in rad; a deviation of the quaternion's norm from 1 counts as an error."""
-    sign = np.where(np.sum(q * true_q, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
-    apart, together = np.linalg.norm(sign * q - true_q, axis=-1), np.linalg.norm(sign * q + true_q, axis=-1)
-    return float(np.max(4.0 * np.arctan2(apart, together)))
-
-
 def error_of(found: Mapping[str, Array], true: Mapping[str, Array]) -> float:
-    """Return the largest error: attitude in rad, others relative to the largest norm (at least 1 m, 1 m/s)."""
+    """Return the largest error: attitude in rad, others relative to the largest norm (at least 1 m, 1 m/s).
+
+    Where a quaternion has not the length 1, that counts as an error of the attitude.
+    """
     rows = {name: values.reshape(len(values), -1) for name, values in found.items()}
-    if not all(np.all(np.isfinite(values)) for values in rows.values()):
-        return math.inf
-    turned = attitude_error(rows["quaternion"], true["quaternion"]) if "quaternion" in rows else 0.0
-    return max(turned, largest_error(rows, true, rows.keys() - {"quaternion"}))
+    return largest_error(rows, true, rows)
+
+
+def attitude_error(q: Array, true_q: Array) -> float:
+    """Return the largest error of attitudes (n, 4), rad."""
+    return error_of({"quaternion": q}, {"quaternion": true_q})
 
 
 def error_of_model(key: str, planned: Plan) -> float:

@@ -110,9 +110,8 @@ def test_errors_count_every_digit_and_every_quantity() -> None:
         off = values * (1.0 + 1e-5 * (np.arange(values.shape[1]) == 0))
         assert 1e-7 < motions.error_of({name: off}, true) < 1e-4, name
     assert motions.error_of({"omega_b": true["omega_b"] * math.nan}, true) == math.inf
-    assert motions.attitude_error(np.array([1.00001, 0.0, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0, 0.0])) == pytest.approx(
-        2e-5, rel=1e-4
-    )
+    longer, turned = np.array([[1.00001, 0.0, 0.0, 0.0]]), np.array([[-1.0, 0.0, 0.0, 0.0]])
+    assert motions.attitude_error(longer, turned) == pytest.approx(2e-5, rel=1e-4)
 
 
 @pytest.mark.thorough
