@@ -342,12 +342,12 @@ def chart(scene: Path | None, folder: Path, quick: bool, method: Path | None) ->
 @common.method_option
 def stability(folder: Path, quick: bool, method: Path | None) -> None:
     """Measure where methods fail, against the laws that predict it; draw it."""
-    from rbfmu.studies.stability import OWN, failures, print_laws, read_findings, run_stability
+    from rbfmu.studies.stability import OWN, failures, print_laws, run_stability
 
     with common.usage_errors(), named(folder):
-        paths = run_stability(folder, quick, progress_bar("stability"), method)
-    findings, wrong = read_findings(folder), failures(folder)
+        findings, paths = run_stability(folder, quick, progress_bar("stability"), method)
     print_laws(findings)
+    wrong = failures(findings)
     count = sum(f.kind != OWN for f in findings)
     click.echo(f"\n{count - len(wrong)} of {count} findings hold; {len(paths)} files in {folder}")
     for text in wrong:

@@ -4,7 +4,6 @@ A law says what it predicts, a finding what was measured beside it. `run_stabili
 first and draws afterwards; `print_laws` shows them as a table on the terminal.
 """
 
-import csv
 import math
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -69,7 +68,8 @@ def finding(
     """
     law, row = _FINDINGS[name]
     predicted, near = row.get("predicted", predicted), row.get("near", near)
-    return Finding(law, row["what"].format(**words), predicted, measured, near, row.get("kind", EQUAL), place)
+    what, kind = row["what"].format(**words), row.get("kind", EQUAL)
+    return Finding(law, what, float(predicted), float(measured), near, kind, place)  # NumPy's would be shown as such
 
 
 def exponent(larger: float, smaller: float, ratio: float = 2.0) -> float:
@@ -97,8 +97,8 @@ class Study:
     curve: Callable[[one_step.OneStepMethod], list[float]] | None = None
 
 
-_NUMBERS = {"law": int, "predicted": float, "measured": float, "tolerance": float}
 _NAMES = ("law", "what", "place", "kind", "predicted", "measured", "tolerance", "holds")
+"""The columns of `laws.csv`."""
 
 
 def write_columns(path: Path, columns: Mapping[str, Sequence[object]]) -> Path:
@@ -107,21 +107,9 @@ def write_columns(path: Path, columns: Mapping[str, Sequence[object]]) -> Path:
     return write_rows(path, (dict(zip(columns, row, strict=True)) for row in rows), ())
 
 
-def write_findings(path: Path, findings: Sequence[Finding]) -> Path:
-    """Write a CSV file with the columns law, what, place, kind, predicted, measured, tolerance, holds."""
-    return write_columns(path, {name: [getattr(f, name) for f in findings] for name in _NAMES})
-
-
-def read_findings(folder: Path) -> list[Finding]:
-    """Return the findings in a folder that `run_stability` has written."""
-    with (folder / "laws.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    return [Finding(**{name: _NUMBERS.get(name, str)(row[name]) for name in _NAMES[:-1]}) for row in rows]
-
-
-def failures(folder: Path) -> list[str]:
-    """Return a line for each finding that does not hold, from a folder that `run_stability` has written."""
-    return [in_words(f) for f in read_findings(folder) if not f.holds]
+def failures(findings: Iterable[Finding]) -> list[str]:
+    """Return a line for each finding that does not hold."""
+    return [in_words(f) for f in findings if not f.holds]
 
 
 def in_words(finding: Finding) -> str:
@@ -193,8 +181,8 @@ def all_studies() -> tuple[Callable[[bool], Study], ...]:
 def run_stability(
     folder: Path, quick: bool = False, progress: Callable[[Sequence[Any]], Iterable[Any]] | None = None,
     method: str | Path | None = None,
-) -> list[Path]:  # fmt: skip
-    """Measure all laws and maps, write CSV files and pictures into a folder; return their paths, `laws.csv` first.
+) -> tuple[list[Finding], list[Path]]:  # fmt: skip
+    """Measure all laws and maps, write CSV files and pictures into a folder; return findings and paths.
 
     progress: wraps the sequence of parts, for instance in a progress bar; a part takes a few seconds. method: a file
     with a method of one's own, which is measured as well (`rbfmu.studies.one_step`).
@@ -204,14 +192,16 @@ def run_stability(
 
     own = None if method is None else one_step.method_of_file(method)
     folder.mkdir(parents=True, exist_ok=True)
-    studies, found, cells, paths = all_studies(), list[Study](), list[motions.Row](), list[Path]()
+    studies, found, cells = all_studies(), list[Study](), list[motions.Row]()
+    findings, paths = list[Finding](), list[Path]()
     judged = [(name, motions.METHODS[name]) for name in (motions.QUICK_METHODS if quick else motions.METHODS)]
     judged += [(own.name, partial(motions.verdict_of_steps, own))] if own else []
 
     def write() -> list[Path]:
-        findings = [f for study in found for f in study.findings] + motions.findings_of_maps(cells)
+        measured = [f for study in found for f in study.findings] + motions.findings_of_maps(cells)
+        findings.extend(sorted(measured, key=lambda f: f.law))
         return [
-            write_findings(folder / "laws.csv", sorted(findings, key=lambda f: f.law)),
+            write_columns(folder / "laws.csv", {name: [getattr(f, name) for f in findings] for name in _NAMES}),
             *(write_columns(folder / f"{study.name}.csv", study.columns) for study in found if study.columns),
             write_rows(folder / "maps.csv", (cell._asdict() for cell in cells), ()),
         ]
@@ -228,4 +218,4 @@ def run_stability(
         simplefilter("ignore", SceneWarning)  # whole turns between points are intended here
         for results, part in parts if progress is None else progress(parts):
             results.extend(part())
-    return paths
+    return findings, paths

@@ -246,27 +246,26 @@ def test_stability_leaves_tables_and_pictures(tmp_path: Path) -> None:
             yield part
             seen.append(len(seen))
 
-    paths = stability.run_stability(tmp_path / "out", quick=True, progress=progress)
-    assert paths[0].name == "laws.csv"
+    findings, paths = stability.run_stability(tmp_path / "out", quick=True, progress=progress)
     assert {p.name for p in (tmp_path / "out").iterdir()} == {p.name for p in paths}
     assert len([p for p in paths if p.suffix == ".png" and p.stat().st_size > 10_000]) == len(STUDIES) + 1
     assert len(seen) == 2 * len(STUDIES) + len(motions.QUICK_METHODS) + 2
-    assert stability.failures(tmp_path / "out") == []
+    assert stability.failures(findings) == []
+    with (tmp_path / "out" / "laws.csv").open(newline="") as file:
+        assert [float(row["measured"]) for row in csv.DictReader(file)] == [f.measured for f in findings]
     with (tmp_path / "out" / "maps.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["verdict"] for row in rows if row["method"] in motions.OURS} == {"right"}
     assert {row["verdict"] for row in rows} >= {"right", "wrong", "not finite"}
 
 
-def test_a_law_that_does_not_hold_is_reported(tmp_path: Path) -> None:
+def test_a_law_that_does_not_hold_is_reported() -> None:
     wrong = Finding(1, "growth", 1.0, 1.1, 0.01)
     place = Finding(15, "tile", 1e-9, math.inf, 0.0, AT_MOST, "h omega 1, moments 1")
-    stability.write_findings(tmp_path / "laws.csv", [wrong, Finding(2, "bound", 1.0, 0.5, 0.0, AT_MOST), place])
-    assert stability.failures(tmp_path) == [
+    assert stability.failures([wrong, Finding(2, "bound", 1.0, 0.5, 0.0, AT_MOST), place]) == [
         "law 1, growth: predicted 1.0, measured 1.1",
         "law 15, tile (h omega 1, moments 1): predicted 1e-09, measured inf",
     ]
-    assert stability.read_findings(tmp_path)[0] == wrong
 
 
 def test_the_table_names_law_source_prediction_measurement_and_verdict(capsys: pytest.CaptureFixture[str]) -> None:
@@ -293,9 +292,8 @@ def test_the_table_names_law_source_prediction_measurement_and_verdict(capsys: p
 def test_command_prints_the_table_and_fails_with_a_finding(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: float, status: int
 ) -> None:
-    def run(folder: Path, quick: bool, progress: Any, method: Path | None) -> list[Path]:
-        folder.mkdir()
-        return [stability.write_findings(folder / "laws.csv", [Finding(15, "tile", 1e-9, measured, 0.0, AT_MOST)])]
+    def run(folder: Path, quick: bool, progress: Any, method: Path | None) -> tuple[list[Finding], list[Path]]:
+        return [Finding(15, "tile", 1e-9, measured, 0.0, AT_MOST)], [folder / "laws.csv"]
 
     monkeypatch.setattr(stability, "run_stability", run)
     result = call("stability", "--quick", "-o", tmp_path / "out")
