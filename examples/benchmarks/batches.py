@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 import rbfmu
 from examples.benchmarks.support.goals import Goal, status
 from examples.benchmarks.support.least import least
-from rbfmu.ensembles.loops import compile_lanes, run_alone, run_in_lanes, undriven
+from rbfmu.ensembles.control import NOTHING, driven_members
+from rbfmu.ensembles.loops import compile_lanes, run_alone, run_in_lanes
 from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.running import run_ensemble
@@ -121,9 +122,9 @@ def ours(batch: Batch, mark: float, run: Callable[..., Any]) -> Iterator[Run]:
     varied = [blocks[name] for name in ("inertia", "mass", "omega_b_0", "constant_torque_b")]
     places = np.concatenate([np.arange(block.start, block.stop) for block in varied])
     kept = np.arange(blocks["quaternion"].start, blocks["quaternion"].stop)
-    steps, count = np.array([batch.case.span]), len(batch.scenes)
+    count = len(batch.scenes)
     rows, ends, none = np.empty((count, 1, 4)), np.empty((count, 2), dtype=np.int64), np.empty(0, dtype=np.int64)
-    control, driving = undriven(steps, count)
+    control, driving = driven_members(NOTHING, batch.scenes[0], LOADED_TAYLOR, range(count))
     for looser in LOOSER:
         settings = replace(plan, tolerance=looser * plan.tolerance)
         filled = [filled_buffer(scene, settings) for scene in batch.scenes]

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.ensembles.control import Control, driven_members, errors_named, wrong_input
-from rbfmu.ensembles.loops import compile_lanes, run_alone, run_in_lanes, undriven
+from rbfmu.ensembles.control import NOTHING, Control, driven_members, errors_named, wrong_input
+from rbfmu.ensembles.loops import compile_lanes, run_alone, run_in_lanes
 from rbfmu.ensembles.members import Samples, draw, ensemble_of, member, refusals
 from rbfmu.ensembles.statistics import MOST_NUMBERS, MOST_SAMPLED, Summary, most_points, sample_of, summary_of
 from rbfmu.ensembles.variables import ALL, COUNT, FINAL, FIRST, STATISTICS, Columns, columns_of, flat, varied_rows
@@ -210,11 +210,8 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: A
     noted = np.zeros((len(which), len(after)))
     base, kept = filled_buffer(work.scene, plan), work.columns.places(kernels.BLOCKS)
     members = Members(base, places, values[which], kept, rows, ends, after, noted)
-    if work.control:
-        control, driving = driven_members(work.control, work.scene, kernels, (samples.first + which).tolist())
-    else:
-        control, driving = undriven(steps, len(which))
-    given = kernels, members, control, driving
+    numbers = (samples.first + which).tolist()
+    given = kernels, members, *driven_members(work.control or NOTHING, work.scene, kernels, numbers)
     with errors_named(work.scene, work.control):
         alone = not (_has_lanes(plan) and run_in_lanes(*given, compile_now=False))
         if alone:

@@ -68,7 +68,11 @@ class Controller:
         return self.function
 
 
-NONE = Controller(loops.hold)
+def _leave(t: float, outputs: Any, state: Any, inputs: Any, noise: Any) -> None:
+    """Leave inputs as they are."""
+
+
+NONE = Controller(_leave)
 EXPECTED = "f(t, outputs, state, inputs, noise) that writes to inputs and returns nothing"
 
 
@@ -104,6 +108,10 @@ class Control:
             return input_tables(scene, self.inputs(number), self.interpolate)
         except SceneError as error:
             raise SceneError(error.faults, f"{scene.name}, member {number}") from None
+
+
+NOTHING = Control({}, None)
+"""What drives members that nothing drives."""
 
 
 def control_of(scene: Scene, plan: Plan, inputs: Any, controller: Any, interpolate: str = HOLD) -> Control | None:
@@ -200,9 +208,10 @@ def _controlled(drive: Drive) -> Drive:
 
 def _rows(scene: Scene, drive: Drive, part: str) -> Array:
     """Return the values, or the slopes, of all ports in each piece; where no table gives any, NaN and 0."""
-    fill = np.nan if part == "values" else 0.0
-    none = {port: np.full((len(drive.lengths), size_of(scene, port)), fill) for port in scene.inputs.ports}
-    return np.hstack([getattr(drive.ports[port], part) if port in drive.ports else none[port] for port in none])
+    count, fill = len(drive.lengths), np.nan if part == "values" else 0.0
+    none = {port: np.full((count, size_of(scene, port)), fill) for port in scene.inputs.ports}
+    given = [getattr(drive.ports[port], part) if port in drive.ports else none[port] for port in none]
+    return np.hstack([np.empty((count, 0)), *given])
 
 
 def wrong_input(scene: Scene, end: Sequence[int]) -> str:

@@ -11,7 +11,7 @@ from threading import Thread
 from typing import Any
 
 import numpy as np
-from numba import config, float64, int64, njit, typeof, types, uint64
+from numba import config, float64, int64, typeof, types, uint64
 
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.types import Array
@@ -65,10 +65,6 @@ def run_members(
             k += 1
         note(z, i, run)
     return 0
-
-
-def hold(t: float, outputs: Any, state: Any, inputs: Any, noise: Any) -> None:
-    """Leave the inputs of members that no controller has as they are."""
 
 
 LANES = 16
@@ -220,19 +216,6 @@ AT_ONCE = 64
 """Members whose buffers are filled at a time: their part that is used lies in a processor's own cache."""
 _CACHE_LINE = 8
 """The numbers in a cache line."""
-
-
-def undriven(steps: Array, members: int) -> tuple[Callable[..., None], Driving]:
-    """Return the controller, and what drives so many members, where nothing does."""
-    time = np.concatenate([[0.0], np.cumsum(steps)])
-    none, table = np.empty(0, dtype=np.int64), np.empty((len(steps), 0))
-    counts, noise = np.arange(len(time))[None, :], np.empty((members, len(steps), 0))
-    return _hold(), Driving(none, none, time, steps, counts, table, table, np.empty(0), noise)
-
-
-@cache
-def _hold() -> Callable[..., None]:
-    return njit(types.void(*CONTROLLED))(hold)  # type: ignore[no-any-return]
 
 
 def run_alone(kernels: Any, members: Members, control: Any, driving: Driving) -> None:

@@ -10,7 +10,8 @@ from numba import config
 from rbfmu import SceneError, SimulationError, load_scene, simulate
 from rbfmu.ensembles import chunks, loops
 from rbfmu.ensembles.chunks import Work, members_of_a_chunk, run_chunk
-from rbfmu.ensembles.loops import AT_ONCE, run_alone, run_in_lanes, undriven
+from rbfmu.ensembles.control import NOTHING, driven_members
+from rbfmu.ensembles.loops import AT_ONCE, run_alone, run_in_lanes
 from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.models.registry import MODELS
@@ -250,8 +251,8 @@ def given(count, points, model=LOADED_TAYLOR):
     rows, none = np.full((count, points, 4), -1.0), np.empty(0, dtype=np.int64)
     own = members(max(count, 6))[:count]
     common = filled_buffer(SCENE, PLAN), PLACES, own, KEPT, rows, np.full((count, 2), -9), none
-    control, driving = undriven(STEPS, count)
-    return model, Members(*common, np.empty((count, 0))), control, driving
+    control, driving = driven_members(NOTHING, SCENE, model, range(count))
+    return model, Members(*common, np.empty((count, 0))), control, driving._replace(lengths=STEPS)
 
 
 @pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
