@@ -272,9 +272,7 @@ def _compile(run: Any, signature: tuple[Any, ...]) -> None:
         run.compile(signature)
 
 
-_COMPILING: dict[Any, Thread] = {}
-
-
+@cache
 def compile_lanes(kernels: Any) -> Thread | None:
     """Compile lanes beside what else is done, once in a process; return the thread that does, None without lanes.
 
@@ -282,8 +280,6 @@ def compile_lanes(kernels: Any) -> Thread | None:
     """
     if not kernels.lanes or config.DISABLE_JIT:
         return None
-    run, signature = _lanes_of(kernels)
-    if run not in _COMPILING:
-        _COMPILING[run] = Thread(target=_compile, args=(run, signature))
-        _COMPILING[run].start()
-    return _COMPILING[run]
+    compiling = Thread(target=_compile, args=_lanes_of(kernels))
+    compiling.start()
+    return compiling
