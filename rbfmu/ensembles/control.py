@@ -198,12 +198,11 @@ def _controlled(drive: Drive) -> Drive:
 
     Elsewhere, where a row of another port cuts a step, it is NaN: what a controller wrote goes on.
     """
-    at_point = np.isin(np.arange(len(drive.lengths)), drive.counts)
-    values = {
-        port: np.where((pieces.at_row | at_point)[:, None], pieces.values, np.nan)
-        for port, pieces in drive.ports.items()
-    }
-    return drive._replace(ports={port: pieces._replace(values=values[port]) for port, pieces in drive.ports.items()})
+    at_point, ports = np.isin(np.arange(len(drive.lengths)), drive.counts), {}
+    for port, pieces in drive.ports.items():
+        is_given = (pieces.at_row | at_point)[:, None]
+        ports[port] = pieces._replace(values=np.where(is_given, pieces.values, np.nan))
+    return drive._replace(ports=ports)
 
 
 def _rows(scene: Scene, drive: Drive, part: str) -> Array:
