@@ -16,7 +16,6 @@ from rbfmu.ensembles import draws, variables
 from rbfmu.scene.body import SHAPES, Body
 from rbfmu.scene.ensemble import GRID, Ensemble, nominal_value
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.scene.section import Numbers
 from rbfmu.scene.variations import ATTITUDE, AXES, DEGREES, INERTIA, RULES, SHAPE, UNIFORM, Marginal, Variation
 from rbfmu.types import Array, Indices
 from rbfmu_kernels.compile.tiered import evaluated, tiered
@@ -147,8 +146,7 @@ def refusals(scene: Scene, samples: Samples) -> dict[int, str]:
 
 def _check_shape(scene: Scene, samples: Samples, row: int) -> None:
     """Raise SceneError for a shape that a scene refuses; its inertia may not tell."""
-    shape = scene.ensemble.variation_of(SHAPE) if scene.ensemble else None
-    if shape is not None:
+    if shape := ensemble_of(scene).variation_of(SHAPE):
         sizes = {key.removeprefix(f"{SHAPE}."): value[row].tolist() for key, value in samples.applied.items()
                  if key.startswith(f"{SHAPE}.")}  # fmt: skip
         SHAPES[shape.form].read({"kind": shape.form, **sizes})
@@ -156,11 +154,11 @@ def _check_shape(scene: Scene, samples: Samples, row: int) -> None:
 
 def _doubtful(scene: Scene, samples: Samples) -> list[Indices]:
     """Return rows that a scene's checks may refuse; they are few, but for slender beams."""
-    found = [np.empty(0, dtype=np.int64)]
+    found, known = [np.empty(0, dtype=np.int64)], {**RULES, **variables.SIZES}
     for key, values in samples.applied.items():
         rows = values.reshape(len(samples), -1)
         good = np.isfinite(rows).all(axis=1)
-        rule = _rule(scene, key)
+        rule = known.get(key)
         if rule is not None and not rule.holds(float(rows.min())):
             good &= np.array([rule.holds(least) for least in rows.min(axis=1).tolist()])
         found.append(np.flatnonzero(~good))
@@ -170,15 +168,6 @@ def _doubtful(scene: Scene, samples: Samples) -> list[Indices]:
     elif scene.body is not None and len(thin_rows(np.array([scene.body.inertia]))):
         found.append(np.arange(len(samples)))
     return found
-
-
-def _rule(scene: Scene, key: str) -> Numbers | None:
-    """Return the rule of a key whose numbers have a lower bound, if any."""
-    rule = RULES.get(key)
-    if key.startswith(f"{SHAPE}.") and scene.ensemble is not None:
-        shape = scene.ensemble.variation_of(SHAPE)
-        rule = SHAPES[shape.form]._rules[key.removeprefix(f"{SHAPE}.")] if shape else None
-    return rule if rule is not None and rule.bound else None
 
 
 def _in_si(key: str) -> str:
@@ -194,8 +183,7 @@ class _Appliance:
     """What is applied to some members, by the keys of the scene: SI numbers (count, ...), of numbers drawn (count,)."""
 
     def __init__(self, scene: Scene, drawn: Mapping[str, Array], count: int) -> None:
-        assert scene.ensemble is not None
-        self.scene, self.ensemble, self.drawn, self.count = scene, scene.ensemble, drawn, count
+        self.scene, self.ensemble, self.drawn, self.count = scene, ensemble_of(scene), drawn, count
 
     def values(self) -> Iterator[tuple[str, Array]]:
         """Yield the keys with what is applied."""

@@ -1,5 +1,6 @@
 """The variables of an ensemble: columns of a member's outputs; names, dimensions, units and frames of what is kept."""
 
+import math
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ import numpy as np
 
 from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE
 from rbfmu.result import AXES
-from rbfmu.scene.body import TRIANGLE
+from rbfmu.scene.body import SHAPES, TRIANGLE
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.scene.variations import QUANTITY_OF, SHAPE
 from rbfmu.types import Array, Indices, NDArray
@@ -18,12 +19,11 @@ from rbfmu_kernels.quantities import OUTPUT, TIME, Load, Output, Parameter, Quan
 
 FINAL, STATISTICS, ALL = "final", "statistics", "all"
 """What may be kept of the runs."""
-SIZES = {"sides": 3, "length": 1, "radius": 1, "semiaxes": 3}
-"""Sizes of a body's shape, and how many numbers they have."""
-KEYS: Mapping[str, Parameter | Load] = {
-    **QUANTITY_OF,
-    **{f"{SHAPE}.{name}": Parameter(name, size, "m", "size of the body's shape") for name, size in SIZES.items()},
-}
+SIZES = {f"{SHAPE}.{name}": shape._rules[name] for shape in SHAPES.values() for name in shape.sizes()}
+"""The rule of each size of a body's shape."""
+_SIZED = {key: Parameter(key.removeprefix(f"{SHAPE}."), math.prod(rule.shape), "m", "size of the body's shape")
+          for key, rule in SIZES.items()}  # fmt: skip
+KEYS: Mapping[str, Parameter | Load] = {**QUANTITY_OF, **_SIZED}
 """The quantity that each key sets which may vary, and each size of a shape."""
 
 
