@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from rbfmu import arrays
+from rbfmu.scene.body import TRIANGLE
 from rbfmu.scene.scene import Scene
 from rbfmu.sensitivities import ATTITUDE, columns_of
 from rbfmu.types import Array, ArrayLike
@@ -22,7 +23,6 @@ THINNEST = 1e-9
 """The least E over its trace that a coordinate begins with: a plate has none across."""
 FARTHEST = 15.0
 """How far a logarithm may go: three million times as much, or as little."""
-PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 OWN = {"constants": "value", "states": "start"}
 """By table of numbers of one's own, which entry of a row varies."""
 FAR = 10.0
@@ -130,7 +130,7 @@ class _Inertia(Chart):
 
     def _factor(self, p: Array) -> Array:
         L = self._L.copy()
-        for x, (j, i) in zip(p, PLACES, strict=False):
+        for x, (j, i) in zip(p, TRIANGLE, strict=False):
             L[i, j] = L[i, j] * math.exp(x) if i == j else L[i, j] + x * self._L[i, i]
         return L
 
@@ -147,14 +147,14 @@ class _Inertia(Chart):
 
     def slopes(self, p: Array) -> Array:
         L, rows = self._factor(p), []
-        for j, i in PLACES[: len(p)]:
+        for j, i in TRIANGLE[: len(p)]:
             dL = np.zeros((3, 3))
             dL[i, j] = L[i, i] if i == j else self._L[i, i]
             rows.append(self._chosen_of(_inertia_of(dL @ L.T + L @ dL.T)))
         return np.array(rows).T
 
     def _chosen_of(self, M: Array) -> Array:
-        return np.array([M[PLACES[n]] for n in self.chosen])
+        return np.array([M[TRIANGLE[n]] for n in self.chosen])
 
 
 def _inertia_of(E: Array) -> Array:

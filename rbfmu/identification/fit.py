@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rbfmu.ensembles.variables import symmetric
 from rbfmu.exceptions import SceneError, SimulationError
 from rbfmu.extras import needed
 from rbfmu.identification import noise
@@ -164,8 +165,7 @@ def _spread(fit: Fit, key: str, at: list[int]) -> tuple[dict[str, Any], list[str
         return {"rotvec": errors.tolist()}, [f"{key}.rotvec[{k}]" for k in (1, 2, 3)]
     value = _as_written(fit.scene, key)
     if key == INERTIA and len(at) == 6:
-        a, b, c, d, e, f = errors.tolist()
-        return {"normal": [value, [[a, d, e], [d, b, f], [e, f, c]]]}, [fit.names[n] for n in at]
+        return {"normal": [value, symmetric(errors[None])[0].tolist()]}, [fit.names[n] for n in at]
     if not isinstance(value, list):
         return {"normal": [value, float(errors[0])]}, [key]
     places = [int(fit.names[n].partition("[")[2].partition(",")[0].rstrip("]")) for n in at]
@@ -364,8 +364,7 @@ class _Search:
 
     def _meaning(self, relative: Array, direction: Array) -> str:
         """Return what a direction means, in words."""
-        at = [n for n in np.argsort(-np.abs(relative)) if abs(relative[n]) > 0.05 * np.max(np.abs(relative))]
-        at.sort()
+        at = np.flatnonzero(np.abs(relative) > 0.05 * np.max(np.abs(relative)))
         if len(at) == 1:
             return f"{self._names[at[0]]}: nothing in these data tells it"
         first = direction[at[0]]
