@@ -11,7 +11,7 @@ from threading import Thread
 from typing import Any
 
 import numpy as np
-from numba import config, float64, int64, typeof, types, uint64
+from numba import config, float64, int64, typeof, types
 
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.types import Array
@@ -156,49 +156,6 @@ def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any
     return 0
 
 
-def merge_blocks(x: Any, columns: Any, size: int, room: Any) -> int:
-    """Sort the first c numbers of each row of some columns of x (r, w, c or more), of which every `size` are sorted.
-
-    c, which is size times a power of 2, is that of the room (4, c). Two neighbours are merged from both ends at once,
-    half of their numbers from each, so that none runs out. No branch hangs on the numbers: a processor would guess it
-    wrongly every other time, which is what most of sorting costs. Two rows take turns, as each number waits for the
-    comparison before it.
-    """
-    last, count = len(x) - 1, uint64(room.shape[1])
-    for column in columns:
-        for i in range(0, len(x), 2):
-            j = min(i + 1, last)  # an odd one is merged twice
-            a, b, to_a, to_b, block = room[0], room[1], room[2], room[3], uint64(size)
-            for k in range(count):  # numbers one by one: to copy slices would take seconds to compile
-                a[k], b[k] = x[i, column, k], x[j, column, k]
-            while block < count:
-                for first in range(uint64(0), count, block + block):
-                    of_a = of_b = (uint64(0), uint64(0))
-                    for n in range(block):
-                        of_a = _merge_next(a, to_a, first, block, n, of_a[0], of_a[1])
-                        of_b = _merge_next(b, to_b, first, block, n, of_b[0], of_b[1])
-                a, b, to_a, to_b, block = to_a, to_b, a, b, block + block
-            for k in range(count):
-                x[i, column, k], x[j, column, k] = a[k], b[k]
-    return 0
-
-
-@kernel
-def _merge_next(row: Any, to: Any, first: Any, block: Any, n: Any, i: Any, j: Any) -> tuple[Any, Any]:
-    """Put the n-th number from below and from above of two neighbouring blocks; return how many are taken.
-
-    i: of the lower block, from below; j: of the upper one, from above. Places are unsigned: of others the sign would be
-    looked at.
-    """
-    end = first + block + block - uint64(1)
-    low, high = row[first + i], row[first + block + n - i]
-    to[first + n] = min(low, high)
-    i += uint64(low <= high)
-    low, high = row[first + block - uint64(1) - n + j], row[end - j]
-    to[end - n] = max(low, high)
-    return i, j + uint64(low <= high)
-
-
 _GIVEN = (
     types.FunctionType(types.void(*CONTROLLED)),
     types.NamedTuple((_NUMBERS, _INDICES, _TABLE, _INDICES, _BLOCK, _PAIRS, _INDICES, _TABLE), Members),
@@ -208,7 +165,6 @@ _GIVEN = (
 _SIGNATURES: dict[Callable[..., Any], Any] = {
     run_members: int64(_INITIALIZE, _STEP, *_GIVEN, _NUMBERS, _NUMBERS),
     moments: int64(_BLOCK, _INDICES, int64, _INDICES, _PAIRS, _TABLE, _TABLE, _TABLE),
-    merge_blocks: int64(_BLOCK, _INDICES, int64, _TABLE),
 }
 
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.ensembles.attitudes import ATTITUDE, around
-from rbfmu.ensembles.loops import LANES, compiled, merge_blocks, moments
+from rbfmu.ensembles.loops import LANES, compiled, moments
 from rbfmu.ensembles.variables import Columns
 from rbfmu.types import Array, Indices
 
@@ -31,8 +31,6 @@ LEAST_WEIGHT = 8
 """For how many members a point stands where not all fit: what is left to merge is so much less than what was run."""
 SUMMED_AT_ONCE = 100_000
 """Numbers that are summed up and sorted together: more lie side by side where rows are long, fewer stay in a cache."""
-SORTED_AT_ONCE = 256
-"""Numbers up to which NumPy sorts in the registers of a processor, and several times as quickly as more of them."""
 
 
 class Points(NamedTuple):
@@ -116,29 +114,11 @@ def summary_of(rows: Array, good: Indices, columns: Columns, most: int, turn: in
         compiled(moments)(rows, good, first, angles, pairs, mean[times], products[times], x)
         if most:
             block = x.reshape(at_once, width, padded)[: len(mean[times])]
-            sort_rows(block, ranked, len(good))
+            for column in ranked:
+                block[:, column, : len(good)].sort(axis=1)
             values[times] = block[:, ranked[:, None], chosen]
     table = values.reshape(points * len(ranked), values.shape[2])
     return Summary(len(good), mean, products, Points(table, weight, members, error))
-
-
-def sort_rows(x: Array, columns: Indices, count: int, sorted_size: int = 0) -> None:
-    """Sort the first numbers of each row of some columns of x (r, w, count or more).
-
-    sorted_size: that of the blocks of them that are sorted already.
-    """
-    size = sorted_size or min(count, SORTED_AT_ONCE)
-    blocks, rest = divmod(count, max(size, 1))
-    merges = rest == 0 and blocks.bit_count() == 1
-    groups = np.split(columns, np.flatnonzero(np.diff(columns) != 1) + 1) if len(columns) else []
-    for side_by_side in groups:
-        rows = x[:, side_by_side[0] : side_by_side[-1] + 1, :count]
-        if not merges:
-            rows.sort(axis=2)
-        elif not sorted_size:
-            rows.reshape(*rows.shape[:2], blocks, size).sort(axis=3)
-    if merges and blocks > 1:
-        compiled(merge_blocks)(x, columns, size, np.empty((4, count)))
 
 
 def _every(step: int, count: int, turn: int) -> tuple[Indices, float]:
@@ -158,21 +138,13 @@ def _weight(points: Points) -> int:
 
 def _thinned(sets: Sequence[Points], weight: int, turn: int) -> Points:
     """Return the points of sets of one weight, sorted, so few that each stands for so many members."""
-    lengths = [points.values.shape[1] for points in sets]
-    old, count, is_even = sets[0].weight, sum(lengths), len({*lengths}) == 1
+    old, count, rows = sets[0].weight, sum(points.values.shape[1] for points in sets), len(sets[0].values)
     chosen, error = _every(weight // old, count, turn)
-    rows = len(sets[0].values)
     thinned = np.empty((rows, len(chosen)))
     at_once = max(1, SUMMED_AT_ONCE // max(count, 1))
-    blocks = 1 << (len(sets) - 1).bit_length()
-    beyond = np.full((min(at_once, rows), lengths[0] * (blocks - len(sets)) if is_even else 0), np.inf)
     for first in range(0, rows, at_once):
-        some = [points.values[first : first + at_once] for points in sets]
-        values = np.concatenate([*some, beyond[: len(some[0])]], axis=1)
-        if is_even:
-            sort_rows(values[:, None], np.arange(1), count, lengths[0])
-        else:
-            values.sort(axis=1, kind="stable")  # Timsort, which merges what is sorted already
+        values = np.concatenate([points.values[first : first + at_once] for points in sets], axis=1)
+        values.sort(axis=1)
         values.take(chosen, axis=1, out=thinned[first : first + at_once], mode="clip")
     members, before = sum(points.members for points in sets), sum(points.error for points in sets)
     return Points(thinned, weight, members, before + old * error)

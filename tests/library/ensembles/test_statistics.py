@@ -10,7 +10,7 @@ from scipy import stats
 from rbfmu import run_ensemble
 from rbfmu.ensembles import statistics
 from rbfmu.ensembles.attitudes import moments_of
-from rbfmu.ensembles.statistics import MOST_POINTS, Statistics, exact_quantiles, most_points, sort_rows, summary_of
+from rbfmu.ensembles.statistics import MOST_POINTS, Statistics, exact_quantiles, most_points, summary_of
 from rbfmu.ensembles.variables import Columns
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels.quantities import Output
@@ -86,27 +86,6 @@ def test_quantiles_of_many_runs_are_displaced_by_no_more_than_stated(runs, size,
     assert 0.0 < rank_error < 0.06
     assert np.max(np.abs(ranks - PARTS)) <= rank_error
     assert np.max(np.abs(ranks - PARTS)) < (0.006 if size == 300 else 0.004)  # chunks that are no power of 2 tell less
-
-
-@given(st.integers(0, 2**32), st.sampled_from([0, 1, 100, 256, 512, 768, 1024, 4096]), st.booleans())
-def test_rows_are_sorted_by_merging(seed, count, ties):
-    rng = np.random.default_rng(seed)
-    wide = rng.normal(size=(3, 2, count + 16))
-    wide = np.round(wide) if ties else wide
-    rows = wide[:, 1, :count]
-    wanted, beside, after = np.sort(rows), wide[:, 0].copy(), wide[:, 1, count:].copy()
-    sort_rows(wide, np.arange(1, 2), count)
-    assert (rows == wanted).all()
-    assert (wide[:, 0] == beside).all()
-    assert (wide[:, 1, count:] == after).all()
-
-
-@given(st.integers(0, 2**32), st.sampled_from([1, 5, 128]), st.integers(1, 9))
-def test_sorted_blocks_are_merged(seed, size, blocks):
-    rows = np.sort(np.random.default_rng(seed).normal(size=(3, blocks, size))).reshape(3, -1)
-    wanted = np.sort(rows)
-    sort_rows(rows[:, None], np.arange(1), rows.shape[1], size)
-    assert (rows == wanted).all()
 
 
 @given(
