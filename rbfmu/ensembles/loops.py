@@ -102,10 +102,11 @@ def _put_columns(rows: Any, good: Any, first: int, at: Any, x: Any) -> None:
 
 @kernel
 def _products(a: Any, c: float, b: Any, d: float, count: int) -> float:
-    """Return the sum of (a + c) (b + d) over so many numbers, a multiple of LANES: vectors, which stay in registers."""
+    """Return the sum of (a + c) (b + d) over so many numbers: in vectors, which stay in registers, and what is left."""
     c_4, d_4 = lanes(c, c, c, c), lanes(d, d, d, d)
     s_0 = s_1 = s_2 = s_3 = lanes(0.0, 0.0, 0.0, 0.0)
-    for i in range(0, count, LANES):
+    whole = count - count % LANES
+    for i in range(0, whole, LANES):
         s_0 = add_lanes(s_0, multiply_lanes(add_lanes(lanes_at(a, i), c_4), add_lanes(lanes_at(b, i), d_4)))
         s_1 = add_lanes(s_1, multiply_lanes(add_lanes(lanes_at(a, i + 4), c_4), add_lanes(lanes_at(b, i + 4), d_4)))
         s_2 = add_lanes(s_2, multiply_lanes(add_lanes(lanes_at(a, i + 8), c_4), add_lanes(lanes_at(b, i + 8), d_4)))
@@ -114,6 +115,8 @@ def _products(a: Any, c: float, b: Any, d: float, count: int) -> float:
     for four in (s_0, s_1, s_2, s_3):
         for number in numbers(four):
             total += number
+    for i in range(whole, count):
+        total += (a[i] + c) * (b[i] + d)
     return total
 
 
@@ -125,7 +128,7 @@ def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any
     members, each column a row.
     """
     count, own, width = len(good), rows.shape[2], mean.shape[1]
-    whole, sums, at = count - count % LANES, np.empty(LANES), np.empty(len(mean) * own, np.int64)
+    ones, at = np.ones(count), np.empty(len(mean) * own, np.int64)
     for p in range(len(at)):
         at[p] = (p // own * width + p % own) * x.shape[1]
     _put_columns(rows, good, first, at, x)
@@ -135,24 +138,10 @@ def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any
                 sine, cosine = sincos(x[t * width + angles[j], i])
                 x[t * width + own + 2 * j, i], x[t * width + own + 2 * j + 1, i] = sine, cosine
         for j in range(width):
-            row = x[t * width + j]
-            sums[:] = 0.0
-            for i in range(0, whole, LANES):
-                for k in range(LANES):
-                    sums[k] += row[i + k]
-            total = 0.0
-            for k in range(LANES):
-                total += sums[k]
-            for i in range(whole, count):
-                total += row[i]
-            mean[t, j] = total / max(count, 1)
+            mean[t, j] = _products(x[t * width + j], 0.0, ones, 0.0, count) / max(count, 1)  # a sum of products with 1
         for p in range(len(pairs)):
-            a, b = x[t * width + pairs[p, 0]], x[t * width + pairs[p, 1]]
-            mean_a, mean_b = mean[t, pairs[p, 0]], mean[t, pairs[p, 1]]
-            total = _products(a, -mean_a, b, -mean_b, whole)
-            for i in range(whole, count):
-                total += (a[i] - mean_a) * (b[i] - mean_b)
-            products[t, p] = total
+            a, b = pairs[p]
+            products[t, p] = _products(x[t * width + a], -mean[t, a], x[t * width + b], -mean[t, b], count)
     return 0
 
 
