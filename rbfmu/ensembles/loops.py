@@ -75,9 +75,9 @@ LANES = 16
 def _put_columns(rows: Any, good: Any, first: int, at: Any, x: Any) -> None:
     """Put numbers of the good members, from a time on, to the places at (p,) of x and after each: see `moments`.
 
-    Four by four; beyond the last member it is once more that one.
+    Four members at a time; beyond the last member it is once more that one.
     """
-    count, own, used = len(good), rows.shape[2], len(at)
+    count, own = len(good), rows.shape[2]
     size, last = rows.shape[1] * own, count - 1
     flat, to = rows.reshape(rows.size), x.reshape(x.size)
     zero = lanes(0.0, 0.0, 0.0, 0.0)  # which is added as sorting leaves no order to -0 and 0
@@ -86,16 +86,7 @@ def _put_columns(rows: Any, good: Any, first: int, at: Any, x: Any) -> None:
         j = good[min(top + 1, last)] * size + first * own
         k = good[min(top + 2, last)] * size + first * own
         m = good[min(top + 3, last)] * size + first * own
-        for p in range(0, used - used % 4, 4):
-            a_0, a_1, a_2, a_3 = numbers(add_lanes(lanes_at(flat, i + p), zero))
-            b_0, b_1, b_2, b_3 = numbers(add_lanes(lanes_at(flat, j + p), zero))
-            c_0, c_1, c_2, c_3 = numbers(add_lanes(lanes_at(flat, k + p), zero))
-            d_0, d_1, d_2, d_3 = numbers(add_lanes(lanes_at(flat, m + p), zero))
-            put_lanes(to, at[p] + top, lanes(a_0, b_0, c_0, d_0))
-            put_lanes(to, at[p + 1] + top, lanes(a_1, b_1, c_1, d_1))
-            put_lanes(to, at[p + 2] + top, lanes(a_2, b_2, c_2, d_2))
-            put_lanes(to, at[p + 3] + top, lanes(a_3, b_3, c_3, d_3))
-        for p in range(used - used % 4, used):
+        for p in range(len(at)):
             four = lanes(flat[i + p], flat[j + p], flat[k + p], flat[m + p])
             put_lanes(to, at[p] + top, add_lanes(four, zero))
 
