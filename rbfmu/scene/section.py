@@ -270,10 +270,7 @@ class Section:
     """Of the fields that are not by default the key, and the value if the key has another name."""
 
     def __init_subclass__(cls, path: str = "") -> None:
-        """Find the rules, and record the table of each key, so that an error can name it where the key is misplaced.
-
-        Own rules come before those of a base, as the first may stand alone, and in their place.
-        """
+        """Find the rules, own ones before a base's, and each key's table, which an error names of a misplaced key."""
         cls._path, found = path or cls._path, dict[str, Any]()
         for name, hint in get_annotations(cls).items():
             for said in (*getattr(hint, "__metadata__", ()), hint, *get_args(hint)):
