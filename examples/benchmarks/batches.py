@@ -2,8 +2,7 @@
 
 Bodies of a motion whose moments, mass, rates and torque differ by 1 %, from their parameters to their attitudes at the
 end, on one thread. The tolerance of each, or MuJoCo's step, is the loosest at which the worst true error of an attitude
-is at most the mark, against double-double arithmetic; our order is the plan's. Costs are the least CPU times
-of runs in turn.
+is at most the mark, against double-double arithmetic; our order is the plan's. Costs: the least CPU times in turn.
 `python -m examples.benchmarks.batches` prints all and exits with status 1 where a goal is missed; with a seed and a
 number, such as 7700 20, it measures whole calls of so many random motions.
 """
