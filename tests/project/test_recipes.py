@@ -8,7 +8,6 @@ import csv
 import json
 import re
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -105,31 +104,32 @@ def files_of(name):
     return re.findall(r"^\+\+\+ b/(.+)$", (RECIPES / f"{name}.patch").read_text(), re.MULTILINE)
 
 
-@pytest.fixture
-def carried_out(tmp_path: Path):
-    """A function that returns a copy of the sources in which a recipe was carried out."""
+def carried_out(names, copy):
+    """Return a folder with a copy of the sources in which recipes were carried out."""
+    copy_sources(copy)
+    for name in names:
+        subprocess.run(["git", "apply", str(RECIPES / f"{name}.patch")], cwd=copy, check=True)
+    return copy
 
-    def carry_out(name):
-        copy_sources(tmp_path)
-        subprocess.run(["git", "apply", str(RECIPES / f"{name}.patch")], cwd=tmp_path, check=True)
-        return tmp_path
 
-    return carry_out
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A copy with all recipes, which compiles its kernels once for all tests."""
+    return carried_out(NAMES, tmp_path_factory.mktemp("copy"))
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_recipe_has_as_many_files_as_it_says_and_they_apply(name, carried_out):
+def test_the_recipe_has_as_many_files_as_it_says_and_they_apply(name, tmp_path):
     text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
     said = re.search(rf"\*\*{NAMES[name]}\*\*.*?\((\d) files", text)
-    folder = carried_out(name)
+    folder = carried_out([name], tmp_path)
     assert len(files_of(name)) == int(said[1])
     for file in files_of(name):
         compile((folder / file).read_text(), file, "exec")
 
 
 @pytest.mark.slow
-def test_an_output_is_shown_by_a_run_and_an_fmu_with_its_time_derivative(carried_out):
-    folder = carried_out("output")
+def test_an_output_is_shown_by_a_run_and_an_fmu_with_its_time_derivative(folder, tmp_path):
     (folder / "loaded.toml").write_text(LOADED.replace("QUANTITIES", '["angular_momentum_b"]'))
     run(folder, "run", "loaded.toml", "-o", "loaded.csv")
     times = np.linspace(0.0, STOP, 61)
@@ -138,7 +138,7 @@ def test_an_output_is_shown_by_a_run_and_an_fmu_with_its_time_derivative(carried
     assert np.abs(found - omega @ INERTIA).max() < 1e-9
     run(folder, "build", "--native", "loaded.toml", "-o", "loaded.fmu")
     run(folder, "verify", "loaded.fmu")
-    instance = Fmu(unzipped_at(folder / "loaded.fmu", folder / "unzipped")).started()
+    instance = Fmu(unzipped_at(folder / "loaded.fmu", tmp_path / "unzipped")).started()
     names = [f"angular_momentum_b[{k}]" for k in (1, 2, 3)]
     for k in range(1, 61):
         assert instance.step(0.05 * (k - 1), 0.05) == OK
@@ -150,8 +150,8 @@ def test_an_output_is_shown_by_a_run_and_an_fmu_with_its_time_derivative(carried
 
 
 @pytest.mark.thorough
-def test_a_load_acts_in_runs_and_in_an_fmu_whose_parameter_it_is(carried_out):
-    folder, drag = carried_out("load"), np.array([0.3, 0.2, 0.5])
+def test_a_load_acts_in_runs_and_in_an_fmu_whose_parameter_it_is(folder, tmp_path):
+    drag = np.array([0.3, 0.2, 0.5])
     text = LOADED.replace("QUANTITIES", '["position", "omega_b"]').replace("1e-10", "1e-9")
     listed = f"drag_b = {drag.tolist()}\n[inputs]\nparameters = ['drag_b']\n[outputs]"
     (folder / "loaded.toml").write_text(text.replace("[outputs]", listed))
@@ -162,7 +162,7 @@ def test_a_load_acts_in_runs_and_in_an_fmu_whose_parameter_it_is(carried_out):
     run(folder, "build", "--native", "loaded.toml", "-o", "loaded.fmu")
     run(folder, "verify", "loaded.fmu")
     doubled = {f"drag_b[{k}]": 2.0 * drag[k - 1] for k in (1, 2, 3)}
-    instance = Fmu(unzipped_at(folder / "loaded.fmu", folder / "unzipped")).started(doubled)
+    instance = Fmu(unzipped_at(folder / "loaded.fmu", tmp_path / "unzipped")).started(doubled)
     for k in range(60):
         assert instance.step(0.05 * k, 0.05) == OK
     omega = loaded(np.linspace(0.0, STOP, 61), 2.0 * drag)[0]
@@ -171,8 +171,7 @@ def test_a_load_acts_in_runs_and_in_an_fmu_whose_parameter_it_is(carried_out):
 
 
 @pytest.mark.thorough
-def test_an_integrator_runs_by_a_plan_that_names_it_with_its_order(carried_out):
-    folder = carried_out("integrator")
+def test_an_integrator_runs_by_a_plan_that_names_it_with_its_order(folder):
     (folder / "loaded.toml").write_text(LOADED.replace("QUANTITIES", '["position", "omega_b"]'))
     code = """
 from pathlib import Path
@@ -196,8 +195,7 @@ for build in (build_native_fmu, build_python_fmu):
 
 
 @pytest.mark.slow
-def test_a_model_is_chosen_by_planning_where_it_serves_and_refused_elsewhere(carried_out):
-    folder = carried_out("model")
+def test_a_model_is_chosen_by_planning_where_it_serves_and_refused_elsewhere(folder):
     (folder / "ball.toml").write_text(SPHERE)
     assert json.loads(run(folder, "plan", "--json", "ball.toml"))["model"] == "free sphere"
     run(folder, "run", "ball.toml", "-o", "ball.csv")
