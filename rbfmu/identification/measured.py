@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -17,9 +17,12 @@ from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.quantities import OUTPUT
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 GAPS = ("", "nan", "na", "-")
 QUATERNION = "quaternion"
-Data = str | Path | Result | Mapping[str, ArrayLike]
+Data: TypeAlias = "str | Path | Result | Mapping[str, ArrayLike] | DataFrame"
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,8 @@ def read_measured(scene: Scene, data: Data) -> Measured:
 
     data: the path of a CSV file with a column `time` and columns by the FMU's names, empty where there is a gap, as
     importers write it too; of an `.npz` with arrays by output, or an `.aem`, as `Result.save` writes them; a `Result`;
-    or a mapping from `time` and names of outputs to arrays.
+    a `DataFrame` of pandas with such columns, whose index may be the time; or a mapping from `time` and names of
+    outputs to arrays.
     Roll, pitch and yaw count as the attitude that they describe, in rows that have no quaternion.
     Raises ValueError.
     """
@@ -54,6 +58,8 @@ def read_measured(scene: Scene, data: Data) -> Measured:
     if isinstance(data, str | Path):
         data = _read(scene, Path(data))
     try:
+        if hasattr(data, "iloc"):
+            data = _of_a_table(scene, data)
         return _checked(scene, {"time": data.time, **data.quantities} if isinstance(data, Result) else data)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None
@@ -61,17 +67,29 @@ def read_measured(scene: Scene, data: Data) -> Measured:
 
 def _read(scene: Scene, path: Path) -> Result | Mapping[str, ArrayLike]:
     if path.suffix == ".csv":
-        found = by_quantity(_columns(path, faults_of_names=partial(_faults_of_names, scene)))
-        return {name: rows for name, rows in found.items() if name not in _of_an_fmu(scene)}
+        return _outputs(scene, _columns(path, faults_of_names=partial(_faults_of_names, scene)))
     if path.suffix == ".npz":  # with outputs of one's own, which only the scene knows, and gaps
         wanted = ("time", *OUTPUT, *scene.outputs.own)
         return {name: rows for name, rows in arrays_of_npz(path).items() if name in wanted}
     return Result.load(path)
 
 
+def _of_a_table(scene: Scene, table: Any) -> Mapping[str, ArrayLike]:
+    table = table.reset_index() if table.index.name == "time" else table
+    columns = {str(name): np.asarray(column) for name, column in table.items()}
+    for _, fault in _faults_of_names(scene, [*columns]):
+        raise ValueError(fault)
+    return _outputs(scene, columns)
+
+
+def _outputs(scene: Scene, columns: Mapping[str, Array]) -> Mapping[str, ArrayLike]:
+    """Return columns by an FMU's names as arrays by output, without what is no motion."""
+    return {name: rows for name, rows in by_quantity(columns).items() if name not in _of_an_fmu(scene)}
+
+
 def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:
     if not isinstance(known, Mapping) or "time" not in known:
-        raise ValueError("expected a file, a Result, or a mapping with time and outputs by name")
+        raise ValueError("expected a file, a Result, a DataFrame, or a mapping with time and outputs by name")
     rows = {**OUTPUT, **output_rows(scene)}
     columns = {name: _numbers(name, known[name]) for name in ("time", *known)}  # a coordinate of a Dataset's
     time, values = columns.pop("time"), dict[str, Array]()

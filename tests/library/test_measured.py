@@ -56,7 +56,7 @@ def test_bad_tables_are_refused_by_one_message(tmp_path, text, said):
 def test_a_run_s_own_result_serves_as_data(tmp_path):
     """It was refused, as it has the attitude twice; the quaternion counts, and angles where that has a gap.
 
-    As a Dataset of xarray's, whose time is a coordinate, it ended in a KeyError.
+    As a Dataset of xarray's, whose time is a coordinate, it ended in a KeyError; a DataFrame was refused.
     """
     scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
                         outputs={"quantities": ["quaternion", "rpy"]}, run={"stop": 4.0, "step": 0.5})  # fmt: skip
@@ -64,10 +64,20 @@ def test_a_run_s_own_result_serves_as_data(tmp_path):
     run.save(tmp_path / "run.csv")
     gaps = {"time": run.time, "quaternion": run.quaternion.copy(), "rpy": run.rpy.copy()}
     gaps["quaternion"][4:, 0], gaps["rpy"][:4] = np.nan, 0.1
-    for data in (run, tmp_path / "run.csv", run.to_xarray(), gaps):
+    table = run.to_dataframe()
+    for data in (run, tmp_path / "run.csv", run.to_xarray(), table, table.reset_index(), gaps):
         one = rbfmu.fit(guess, data, ["initial.omega_b"])
         assert one.values == pytest.approx([0.1, 0.2, 0.3], abs=1e-8)
         assert one.measured.count == 27
+
+
+def test_a_dataframe_with_faults_is_refused_as_a_file_is():
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]})
+    table = rbfmu.simulate(scene).to_dataframe()[["omega_b[1]", "omega_b[3]"]]
+    with pytest.raises(ValueError, match=r"data: omega_b\[2\] is missing"):
+        rbfmu.fit(scene, table, ["initial.omega_b"])
+    with pytest.raises(ValueError, match="data: expected a file, a Result, a DataFrame, or a mapping"):
+        rbfmu.fit(scene, table.iloc[:0, :0].reset_index(drop=True), ["initial.omega_b"])
 
 
 def test_what_an_importer_writes_of_an_fmu_is_data(tmp_path):
