@@ -257,7 +257,7 @@ def test_nasas_tumbling_brick_is_found_from_a_simulation_of_nasas():
         ({"loss": "square"}, "loss = 'square': expected one of linear"),
         ({"sigma": 0.0}, r"sigma: omega_b = 0\.0: expected a number > 0"),
         ({"sigma": {"rpy": 1.0}}, "sigma: 'rpy': expected some of omega_b"),
-        ({"data": 3.0}, "expected a file, a Result, or a mapping"),
+        ({"data": 3.0}, "expected a file, a Result, a DataFrame, or a mapping"),
         ({"data": {"time": [0, 1], "omega_b": [[1, 2], [1, 2]]}}, r"omega_b has shape \(2, 2\): expected \(2, 3\)"),
         ({"data": {"time": [0, 1], "omega_b": "x"}}, "omega_b must be real numbers"),
         ({"data": {"time": [0, 1], "omega_b": [[1, 2, 3], [1]]}}, "omega_b: expected an array of numbers"),
