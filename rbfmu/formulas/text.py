@@ -168,7 +168,10 @@ class _Reader:
             case ast.Pow():
                 return graph.power(functions.as_scalar(a), functions.as_scalar(b))
             case ast.Div():
-                return a / functions.as_scalar(b)
+                by = functions.as_scalar(b)
+                if by == 0.0:  # of what is not known yet a graph would take the quotient
+                    raise ZeroDivisionError
+                return a / by
             case ast.Mult() if of_a and of_b:
                 raise MismatchError("dot(a, b), cross(a, b) or a @ b, as * multiplies by scalars")
             case ast.Mult():

@@ -95,6 +95,12 @@ def test_mistakes_are_shown_with_a_caret(text, column, said):
         assert caret.index("^") == 4 + column
 
 
+def test_a_quotient_of_what_is_not_known_yet_by_zero_is_shown():
+    """2026-11-27: a torque omega_b/0 ended in a ZeroDivisionError, as the load of a body at rest was looked for."""
+    with pytest.raises(FormulaError, match="expected a finite number\n    x/0"):
+        value_of("x/0", {"x": Graph().leaf("state", "x")})
+
+
 def mutated(text, r):
     """A text with some characters changed, doubled, taken out or moved."""
     known = string.ascii_letters + string.digits + "+-*/@()[]{},.<>=!&|~:;#'\"\\ \t\n\x00µ√"
