@@ -100,7 +100,8 @@ _times = np.frompyfunc(operator.mul, 2, 1)  # of scalars of a graph, which know 
 
 def value_of(text: str, names: Mapping[str, Array], known: Mapping[str, Function] = functions.FUNCTIONS) -> Array:
     """Return what a formula gives where names stand for numbers. Raises FormulaError."""
-    found = _Reader(text, names, known).value(read(text))
+    with np.errstate(over="raise"):  # as NumPy only warns where factors of a product make an infinite one
+        found = _Reader(text, names, known).value(read(text))
     if isinstance(found, NO_NUMBER):
         raise FormulaError(text, 0, "a number, a vector or a matrix; where(condition, 1, 0) makes a number")
     return found

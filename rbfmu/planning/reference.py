@@ -4,6 +4,7 @@ The equations of motion, with a scene's formulas among them, are a list of opera
 in double-double arithmetic.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal, localcontext
 from itertools import accumulate
@@ -210,7 +211,8 @@ def pairs_of(numbers: Iterable[Decimal]) -> Array:
     """Return numbers as double-double ones: rows of their high and low parts."""
     exact = [*numbers]
     high = [float(x) for x in exact]
-    return np.array([high, [float(x - Decimal(h)) for x, h in zip(exact, high, strict=True)]])
+    low = (float(x - Decimal(h)) if math.isfinite(h) else 0.0 for x, h in zip(exact, high, strict=True))
+    return np.array([high, [*low]])
 
 
 def decimals_of(values: Any) -> Decimals:

@@ -101,6 +101,12 @@ def test_a_quotient_of_what_is_not_known_yet_by_zero_is_shown():
         value_of("x/0", {"x": Graph().leaf("state", "x")})
 
 
+def test_factors_that_make_an_infinite_one_are_shown():
+    """2026-11-27: a warning of NumPy's, and then a bare decimal.InvalidOperation of the reference."""
+    with pytest.raises(FormulaError, match="expected a finite number"):
+        value_of("x*1e308*10", {"x": Graph().leaf("state", "x")})
+
+
 def mutated(text, r):
     """A text with some characters changed, doubled, taken out or moved."""
     known = string.ascii_letters + string.digits + "+-*/@()[]{},.<>=!&|~:;#'\"\\ \t\n\x00µ√"
