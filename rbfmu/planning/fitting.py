@@ -108,11 +108,13 @@ def of_path_alone(asked: Question, judge: Judge) -> Plan | None:
         return found
 
 
-def refuse_accuracy(asked: Question, error: float) -> SceneError:
-    """Return the error for an accuracy below what methods reach."""
+def refuse_accuracy(asked: Question, error: float, why: str = "") -> SceneError:
+    """Return the error for an accuracy below what methods reach; why: of which quantities, where that is known."""
     reached = error / REACHED
     expected = f"expected one that this scene can meet; the methods here reach {reached:.1e} here"
-    if 1e-3 < reached < math.inf:
+    if why:
+        expected += why
+    elif 1e-3 < reached < math.inf:
         expected += "; the motion magnifies round-off: see `rbfmu stability`, or ask for a shorter run"
     return SceneError(f"run.accuracy = {asked.accuracy!r}: {expected}", asked.scene.name)
 

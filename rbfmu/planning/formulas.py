@@ -9,10 +9,11 @@ from functools import partial
 
 from rbfmu.formulas import motion
 from rbfmu.formulas.graph import numbers_of
-from rbfmu.models.formulas import FormulaModel, OverClosedForm
+from rbfmu.models.formulas import EVENT, FormulaModel, OverClosedForm
 from rbfmu.models.question import Question
 from rbfmu.planning import closed_forms, fitting, methods
 from rbfmu.planning.judge import Judge
+from rbfmu.runs.motion import largest_error, largest_size
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import PARAMETERS, SECTIONS, Scene, SceneError
 from rbfmu_kernels.models.formula_events import MOST_LISTED
@@ -60,10 +61,22 @@ def formula_plan(asked: Question, judge: Judge) -> Plan:
         methods.climb(asked.accuracy / 8.0, at_order, (0.1 * aim, aim), aim, (1e-4, 1e4), tries=TRIES, caution=3.0)
     met = [plan for plan in tried if plan.error <= fitting.REACHED * asked.accuracy]
     if not met:
-        raise fitting.refuse_accuracy(asked, min(plan.error for plan in tried))
+        best = min(tried, key=lambda plan: plan.error)
+        raise fitting.refuse_accuracy(asked, best.error, _missed_by_own_outputs(asked, judge, best))
     best = min(met, key=lambda plan: plan.cost)
     reasons = (*what_formulas_read(asked, best), fitting.why_fitted(best, judge.arithmetic))
     return replace(best, pinned=asked.pinned, reasons=reasons)
+
+
+def _missed_by_own_outputs(asked: Question, judge: Judge, plan: Plan) -> str:
+    """Return which own outputs alone miss the accuracy, as those that are zero but for round-off do; or nothing."""
+    found, truth, own = judge.motion_by(plan, judge.names), judge.motion, _known(asked.formulas).own_outputs
+    names = [name for name in judge.names if not name.startswith(EVENT)]
+    missed = [name for name in names if largest_error(found, truth, (name,), judge.floors) > asked.accuracy]
+    if not missed or missed == names or not {*missed} <= {*own}:
+        return ""
+    of = " and ".join(f"outputs.{name} (at most {largest_size(truth[name]):.1e})" for name in missed)
+    return f", of {of}, as errors are relative to the largest; all else meets it"
 
 
 def closed_plan(asked: Question, judge: Judge) -> Plan | None:
@@ -139,7 +152,7 @@ def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
         if plan.error <= asked.accuracy or magnified > asked.accuracy:
             break
     if (worst := max(plan.error, magnified)) > asked.accuracy:
-        raise fitting.refuse_accuracy(asked, worst)
+        raise fitting.refuse_accuracy(asked, worst, _missed_by_own_outputs(asked, judge, plan))
     why = fitting.why_held_whatever(asked, plan, judge.arithmetic)
     return replace(plan, reasons=(*what_formulas_read(asked, plan), *why))
 

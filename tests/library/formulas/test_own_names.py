@@ -24,6 +24,16 @@ def test_own_outputs_stand_without_quantities_and_rows_keep_their_neighbours():
     assert other.outputs.names[-1] == "turned"
 
 
+def test_an_output_that_is_zero_but_for_round_off_is_named():
+    """2026-11-27: "the motion magnifies round-off ... ask for a shorter run" was said of how far an energy drifts."""
+    tables = scene(loads={"torque_b": "cross(omega_b, [0, 0, 1])"}, initial={"omega_b": [1.0, 2.0, 0.3]})
+    tables |= {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "run": {"stop": 1.0, "step": 0.5}}
+    tables["outputs"] = {"quantities": ["omega_b"], "drift": "dot(omega_b, M_c @ omega_b) - 9.225"}
+    for more in ({}, {"inputs": {"ports": ["torque_b"]}}):
+        with pytest.raises(rbfmu.SceneError, match=r"reach .* here, of outputs\.drift \(at most .*all else meets it"):
+            rbfmu.plan(rbfmu.Scene.from_dict(tables | more))
+
+
 @pytest.mark.thorough
 def test_constants_and_starts_are_parameters_where_they_are_listed():
     tables = CASES["spring, thrust and a lag"][0] | {"inputs": {"parameters": ["k", "u_0"]}}
