@@ -206,6 +206,7 @@ class Inputs(rules.Section, path="inputs"):
         found = named.Named({one.name: one for one in own})
         if twice := [one.name for one in own if one is not found[one.name]]:
             faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")
+        vars(self)["_listed"] = [x.get("name") if isinstance(x, Mapping) else x for x in ports]
         return {**data, "ports": [x for x in ports if not isinstance(x, Mapping)]}, {"own": found}
 
     @property
@@ -214,9 +215,10 @@ class Inputs(rules.Section, path="inputs"):
         return "inputs at their start" if any(any(port.start) for port in self.own.values()) else "inputs at zero"
 
     def _faults_together(self) -> tuple[()]:
-        """Let the ports have those of one's own among them."""
-        if "ports" in vars(self):
-            vars(self)["ports"] += tuple(self.own)
+        """Let the ports have those of one's own among them, in the order of the file, which is a controller's."""
+        listed = vars(self).pop("_listed", [])
+        if "ports" in vars(self) and listed:
+            vars(self)["ports"] = tuple(sorted((*self.ports, *self.own), key=listed.index))
         return ()
 
     def _shown(self) -> dict[str, object]:
@@ -224,8 +226,8 @@ class Inputs(rules.Section, path="inputs"):
 
     def table(self) -> dict[str, Any]:
         """Return the table as a file has it."""
-        ports = [*(name for name in self.ports if name not in self.own), *rules.as_lists(self.own).values()]
-        return {"ports": ports, "parameters": list(self.parameters)}
+        own = {row["name"]: row for row in rules.as_lists(self.own).values()}
+        return {"ports": [own.get(name, name) for name in self.ports], "parameters": list(self.parameters)}
 
 
 class Outputs(rules.Section, path="outputs"):

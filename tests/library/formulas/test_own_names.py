@@ -106,6 +106,15 @@ def test_names_of_ones_own_are_not_mistaken_for_those_of_a_body():
         rbfmu.Scene.from_dict(scene(loads={"torque_b": "-omega_b"}, outputs={"arm": "t"}))
 
 
+def test_ports_have_the_order_of_the_scene():
+    """2026-11-27: those of one's own stood last, and so a controller's numbers drove other ports, without a word."""
+    u, v = ({"name": name, "start": 0.0, "size": 1} for name in "uv")
+    one = rbfmu.Scene.from_dict(scene(inputs={"ports": [u, "torque_b", v, "force_a"]}, loads={}))
+    assert one.inputs.ports == ("u", "torque_b", "v", "force_a")
+    assert one.to_dict()["inputs"]["ports"] == [u, "torque_b", v, "force_a"]
+    assert rbfmu.Scene.from_dict(one.to_dict()) == one
+
+
 def test_ports_of_ones_own_enter_formulas():
     ports = ["torque_b", {"name": "wheel", "unit": "N m", "start": [0.01, 0, 0]}, {"name": "u", "size": 1}]
     loads = {"torque_b": "-wheel - cross(omega_b, h) + [0, 0, u]"}
