@@ -186,7 +186,11 @@ class Loads(rules.Section, path="loads"):
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
         texts = {name: data[name] for name in named.LOADS if name in data and named.is_formula(name, data[name])}
-        return {name: value for name, value in data.items() if name not in texts}, {"formulas": texts} if texts else {}
+        wrong = {name: data[name] for name in ("gravity_a", "damping_b") if named.has_text(data.get(name))}
+        expected = f"3 numbers, as formulas make {', '.join(named.LOADS)} alone"
+        faults += [rules.fault(f"{self._path}.{name}", text, expected) for name, text in wrong.items()]
+        left = {name: value for name, value in data.items() if name not in (*texts, *wrong)}
+        return left, {"formulas": texts} if texts else {}
 
 
 class Inputs(rules.Section, path="inputs"):

@@ -106,6 +106,13 @@ def test_names_of_ones_own_are_not_mistaken_for_those_of_a_body():
         rbfmu.Scene.from_dict(scene(loads={"torque_b": "-omega_b"}, outputs={"arm": "t"}))
 
 
+@pytest.mark.parametrize("name", ["gravity_a", "damping_b"])
+def test_loads_that_no_formula_makes_say_which_ones_may_be(name):
+    """2026-11-27: "expected 3 numbers" alone, where the page said that a load may be a formula."""
+    with pytest.raises(rbfmu.SceneError, match=rf"^scene: loads\.{name} = .* as formulas make force_a, .* alone$"):
+        rbfmu.Scene.from_dict(scene(loads={name: "t*[0, 0, 1]"}))
+
+
 def test_ports_have_the_order_of_the_scene():
     """2026-11-27: those of one's own stood last, and so a controller's numbers drove other ports, without a word."""
     u, v = ({"name": name, "start": 0.0, "size": 1} for name in "uv")
