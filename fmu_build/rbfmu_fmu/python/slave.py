@@ -125,7 +125,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         if self._phase == INITIALIZING:
             self._initialize_or_refuse()
         elif self._phase == TERMINATED:
-            raise RuntimeError("outputs have no values: initialisation has not ended")
+            raise RuntimeError("outputs have no values: initialisation has not ended, or inputs give no finite ones")
         elif self._outputs_of(self._where):
             raise ValueError("with these inputs an output is not finite")
         self._stale = False
@@ -209,9 +209,12 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         return False
 
     def terminate(self) -> None:
-        """End stepping; values can still be read, those of outputs where initialisation had ended."""
+        """End stepping; values can still be read, those of outputs where initialisation had ended.
+
+        An exception here would be fmi2Fatal, and the end of the process later, though nobody has asked for an output.
+        """
         if self._stale and self._phase == STEPPING:
-            self._refresh()
+            self._stale = bool(self._outputs_of(self._where))
         self._phase = TERMINATED
         self._gil.release()
 
