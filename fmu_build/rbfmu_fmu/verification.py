@@ -139,7 +139,7 @@ def _inside(path: Path) -> tuple[Description, list[str]]:
     scene = Scene.from_dict(tables, source=str(path))
     try:
         return describe(scene, planned), problems
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise VerificationError(f"{path}: another version of rbfmu planned it: {error}") from None
 
 

@@ -155,6 +155,7 @@ def _replaced(end: str, new: bytes | None) -> Callable[[str, bytes], bytes | Non
     (_replaced("modelDescription.xml", b"<x"), "FMPy cannot import it: XMLSyntaxError"),
     (_replaced("scene.json", b"[]"), "of another version"), (_replaced("scene.json", b"{}"), "of another version"),
     (_planned(new=1), "of another version"), (_planned(model="DOP853"), "another version of rbfmu planned it"),
+    (_planned(model=[]), "another version of rbfmu planned it"), (_planned(span=""), "version of rbfmu planned it"),
 ])  # fmt: skip
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_what_cannot_be_read_or_run_is_told(
