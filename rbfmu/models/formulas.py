@@ -175,6 +175,7 @@ class FormulaModel:
         _, before = buffer.places(driven.DRIVEN | own)
         work = self.program.start + self.program.row * (max(templates.ORDERS) + 1)
         own |= {"pad_3": -before % 8, "series.work": work, "series.last": _LANES}
+        own["series.spare"] = 2 * self.program.row + len(self.rates) + max(sum(given.ports.values()), 1)
         own |= {"events.list": 3 * formula_events.MOST_LISTED} if self.events else {}
         kept = before - memory.STATE_START
         return buffer.places(driven.DRIVEN | own | {"series.kept": kept})
@@ -261,7 +262,7 @@ class FormulaModel:
         inputs = [tuple(self.place(element, end) for element in ports) for end in _ENDS]
         numbers = (
             *("order", "tolerance", "span", "time", "longest", "sizes", "stands", "reach", "since", "begun"),
-            *("rest", "crept", "tried", "sides", "on", "flips", "kept", "last", "work"),
+            *("rest", "crept", "tried", "sides", "on", "flips", "kept", "last", "spare", "work"),
         )
         return {name.upper(): where[name] for name in numbers} | {
             "STATES": tuple(map(self.place, self.rates)),

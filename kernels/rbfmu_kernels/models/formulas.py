@@ -16,16 +16,16 @@ from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
 from ..integrators import polynomials
-from ..integrators.substeps import count_substep, power_of, tolerance_of_substep
+from ..integrators.substeps import count_substep, tolerance_of_substep
 from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
 from ..rotations.quaternion import normalize
 from ..types import Buffer
+from .formula_errors import excess_of, excess_of_defect
 from .formula_events import (
     BEYOND,
     MOST_LISTED,
     clear_list,
-    excess_of_events,
     note_events,
     reach_to_touches,
     root_of_event,
@@ -61,6 +61,8 @@ CREEPING, MOST_CREPT = 1e-7, 20_000
 """Series that reach over so small a part of a communication step, and how many: what creeps on comes to no end."""
 JUMP = 1e-9
 """The part of an input by which it is still the one that was kept: one that is linear comes there with round-off."""
+MOST_DEFECT, SHORTER = 10.0, 6
+"""The excess of a series' defect with which the series is halved, and how often at most: beyond, it is round-off."""
 NEAR = 0.2
 """How far from the size that it was estimated for, as a part of it, a step is not estimated once more."""
 
@@ -70,9 +72,8 @@ NEAR = 0.2
 _missing: Any = None
 constants = first = further = values = _missing
 _places: tuple[int, ...] = ()
-INPUTS = RATES = RATES_2 = STATES = FIRSTS = ENDS = OF_EVENT = _places
-LEASTS: tuple[float, ...] = ()
 RELATIVE: tuple[bool, ...] = ()
+INPUTS = RATES = RATES_2 = STATES = FIRSTS = ENDS = OF_EVENT = _places
 ORDER = TOLERANCE = SPAN = TIME = STARTS = LONGEST = SIZES = HELD = STANDS = REACH = SINCE = BEGUN = 0
 NUMBER_OF_INPUTS = NUMBER_TOUCHING = NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
 NUMBER_OF_EVENTS = LISTED = NUMBER_OF_ERRORS = BOUNDED = REST = CREPT = TRIED = 0
@@ -94,27 +95,18 @@ def set_up_formulas(z: Buffer) -> int:
     return values(z)  # type: ignore[no-any-return]
 
 
-def excess_of(z: Buffer, h: float) -> float:
-    """Return the estimated error of a step h over that which is allowed."""
-    n = int(z[ORDER])
-    power, worst = power_of(h, n - 1), 0.0
-    for g in range(len(FIRSTS)):
-        size, before, last = z[SIZES + g], 0.0, 0.0
-        slope, bend = 0.0, 0.0
-        for i in range(FIRSTS[g], ENDS[g]):
-            before = max(before, abs(z[ROWS + (n - 1) * ROW + i]))
-            last = max(last, abs(z[ROWS + n * ROW + i]))
-            slope = max(slope, abs(z[ROWS + ROW + i]))
-            bend = max(bend, abs(z[ROWS + 2 * ROW + i]))
-        error = max(before, last * h) * power
-        size = max(max(size, LEASTS[g]), max(slope * h, bend * h * h) if RELATIVE[g] else 0.0)
-        if error > 0.0:
-            worst = max(worst, error / size if size > 0.0 else math.inf)
-        elif math.isnan(error):
-            return math.inf
-    if NUMBER_OF_EVENTS:
-        worst = max(worst, excess_of_events(z, h))
-    return worst / tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
+def reach_of_truth(z: Buffer, h: float) -> tuple[float, float]:
+    """Return a step, at most h, at whose end the series still has the rates of its states, and how far it reaches."""
+    first_reach = reach = reach_to_corner(z, h)
+    step = h
+    for _ in range(SHORTER):
+        before = reach - 2.0 * BEYOND * step  # where a root touches zero, a series goes on beyond
+        if not before > 0.0 or excess_of_defect(z, before) <= MOST_DEFECT:
+            return step, reach
+        step = 0.5 * reach
+        reach = reach_to_corner(z, step)
+    reach_to_corner(z, h)
+    return h, first_reach
 
 
 def settle_sides(z: Buffer) -> bool:
@@ -212,7 +204,8 @@ def begin_to_serve(z: Buffer, settled: bool) -> bool:
     if NUMBER_OF_ERRORS:
         vary_series(z, ended)
         h = reach_of_errors(z, h) if z[BOUNDED] != 0.0 else h
-    z[driven.STEP_SIZE], z[REACH], z[STANDS] = h, reach_to_corner(z, h), 1.0
+    z[driven.STEP_SIZE], z[REACH] = reach_of_truth(z, h)
+    z[STANDS] = 1.0
     put_pair_at(z, SINCE, (0.0, 0.0))
     put_pair_at(z, BEGUN, pair_at(z, TIME))
     count_substep(z, driven.STEP_SIZE)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import rbfmu
 
@@ -33,6 +34,20 @@ def test_an_angle_is_that_of_the_quadrant(text, angle):
     }
     found = rbfmu.simulate(rbfmu.Scene.from_dict(tables | {"run": {"stop": 1.0, "step": 0.5}}))
     assert found.o[0] == pytest.approx(angle, rel=1e-15)
+
+
+@pytest.mark.parametrize(("c", "e", "accuracy"), [(0.2, 9e-4, 1e-5), (0.12, 1e-5, 2e-9)])
+def test_friction_that_is_smooth_only_close_to_rest_changes_sign(c, e, accuracy):
+    """2026-11-27: errors of up to 3,000 times the accuracy with inputs: series went on as before the rate's zero."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "loads": {"torque_b": "[0, 0, -c*omega_b[3]/sqrt(omega_b[3]**2 + e**2)]"}, "constants": {"c": c, "e": e},
+              "inputs": {"ports": ["torque_b"]}, "run": {"stop": 16.0, "step": 1.0, "accuracy": accuracy}}  # fmt: skip
+    simulator, w, torques = rbfmu.Simulator(rbfmu.Scene.from_dict(tables)), 0.0, [-0.54, 1.26, -0.72, 0.32, -0.45, 1.2]
+    for torque in torques:
+        simulator.step(torque_b=[0.0, 0.0, torque])
+        w = solve_ivp(lambda t, y, u=torque: u - c * y / np.sqrt(y**2 + e**2), (0.0, 1.0), [w], "DOP853",
+                      rtol=1e-13, atol=1e-16, max_step=3e-3).y[0, -1]  # fmt: skip
+        assert abs(simulator.omega_b[2] - w) <= accuracy * 0.5
 
 
 @pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])

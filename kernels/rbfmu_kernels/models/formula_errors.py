@@ -1,0 +1,83 @@
+"""How far series of formulas are in error, in templates that `formula_models.make_formulas` binds.
+
+What the last two terms tell (A. Jorba & M. Zou, Experimental Mathematics 14, 2005) does not hold beside branch points
+that lie close to a real corner, as sqrt(x**2 + e**2) has at x = -ie and ie: the terms that come of these have only the
+size e**2, by which a series may look converged far beyond them. It then goes on as if x had kept its side. Its defect
+tells: by how much its slopes differ from the rates of its states (W. H. Enright, Journal of Computational and Applied
+Mathematics 125, 2000).
+"""
+
+import math
+from typing import Any
+
+from ..buffer_access import copy_numbers
+from ..integrators.polynomials import polynomial, slope_of
+from ..integrators.substeps import power_of, tolerance_of_substep
+from ..types import Buffer
+from .formula_events import excess_of_events
+
+# What templates are bound to, see `formulas`.
+_missing: Any = None
+constants = first = _missing
+_places: tuple[int, ...] = ()
+INPUTS = RATES = RATES_2 = STATES = FIRSTS = ENDS = _places
+LEASTS: tuple[float, ...] = ()
+RELATIVE: tuple[bool, ...] = ()
+ORDER = TOLERANCE = SPAN = SIZES = NUMBER_OF_INPUTS = NUMBER_OF_EVENTS = SPARE = WORK = ROWS = ROW = 0
+
+
+def size_of_group(z: Buffer, g: int, h: float) -> float:
+    """Return what errors of a group of states over a step h are relative to."""
+    slope, bend = 0.0, 0.0
+    for i in range(FIRSTS[g], ENDS[g]):
+        slope = max(slope, abs(z[ROWS + ROW + i]))
+        bend = max(bend, abs(z[ROWS + 2 * ROW + i]))
+    return max(max(z[SIZES + g], LEASTS[g]), max(slope * h, bend * h * h) if RELATIVE[g] else 0.0)
+
+
+def excess_of(z: Buffer, h: float) -> float:
+    """Return the estimated error of a step h over that which is allowed."""
+    n = int(z[ORDER])
+    power, worst = power_of(h, n - 1), 0.0
+    for g in range(len(FIRSTS)):
+        before, last = 0.0, 0.0
+        for i in range(FIRSTS[g], ENDS[g]):
+            before = max(before, abs(z[ROWS + (n - 1) * ROW + i]))
+            last = max(last, abs(z[ROWS + n * ROW + i]))
+        error, size = max(before, last * h) * power, size_of_group(z, g, h)
+        if error > 0.0:
+            worst = max(worst, error / size if size > 0.0 else math.inf)
+        elif math.isnan(error):
+            return math.inf
+    if NUMBER_OF_EVENTS:
+        worst = max(worst, excess_of_events(z, h))
+    return worst / tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
+
+
+def excess_of_defect(z: Buffer, t: float) -> float:
+    """Return the error that the defect at a time t of the series tells of, over that which is allowed.
+
+    The first term that is left out, c t^(n + 1), has the defect (n + 1) c t^n.
+    """
+    n, rates = int(z[ORDER]), SPARE + 2 * ROW
+    inputs, worst = rates + len(STATES), 0.0
+    copy_numbers(z, ROWS, SPARE, 2 * ROW)
+    for i in range(NUMBER_OF_INPUTS):
+        z[inputs + i] = z[INPUTS[i]]
+        z[INPUTS[i]] += t * z[RATES[i]] + 0.5 * t * t * z[RATES_2[i]]
+    for i in range(len(STATES)):
+        z[ROWS + i] = polynomial(z, ROWS + i, ROW, n, t)
+    constants(z, WORK)
+    first(z, WORK)
+    copy_numbers(z, ROWS + ROW, rates, len(STATES))
+    copy_numbers(z, SPARE, ROWS, 2 * ROW)
+    for i in range(NUMBER_OF_INPUTS):
+        z[INPUTS[i]] = z[inputs + i]
+    for g in range(len(FIRSTS)):
+        size, defect = size_of_group(z, g, t), 0.0
+        for i in range(FIRSTS[g], ENDS[g]):
+            apart = abs(z[rates + i] - slope_of(z, ROWS + i, ROW, n, t))
+            defect = math.inf if math.isnan(apart) else max(defect, apart)
+        if defect > 0.0:
+            worst = max(worst, defect * t / ((n + 1) * size) if size > 0.0 else math.inf)
+    return worst / tolerance_of_substep(z[TOLERANCE], z[SPAN], t)
