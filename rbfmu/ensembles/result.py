@@ -170,7 +170,10 @@ class EnsembleResult:
         return tuple(name for name in self.rows if name in self.all or name in self.final)
 
     def member(self, number: int) -> Scene:
-        """Return the scene of a run, counted from 0, to be simulated alone. Raises SceneError where it is refused."""
+        """Return the scene of a run, counted from 0, to be simulated alone, which no event ends.
+
+        Raises SceneError where it is refused.
+        """
         number = whole(0, self.runs - 1).read(number, "number")
         return members.member(self.scene, members.draw(self.scene, number, 1), 0)
 
