@@ -297,18 +297,16 @@ def test_outputs_that_are_not_finite_at_the_start_are_called_so(
 @pytest.mark.parametrize("kind", ["native", "python"])
 def test_a_run_ends_also_where_an_output_is_not_finite(fmus: dict[str, Path], kind: str, tmp_path: Path) -> None:
     """2026-11-27: the pythonfmu kind answered fmi2Fatal, and that of the next unit ended the process."""
-    fmpy.extract(str(fmus[kind]), str(tmp_path))
-    model = fmpy.read_model_description(str(tmp_path))
+    model = fmpy.read_model_description(fmpy.extract(str(fmus[kind]), str(tmp_path)))
     one = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=lambda *_: None)
-    at = {v.name: v.valueReference for v in model.modelVariables}
-    one.setupExperiment(startTime=0.0)
-    one.enterInitializationMode()
-    one.exitInitializationMode()
-    one.setReal([at["torque_b[3]"]], [-3.0])
+    at = {v.name: [v.valueReference] for v in model.modelVariables}
+    for begin in (one.setupExperiment, one.enterInitializationMode, one.exitInitializationMode):
+        begin()
+    one.setReal(at["torque_b[3]"], [-3.0])
     one.terminate()
-    assert one.getReal([at["torque_b[3]"]]) == [-3.0]
+    assert one.getReal(at["torque_b[3]"]) == [-3.0]
     with pytest.raises((FMICallException, OSError)):
-        one.getReal([at["root"]])
+        one.getReal(at["root"])
     one.freeInstance()
 
 
