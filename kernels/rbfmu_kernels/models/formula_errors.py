@@ -4,26 +4,28 @@ What the last two terms tell (A. Jorba & M. Zou, Experimental Mathematics 14, 20
 that lie close to a real corner, as sqrt(x**2 + e**2) has at x = -ie and ie: the terms that come of these have only the
 size e**2, by which a series may look converged far beyond them. It then goes on as if x had kept its side. Its defect
 tells: by how much its slopes differ from the rates of its states (W. H. Enright, Journal of Computational and Applied
-Mathematics 125, 2000).
+Mathematics 125, 2000), and what it has of events and corners from what they are there.
 """
 
 import math
 from typing import Any
 
 from ..buffer_access import copy_numbers
-from ..integrators.polynomials import polynomial, slope_of
+from ..integrators.polynomials import ROUGHLY, bound_of, polynomial, slope_of
 from ..integrators.substeps import power_of, tolerance_of_substep
 from ..types import Buffer
-from .formula_events import excess_of_events
+from .formula_events import excess_of_events, size_of_event
 
 # What templates are bound to, see `formulas`.
 _missing: Any = None
 constants = first = _missing
 _places: tuple[int, ...] = ()
-INPUTS = RATES = RATES_2 = STATES = FIRSTS = ENDS = _places
+INPUTS = RATES = RATES_2 = STATES = FIRSTS = ENDS = OF_EVENT = _places
 LEASTS: tuple[float, ...] = ()
 RELATIVE: tuple[bool, ...] = ()
-ORDER = TOLERANCE = SPAN = SIZES = NUMBER_OF_INPUTS = NUMBER_OF_EVENTS = SPARE = WORK = ROWS = ROW = 0
+ORDER = TOLERANCE = SPAN = SIZES = NUMBER_OF_INPUTS = NUMBER_OF_EVENTS = NUMBER_OF_SIDES = WATCHED = SPARE = WORK = (
+    ROWS
+) = ROW = 0
 
 
 def size_of_group(z: Buffer, g: int, h: float) -> float:
@@ -57,10 +59,12 @@ def excess_of(z: Buffer, h: float) -> float:
 def excess_of_defect(z: Buffer, t: float) -> float:
     """Return the error that the defect at a time t of the series tells of, over that which is allowed.
 
-    The first term that is left out, c t^(n + 1), has the defect (n + 1) c t^n.
+    The first term that is left out, c t^(n + 1), has the defect (n + 1) c t^n. What has corners must be known as well
+    as `reach_to_corner` takes it to be.
     """
     n, rates = int(z[ORDER]), SPARE + 2 * ROW
-    inputs, worst = rates + len(STATES), 0.0
+    watched, worst = rates + len(STATES), 0.0
+    inputs = watched + NUMBER_OF_SIDES
     copy_numbers(z, ROWS, SPARE, 2 * ROW)
     for i in range(NUMBER_OF_INPUTS):
         z[inputs + i] = z[INPUTS[i]]
@@ -70,6 +74,7 @@ def excess_of_defect(z: Buffer, t: float) -> float:
     constants(z, WORK)
     first(z, WORK)
     copy_numbers(z, ROWS + ROW, rates, len(STATES))
+    copy_numbers(z, WATCHED, watched, NUMBER_OF_SIDES)
     copy_numbers(z, SPARE, ROWS, 2 * ROW)
     for i in range(NUMBER_OF_INPUTS):
         z[INPUTS[i]] = z[inputs + i]
@@ -80,4 +85,10 @@ def excess_of_defect(z: Buffer, t: float) -> float:
             defect = math.inf if math.isnan(apart) else max(defect, apart)
         if defect > 0.0:
             worst = max(worst, defect * t / ((n + 1) * size) if size > 0.0 else math.inf)
-    return worst / tolerance_of_substep(z[TOLERANCE], z[SPAN], t)
+    allowed = tolerance_of_substep(z[TOLERANCE], z[SPAN], t)
+    for i in range(NUMBER_OF_SIDES):
+        apart = abs(z[watched + i] - polynomial(z, WATCHED + i, ROW, n, t))
+        if apart > 0.0:
+            size = size_of_event(z, OF_EVENT[i], t) if OF_EVENT[i] >= 0 else bound_of(z, WATCHED + i, ROW, n, t)[0]
+            worst = max(worst, apart / size * (1.0 if OF_EVENT[i] >= 0 else allowed / ROUGHLY))
+    return worst / allowed

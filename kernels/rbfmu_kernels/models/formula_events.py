@@ -52,6 +52,12 @@ def clear_list(z: Buffer) -> None:
         z[LISTED], z[ENTRIES + e] = 0.0, -1.0
 
 
+def size_of_event(z: Buffer, e: int, h: float) -> float:
+    """Return what errors of what an event watches over a step h are relative to."""
+    at = WATCHED + EVENT_SIDES[e]
+    return max(z[LARGEST + e], max(abs(z[at]), max(abs(z[at + ROW]) * h, abs(z[at + 2 * ROW]) * h * h)))
+
+
 def excess_of_events(z: Buffer, h: float) -> float:
     """Return the estimated error of what events watch over its size, so that it comes to zero when its series does."""
     n, worst = int(z[ORDER]), 0.0
@@ -59,7 +65,7 @@ def excess_of_events(z: Buffer, h: float) -> float:
     for e in range(NUMBER_OF_EVENTS):
         at = WATCHED + EVENT_SIDES[e]
         before, last = abs(z[at + (n - 1) * ROW]), abs(z[at + n * ROW])
-        size = max(z[LARGEST + e], max(abs(z[at]), max(abs(z[at + ROW]) * h, abs(z[at + 2 * ROW]) * h * h)))
+        size = size_of_event(z, e, h)
         if size > 0.0:
             worst = max(worst, max(before, last * h) * power / size)
     return worst
