@@ -61,7 +61,7 @@ CREEPING, MOST_CREPT = 1e-7, 20_000
 """Series that reach over so small a part of a communication step, and how many: what creeps on comes to no end."""
 JUMP = 1e-9
 """The part of an input by which it is still the one that was kept: one that is linear comes there with round-off."""
-MOST_DEFECT, SHORTER = 10.0, 20
+MOST_DEFECT, SHORTER = 10.0, 9
 """The excess of a series' defect with which the series is halved, and how often at most: beyond, it is round-off."""
 NEAR = 0.2
 """How far from the size that it was estimated for, as a part of it, a step is not estimated once more."""
