@@ -175,8 +175,8 @@ class FormulaModel:
         _, before = buffer.places(driven.DRIVEN | own)
         work = self.program.start + self.program.row * (max(templates.ORDERS) + 1)
         own |= {"pad_3": -before % 8, "series.work": work, "series.last": _LANES}
-        own["series.spare"] = 2 * self.program.row + len(self.rates) + len(self.program.sides)
-        own["series.spare"] += max(sum(given.ports.values()), 1)
+        beside = sum(given.ports.values()) + len(self.rates) + len(self.program.sides)
+        own |= {"series.spare": 2 * self.program.row + beside}
         own |= {"events.list": 3 * formula_events.MOST_LISTED} if self.events else {}
         kept = before - memory.STATE_START
         return buffer.places(driven.DRIVEN | own | {"series.kept": kept})

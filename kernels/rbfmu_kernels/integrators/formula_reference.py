@@ -28,6 +28,8 @@ SHORTER, MOST_SHORTENED = 2.0**-40, 10
 """By how much, and how often, the unit of time is made shorter where coefficients leave the range of doubles."""
 CORNER_KNOWN = 1e-17
 """The part of its size to which what has a corner is known there."""
+MOST_DEFECT, MOST_HALVED = 1e-11, 60
+"""The defect at a series' end, which is known in doubles, with which it is halved, and how often at most."""
 NOWHERE, SLIDES = -2, -1.0
 KINDS = (
     "number", "place", "input", "state", "add", "subtract", "multiply", "divide", "sqrt", "exp", "log", "sin", "cos",
@@ -274,6 +276,38 @@ def _put_states(states: Indices, s: Array, at: dd.DoubleDouble, found: Array) ->
 
 
 @kernel(inline=False)
+def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float, here: Array) -> float:
+    """Return by how much rates at a time of the series, made anew, differ from its slopes, as errors over sizes.
+
+    So what sides rest on, which must be known to ROUGHLY. See `models.formula_errors`.
+    """
+    operations, states, least, sides, worst = (
+        equations.operations,
+        equations.states,
+        equations.least,
+        equations.sides,
+        0.0,
+    )
+    _put_states(states, s, (t, 0.0), here)
+    for i in range(sides.shape[0]):
+        here[0, int(sides[i, 0])] = s[0, int(sides[i, 0]) * LENGTH]
+    evaluate(operations, here, 1, False)
+    for m in range(states.shape[0]):
+        g = states[m, 2]
+        slope = polynomials.slope_of(s[0], states[m, 0] * LENGTH, 1, ORDER, t)
+        size = max(abs(least[g]), max(sizes[g], abs(s[0, states[m, 0] * LENGTH + 1]) * t) if least[g] >= 0.0 else 0.0)
+        error = abs(unit * here[0, states[m, 1]] - slope) * t
+        if error > 0.0 or math.isnan(error):
+            worst = max(worst, error / size) if error < math.inf and size > 0.0 else math.inf
+    for i in range(sides.shape[0]):
+        at = operations[int(sides[i, 0]), 1]
+        error = abs(here[0, at] - polynomials.polynomial(s[0], at * LENGTH, 1, ORDER, t))
+        if error > polynomials.ROUGHLY * polynomials.bound_of(s[0], at * LENGTH, 1, ORDER, t)[0]:
+            worst = math.inf
+    return worst
+
+
+@kernel(inline=False)
 def _evaluate_at_row(operations: Indices, time: int, here: Array) -> None:
     """Set the values of all operations where a row is shown.
 
@@ -315,7 +349,13 @@ def formula_motion(
         if math.isnan(longest) and sides.shape[0] == 0 and shortened < MOST_SHORTENED:
             unit, shortened = SHORTER * unit, shortened + 1
             continue
-        longest = _to_corner(equations, s, longest)
+        step, longest = longest, _to_corner(equations, s, longest)
+        for _ in range(MOST_HALVED):
+            before = longest - 2.0 * BEYOND * step
+            if not before > 0.0 or _defect(equations, sizes, s, unit, before, here) <= MOST_DEFECT:
+                break
+            step = 0.5 * longest
+            longest = _to_corner(equations, s, step)
         steps += 1
         done = now[0] - times[0, 0]
         if not longest > 0.0:

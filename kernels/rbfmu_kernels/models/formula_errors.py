@@ -23,9 +23,8 @@ _places: tuple[int, ...] = ()
 INPUTS = RATES = RATES_2 = STATES = FIRSTS = ENDS = OF_EVENT = _places
 LEASTS: tuple[float, ...] = ()
 RELATIVE: tuple[bool, ...] = ()
-ORDER = TOLERANCE = SPAN = SIZES = NUMBER_OF_INPUTS = NUMBER_OF_EVENTS = NUMBER_OF_SIDES = WATCHED = SPARE = WORK = (
-    ROWS
-) = ROW = 0
+ORDER = TOLERANCE = SPAN = SIZES = NUMBER_OF_INPUTS = NUMBER_OF_EVENTS = NUMBER_OF_SIDES = WATCHED = 0
+SPARE = WORK = ROWS = ROW = 0
 
 
 def size_of_group(z: Buffer, g: int, h: float) -> float:
@@ -62,9 +61,8 @@ def excess_of_defect(z: Buffer, t: float) -> float:
     The first term that is left out, c t^(n + 1), has the defect (n + 1) c t^n. What has corners must be known as well
     as `reach_to_corner` takes it to be.
     """
-    n, rates = int(z[ORDER]), SPARE + 2 * ROW
-    watched, worst = rates + len(STATES), 0.0
-    inputs = watched + NUMBER_OF_SIDES
+    n, inputs = int(z[ORDER]), SPARE + 2 * ROW
+    anew, worst = inputs + NUMBER_OF_INPUTS, 0.0
     copy_numbers(z, ROWS, SPARE, 2 * ROW)
     for i in range(NUMBER_OF_INPUTS):
         z[inputs + i] = z[INPUTS[i]]
@@ -73,22 +71,23 @@ def excess_of_defect(z: Buffer, t: float) -> float:
         z[ROWS + i] = polynomial(z, ROWS + i, ROW, n, t)
     constants(z, WORK)
     first(z, WORK)
-    copy_numbers(z, ROWS + ROW, rates, len(STATES))
-    copy_numbers(z, WATCHED, watched, NUMBER_OF_SIDES)
+    copy_numbers(z, ROWS + ROW, anew, len(STATES))
+    copy_numbers(z, WATCHED, anew + len(STATES), NUMBER_OF_SIDES)
     copy_numbers(z, SPARE, ROWS, 2 * ROW)
     for i in range(NUMBER_OF_INPUTS):
         z[INPUTS[i]] = z[inputs + i]
     for g in range(len(FIRSTS)):
-        size, defect = size_of_group(z, g, t), 0.0
+        size = size_of_group(z, g, t)
         for i in range(FIRSTS[g], ENDS[g]):
-            apart = abs(z[rates + i] - slope_of(z, ROWS + i, ROW, n, t))
-            defect = math.inf if math.isnan(apart) else max(defect, apart)
-        if defect > 0.0:
-            worst = max(worst, defect * t / ((n + 1) * size) if size > 0.0 else math.inf)
+            defect = abs(z[anew + i] - slope_of(z, ROWS + i, ROW, n, t))
+            if defect != 0.0:
+                worst = max(worst, defect * t / ((n + 1) * size)) if defect < math.inf and size > 0.0 else math.inf
     allowed = tolerance_of_substep(z[TOLERANCE], z[SPAN], t)
     for i in range(NUMBER_OF_SIDES):
-        apart = abs(z[watched + i] - polynomial(z, WATCHED + i, ROW, n, t))
-        if apart > 0.0:
-            size = size_of_event(z, OF_EVENT[i], t) if OF_EVENT[i] >= 0 else bound_of(z, WATCHED + i, ROW, n, t)[0]
-            worst = max(worst, apart / size * (1.0 if OF_EVENT[i] >= 0 else allowed / ROUGHLY))
+        at = WATCHED + i
+        apart = abs(z[anew + len(STATES) + i] - polynomial(z, at, ROW, n, t))
+        if apart > 0.0 and OF_EVENT[i] >= 0:
+            worst = max(worst, apart / size_of_event(z, OF_EVENT[i], t))
+        elif apart > 0.0:
+            worst = max(worst, apart / bound_of(z, at, ROW, n, t)[0] * (allowed / ROUGHLY))
     return worst / allowed

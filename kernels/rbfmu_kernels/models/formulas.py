@@ -61,8 +61,10 @@ CREEPING, MOST_CREPT = 1e-7, 20_000
 """Series that reach over so small a part of a communication step, and how many: what creeps on comes to no end."""
 JUMP = 1e-9
 """The part of an input by which it is still the one that was kept: one that is linear comes there with round-off."""
-MOST_DEFECT, SHORTER = 10.0, 9
-"""The excess of a series' defect with which the series is halved, and how often at most: beyond, it is round-off."""
+MOST_DEFECT, SHORTER, OF_ROUND_OFF = 10.0, 40, 1.0 / 16.0
+"""The excess of a series' defect with which it is halved, how often at most, and the part that halving leaves at most:
+of what is left out 2^-7 or less, but half of what is round-off, for which the series stays as it was.
+"""
 NEAR = 0.2
 """How far from the size that it was estimated for, as a part of it, a step is not estimated once more."""
 
@@ -97,16 +99,17 @@ def set_up_formulas(z: Buffer) -> int:
 
 def reach_of_truth(z: Buffer, h: float) -> tuple[float, float]:
     """Return a step, at most h, at whose end the series still has the rates of its states, and how far it reaches."""
-    first_reach = reach = reach_to_corner(z, h)
-    step = h
+    step, reach, before = h, reach_to_corner(z, h), 0.0
     for _ in range(SHORTER):
-        before = reach - 2.0 * BEYOND * step  # where a root touches zero, a series goes on beyond
-        if not before > 0.0 or excess_of_defect(z, before) <= MOST_DEFECT:
-            return step, reach
-        step = 0.5 * reach
+        t = reach - 2.0 * BEYOND * step  # where a root touches zero, a series goes on beyond
+        excess = excess_of_defect(z, t) if t > 0.0 else 0.0
+        if excess <= MOST_DEFECT:
+            if before == 0.0 or excess <= OF_ROUND_OFF * before:
+                return step, reach
+            break
+        step, before = 0.5 * reach, excess
         reach = reach_to_corner(z, step)
-    reach_to_corner(z, h)
-    return h, first_reach
+    return h, reach_to_corner(z, h)
 
 
 def settle_sides(z: Buffer) -> bool:

@@ -60,6 +60,17 @@ def test_friction_that_is_smooth_only_close_to_rest_changes_sign(law, c, e, accu
         assert abs(simulator.omega_b[2] - w) <= accuracy * 0.5
 
 
+def test_a_brake_that_is_smooth_only_close_to_rest_stops_a_body():
+    """2026-11-27: its rate went on through zero to 600 times the first: the reference agreed."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "initial": {"omega_b": [0.0, 0.0, 0.7]}, "loads": {"torque_b": f"[0, 0, {TANH[0]}]"},
+              "constants": {"c": 0.1, "e": 4e-3}, "run": {"stop": 4000.0, "step": 6.0, "accuracy": 1e-9}}  # fmt: skip
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+    exact = 4e-3 * math.asinh(math.exp(math.log(math.sinh(0.7 / 4e-3)) - 0.1 * 6.0 / 4e-3))
+    assert found.omega_b[1, 2] == pytest.approx(exact, abs=1e-9 * 0.7)
+    assert np.abs(found.omega_b[2:]).max() <= 1e-9 * 0.7
+
+
 @pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
 def test_a_comparison_of_equal_numbers_is_strict_or_not(sign):
     """At t = 1, which doubles have; both counted as holding there."""
