@@ -5,9 +5,9 @@ import logging
 import os
 import pickle
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import closing, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from numbers import Integral
@@ -106,9 +106,9 @@ def _run(work: Work, store: Store, executor: Any, shown: bool) -> None:
     """Run what is missing, and keep it."""
     first = store.progress.chunks
     done, begin = first * work.size, monotonic()
-    with bar(work.scene.name, shown) as tell:
+    with bar(work.scene.name, shown) as tell, closing(chunks_in_order(work, first, executor)) as chunks:
         try:
-            for chunk in chunks_in_order(work, first, executor):
+            for chunk in chunks:
                 store.add(chunk)
                 done += chunk.members
                 speed = (done - first * work.size) / max(monotonic() - begin, 1e-9)
@@ -172,7 +172,7 @@ def dask_client(address: str) -> Iterator[Any]:
         log.setLevel(level)
 
 
-def chunks_in_order(work: Work, first: int, executor: Any) -> Iterator[Chunk]:
+def chunks_in_order(work: Work, first: int, executor: Any) -> Generator[Chunk]:
     """Yield the chunks from the number `first` on in their order, of which few are on their way at a time."""
     # functions of any kind need no packing for threads of this process
     here = executor is None or isinstance(executor, Integral | ThreadPoolExecutor)

@@ -82,12 +82,16 @@ class Instance:
 
     def __init__(self, fmu, name, guid=None, kind=1, logging=1, memory=None):
         self.fmu, self.lib, self.log = fmu, fmu.lib, []
-        self._logger = _LOGGER(lambda environment, who, *message: self.log.append(message))
+        self._logger = _LOGGER(self._keep)
         self.memory = memory
         self._callbacks = _Callbacks(self._logger, *(self.memory.functions if self.memory else ()))
         uri = (fmu.folder / "resources").as_uri()
         arguments = (guid or fmu.guid).encode(), uri.encode(), c.byref(self._callbacks)
         self.component = c.c_void_p(self.lib.fmi2Instantiate(name and name.encode(), kind, *arguments, 0, logging))
+
+    def _keep(self, environment, who, *message):
+        c.pythonapi.PyErr_Clear()  # of a slave of pythonfmu's: Python 3.14 tells of it where a callback returns
+        self.log.append(message)
 
     def function(self, name):
         """The library's function, in the version's spelling."""
