@@ -206,10 +206,17 @@ class _Reader:
         if not isinstance(node.func, ast.Name) or node.keywords:
             raise MismatchError("a function's name, and its arguments in order")
         known = self._functions.get(node.func.id)
+        tables = {name: x for name, x in self._names.items() if isinstance(x, functions.Table)}
+        if node.func.id in tables:
+            raise MismatchError(f"table({node.func.id}, x)")
         if known is None:
             raise MismatchError(_instead_of(f"{node.func.id}()", self._functions))
         if len(node.args) != len(known.takes.split(",")):
             raise MismatchError(f"{node.func.id}({known.takes})")
+        match node.func.id, node.args[0]:
+            case "table", ast.Name(id=name) if name not in self._names:
+                said = _instead_of(name, tables) if tables else f"a table in [tables] in place of {name}: it has none"
+                raise self._fault(node.args[0], said)
         return known.make(*(self.value(x) for x in node.args))
 
 

@@ -239,6 +239,9 @@ def test_time_may_begin_at_any_date():
      r"events\.far\.when: expected one of .* in place of off\n.*\n +\^\n"
      r"off is an output: give its formula a name in \[form"),
     ({"loads.torque_b": "3*n*cross(u_c, u_b)"}, r"loads\.torque_b: expected one of .* in place of u_c\n.*\n +\^"),
+    ({"loads.torque_b": "[table(wind, t), 0, 0]"}, r"a table in \[tables\] in place of wind: it has none\n.*\n {11}\^"),
+    ({"tables": {"w": {"x": [0, 1], "y": [1, 2]}}, "loads.torque_b": "[table(v, t), 0, 0]"}, "one of w in place of v"),
+    ({"tables": {"w": {"x": [0, 1], "y": [1, 2]}}, "loads.torque_b": "[w(t), 0, 0]"}, r"expected table\(w, x\)"),
     ({"loads.torque_b": "n"}, r"loads\.torque_b: expected a vector of 3 numbers, such as \[0, 0, t\]"),
     ({"loads.torque_b": [0, 0, "n"]}, r'loads\.torque_b = \[0, 0, "n"\]: expected a formula in one text, such as'),
     ({"loads.force_a": 3.0}, r"loads\.force_a = 3\.0"),
