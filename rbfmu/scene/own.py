@@ -72,7 +72,10 @@ class Text(rules.Rule):
 
 NUMBERS = rules.Rule("a number, or 3 numbers", _one_or_three)
 TEXT = Text("a formula, such as 2*k*sin(t)", _text)
-_NAME = rules.Rule("letters, digits and _", lambda value: value if _is_name(value) else None)
+_NAME = rules.Rule(
+    "letters, digits and _, no digit first and no word of Python such as from",
+    lambda value: value if _is_name(value) else None,
+)
 _ROW = rules.Rule("a list of numbers", _row)
 
 

@@ -254,6 +254,7 @@ def test_time_may_begin_at_any_date():
     ({"constants": {"n": "x"}}, r'constants\.n\.value = "x": expected a number, or 3 numbers'),
     ({"constants": 3}, r"constants = 3: expected a table of numbers"),
     ({"constants": {"a-b": 1.0}}, r"constants\.a-b = 1\.0: expected a name of letters, digits and _"),
+    ({"tables": {"from": {"x": [0, 1], "y": [1, 2]}}}, r"tables\.from = .*: expected a name .* no word of Python"),
     ({"states": {"h": {"start": 1.0}}}, r"states\.h\.rate is missing: expected a formula"),
     ({"states": {"h": {"start": 1.0, "rate": "u_b"}}}, r"states\.h\.rate: expected a scalar"),
     ({"tables": {"c": {"x": [-1e308, 1e308], "y": [1, 2]}}}, r"tables\.c\.y = \[1\.0, 2\.0\]: expected .* slopes"),
