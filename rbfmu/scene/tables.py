@@ -206,7 +206,9 @@ class Inputs(rules.Section, path="inputs"):
         ports = data.get("ports")
         if not isinstance(ports, list | tuple) or not (rows := [x for x in ports if isinstance(x, Mapping)]):
             return data, {}
-        own = [one for row in rows if (one := rules.checked(named.Port.read, row, "inputs.ports", faults))]
+        paths = [f"inputs.ports.{x}" if isinstance(x := row.get("name"), str) else "inputs.ports" for row in rows]
+        read = (rules.checked(named.Port.read, *row, faults) for row in zip(rows, paths, strict=True))
+        own = [one for one in read if one]
         found = named.Named({one.name: one for one in own})
         if twice := [one.name for one in own if one is not found[one.name]]:
             faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")

@@ -150,9 +150,10 @@ def test_ports_of_ones_own_enter_formulas():
 
 
 @pytest.mark.parametrize(("port", "said"), [
-    ({"size": 3}, r"ports\.name is missing"), ({"name": "u", "size": 2}, "1 or 3"),
-    ({"name": "u", "size": 1, "start": [1, 2, 3]}, "as many numbers"), ({"name": "t"}, "another name"),
-    ({"name": "mass"}, "another name"), ({"name": "h"}, "another name"), ({"name": "2u"}, "letters, digits"),
+    ({"size": 3}, r"ports\.name is missing"), ({"name": "u", "size": 2}, r"ports\.u\.size = 2: .* 1 or 3"),
+    ({"name": "u", "size": 1, "start": [1, 2, 3]}, r"ports\.u\.start = .* as many numbers"),
+    ({"name": "t"}, "another name"), ({"name": "mass"}, "another name"),
+    ({"name": "h"}, "another name"), ({"name": "2u"}, "letters, digits"),
 ])  # fmt: skip
 def test_wrong_ports_are_refused(port, said):
     with pytest.raises(rbfmu.SceneError, match=said):
