@@ -273,7 +273,7 @@ def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str
 
 def is_formula(name: str, value: object) -> bool:
     """Return whether a load is given as a formula, or as several that add up; it may be wrong as well."""
-    return name in LOADS and has_text(value)
+    return name in LOADS and (name == "potential" or has_text(value))
 
 
 def has_text(value: object) -> bool:

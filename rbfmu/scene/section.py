@@ -261,6 +261,7 @@ class Section:
     """The fields that are no keys."""
     _instead: ClassVar[Mapping[str, tuple[str, Rule]]] = {}
     """The keys that stand for a field of another name, with the rule that makes its value."""
+    _texts: ClassVar[tuple[str, ...]] = ()  # the keys that are formulas alone, which `_apart` takes
     _homes: ClassVar[dict[str, str]] = {}
     _rules: ClassVar[Mapping[str, Any]] = {}
     _keys: ClassVar[Mapping[str, tuple[str, Any]]] = {}
@@ -380,12 +381,13 @@ class Section:
         return ()
 
     def _unknown_keys(self, path: str, data: Mapping[str, object]) -> Iterator[str]:
+        known = (*self._keys, *self._texts)
         for key, value in data.items():
             if key not in self._keys:
                 here = joined(path, key)
                 near = self._homes.get(key, here)
-                near = closest(key, self._keys) if near == here else near
-                hint = f"did you mean {near}?" if near else f"expected one of {', '.join(self._keys)}"
+                near = closest(key, known) if near == here else near
+                hint = f"did you mean {near}?" if near else f"expected one of {', '.join(known)}"
                 yield f"{here} = {as_toml(value)}: unknown key; {hint}"
 
 

@@ -165,6 +165,7 @@ class Loads(rules.Section, path="loads"):
     """The known loads; those that are formulas stand in `formulas`, and are zero here."""
 
     _hidden: ClassVar = ("formulas",)
+    _texts: ClassVar = ("potential",)
 
     gravity_a: Annotated[Vec3, rules.numbers("gravity_a")] = (0.0, 0.0, -9.81)
     force_a: Annotated[Vec3, rules.numbers("force_a")] = ZERO

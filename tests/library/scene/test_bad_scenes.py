@@ -138,6 +138,8 @@ def test_messages_read_well():
     assert faults_of(run={"step": True}) == ["run.step = true: expected a number > 0 (s)"]
     assert faults_of(lods={}) == ["lods = {}: unknown key; did you mean loads?"]
     assert faults_of(run={"gravity_a": [0, 0, 0]})[0].endswith("unknown key; did you mean loads.gravity_a?")
+    assert faults_of(loads={"wrench": 1})[0].endswith("torque_b, damping_b, potential")
+    assert faults_of(loads={"potential": 3})[0].startswith("loads.potential = 3: expected a formula")
     assert faults_of(inputs={"ports": ["torqe_b"]}) == [
         'inputs.ports = ["torqe_b"]: expected torque_b in place of "torqe_b", '
         "or another out of force_a, force_b, torque_a, torque_b, omega_b"
