@@ -305,6 +305,8 @@ def arrays_of_npz(path: Path) -> dict[str, Array]:
     except Exception as error:
         said = f"{error!s:.100}"  # of what is no number NumPy says all of it
         raise ValueError(f"{path}: cannot be read as arrays of NumPy ({said}): expected the result of a run") from None
+    if "resume/head" in arrays:
+        raise ValueError(f"{path}: an ensemble's: expected the result of a run; EnsembleResult.load takes it")
     return {name: as_floats(str(path), name, rows) for name, rows in arrays.items()}
 
 

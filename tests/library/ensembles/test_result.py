@@ -148,6 +148,8 @@ def test_others_read_the_npz(found, tmp_path):
     with np.load(tmp_path / "store.npz", allow_pickle=False) as data:
         assert data["omega_b_final"].tobytes() == found.final["omega_b"].tobytes()
         assert data["time"].tolist() == found.time.tolist()
+    with pytest.raises(ValueError, match=r"store\.npz: an ensemble's: expected the result of a run"):
+        rbfmu.Result.load(tmp_path / "store.npz")
 
 
 def test_a_scene_file_runs(tmp_path):
