@@ -74,9 +74,9 @@ class Program:
     that the level before has completed; level_of: of each of them; sums: of all; sides: of what changes, on which side
     of zero it is, which stays over a series, that ends where it changes; touching: roots, and angles of points (x, y):
     where that which a root is of, or x^2 + y^2, comes down to zero, the series would go on with the wrong sign, and
-    ends; groups: sums of one level that are made at once. head: where their factors begin in a row; beside_at: where
-    the numbers beside; row: its length, in which others may take room; start: where the first row begins, after the
-    constants.
+    ends; rising: what exponentials are of, which may be nothing before; groups: sums of one level that are made at
+    once. head: where their factors begin in a row; beside_at: where the numbers beside; row: its length, in which
+    others may take room; start: where the first row begins, after the constants.
     """
 
     def __init__(
@@ -99,6 +99,7 @@ class Program:
         kinds = {i: graph.operations[i] for i in reached}
         self.sides = tuple(i for i, x in kinds.items() if x.kind == "side" and x.of[0] in self.level_of)
         self.touching = tuple(i for i, x in kinds.items() if x.kind in ("sqrt", "atan2") and x.of[-1] in self.level_of)
+        self.rising = tuple(dict.fromkeys(x.of[0] for i, x in kinds.items() if x.kind == "exp" and i in self.level_of))
         known = {*self.level_of, *self.sides}
         self.constants = tuple(i for i, x in kinds.items() if i not in known and x.kind != "number")
         self.groups: list[list[Sum]] = []
@@ -106,7 +107,7 @@ class Program:
             here = [one for one in self.sums if one.level == n]
             self.groups += [here[j : j + WIDTH] for j in range(0, len(here), WIDTH)]
         self.start = _whole(len(self.constants))
-        self.head = _whole(len(rates) + len(self.sides) + 2 * len(self.touching))
+        self.head = _whole(len(rates) + len(self.watched))
         self.beside_at = self.head + 2 * WIDTH * len(self.groups)
         self.row = self.beside_at + _whole(len(self.beside))
 
@@ -144,10 +145,10 @@ class Program:
 
     @property
     def watched(self) -> list[Symbol]:
-        """Return what has sides, what may touch zero and its roots, whose series stand in a row after the states."""
+        """Return what has sides, what may touch zero and its roots, and what rises: they stand after the states."""
         known = self.graph.operations
         found = [*(known[i].of[0] for i in self.sides), *(known[i].of[-1] for i in self.touching), *self.touching]
-        return [Symbol(self.graph, i) for i in found]
+        return [Symbol(self.graph, i) for i in (*found, *self.rising)]
 
 
 def _whole(count: int) -> int:

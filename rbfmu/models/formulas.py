@@ -273,7 +273,7 @@ class FormulaModel:
             "NUMBER_OF_INPUTS": len(inputs[0]), "HELD": where["held_inputs"], "STARTS": where["start_time"],
             "OF_EVENT": self._event_of_side, "NUMBER_OF_SIDES": len(program.sides),
             "WATCHED": work + program.start + len(self.rates),
-            "NUMBER_TOUCHING": len(program.touching), "NEXT": where["next_on"],
+            "NUMBER_TOUCHING": len(program.touching), "NUMBER_RISING": len(program.rising), "NEXT": where["next_on"],
             "MEMORY": memory.STATE_START, "MEMORY_SIZE": size_of_block(blocks["series.kept"]),
             "ROWS": work + program.start, "ROW": program.row,
             **self._event_places,

@@ -58,9 +58,8 @@ def reference_motion(
         times = pairs_of(accumulate(map(Decimal, steps), initial=Decimal(0)))
     work, sizes = np.zeros((2, len(listed.found) * kernels.LENGTH)), np.zeros(len(listed.least))
     rows = np.full((times.shape[1], len(listed.wanted)), np.nan)
-    equations = kernels.Equations(
-        listed.operations, listed.states, listed.least, sides, listed.touching, listed.wanted, listed.time
-    )
+    walked = listed.operations, listed.states, listed.least, sides, listed.touching, listed.rising, listed.wanted
+    equations = kernels.Equations(*walked, listed.time)
     for first in range(0, times.shape[1], CHUNK):
         chunk = slice(max(first - 1, 0), first + CHUNK)
         taken, lately = kernels.formula_motion(
@@ -88,7 +87,8 @@ class Listed:
 
     operations: a row for each; states: a row for each, its operation, that of its rate, its group; least: the least
     size of each group; wanted: the operations that are asked for; sides: those that tell on which side of zero
-    something is; touching: what roots and angles of points may find at zero, and these; time: that of t, or -1.
+    something is; touching: what roots and angles of points may find at zero, and these;
+    rising: what exponentials are of; time: that of t, or -1.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -117,6 +117,7 @@ class Listed:
         self.sides = [n for n, one in known if one.kind == "side"]
         touching = [(place[one.of[-1]], n) for n, one in known if one.kind in ("sqrt", "atan2")]
         self.touching = np.array(touching, np.int64).reshape(-1, 2)
+        self.rising = np.array([*{place[one.of[0]] for _, one in known if one.kind == "exp"}], np.int64)
         self.time = dict(zip(names, self.states[:, 0].tolist(), strict=True)).get("t", -1)
 
     def _rows(self, place: Mapping[int, int]) -> Indices:

@@ -48,7 +48,8 @@ class Equations(NamedTuple):
     operations (n, 5): kind, what it is of, and whether it changes. states (m, 3): which operation it is and that of its
     rate, and its group. least: of each group, the least size that its errors are relative to, negative where that alone
     counts. sides (n, 3): operation, whether a series began and ends at its corner. touching (n, 2): what may come down
-    to zero, and the root or angle of it. wanted: operations. time: that which is the time, or -1.
+    to zero, and the root or angle of it. rising: what exponentials are of. wanted: operations. time: that
+    which is the time, or -1.
     """
 
     operations: Indices
@@ -56,6 +57,7 @@ class Equations(NamedTuple):
     least: Array
     sides: Array
     touching: Indices
+    rising: Indices
     wanted: Indices
     time: int
 
@@ -241,6 +243,8 @@ def _to_corner(equations: Equations, s: Array, longest: float) -> float:
     for m in range(touching.shape[0]):
         for of in range(2):
             longest = polynomials.known_until(s[0], touching[m, of] * LENGTH, 1, ORDER, longest, polynomials.ROUGHLY)
+    for i in equations.rising:
+        longest = polynomials.risen_at(s[0], i * LENGTH, 1, ORDER, longest)
     reach = longest
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
@@ -335,7 +339,7 @@ def formula_motion(
     here: (2, n) values at the start, of numbers and leaves; s: room for their series, (2, n LENGTH); sizes: one for
     each group.
     """
-    operations, states, _, sides, _, wanted, _ = equations
+    operations, states, sides, wanted = equations.operations, equations.states, equations.sides, equations.wanted
     now, steps, k, end = (times[0, 0], times[1, 0]), 0, 0, times.shape[1]
     half, span, tenth, shortened = now[0], times[0, end - 1] - times[0, 0], 0.0, 0
     unit = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals

@@ -29,7 +29,7 @@ _missing: Any = None
 initialize = wide_constants = wide_first = wide_further = _missing
 _places: tuple[int, ...] = ()
 INPUTS = RATES = RATES_2 = STATES = _places
-NUMBER_OF_INPUTS = NUMBER_OF_SIDES = NUMBER_TOUCHING = SIDES = ORDER = WORK = ROWS = ROW = 0
+NUMBER_OF_INPUTS = NUMBER_OF_SIDES = NUMBER_TOUCHING = NUMBER_RISING = SIDES = ORDER = WORK = ROWS = ROW = 0
 WIDE_ROW = 0
 
 
@@ -54,7 +54,7 @@ def put_starts_in_lane(z: Buffer, c: Buffer, lane: int) -> None:
 def take_series_of_lane(z: Buffer, c: Buffer, lane: int) -> None:
     """Take a body's series, of its states and of what ends them, out of a lane."""
     for k in range(int(z[ORDER]) + 1):
-        for i in range(len(STATES) + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING):
+        for i in range(len(STATES) + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING + NUMBER_RISING):
             z[ROWS + k * ROW + i] = lane_at(c, ROWS + k * WIDE_ROW + i, lane)
 
 

@@ -77,7 +77,7 @@ _places: tuple[int, ...] = ()
 RELATIVE: tuple[bool, ...] = ()
 INPUTS = RATES = RATES_2 = STATES = FIRSTS = ENDS = OF_EVENT = _places
 ORDER = TOLERANCE = SPAN = TIME = STARTS = LONGEST = SIZES = HELD = STANDS = REACH = SINCE = BEGUN = 0
-NUMBER_OF_INPUTS = NUMBER_TOUCHING = NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
+NUMBER_OF_INPUTS = NUMBER_TOUCHING = NUMBER_RISING = NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
 NUMBER_OF_EVENTS = LISTED = NUMBER_OF_ERRORS = BOUNDED = REST = CREPT = TRIED = 0
 KEPT = MEMORY = MEMORY_SIZE = LAST = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
 
@@ -136,6 +136,9 @@ def reach_to_corner(z: Buffer, h: float) -> float:
     n, corner = int(z[ORDER]), -1
     for i in range(WATCHED, WATCHED + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING):
         h = polynomials.known_until(z, i, ROW, n, h, polynomials.ROUGHLY)
+    rising = WATCHED + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING
+    for i in range(rising, rising + NUMBER_RISING):
+        h = polynomials.risen_at(z, i, ROW, n, h)
     reach = h
     for i in range(NUMBER_OF_SIDES):
         at = WATCHED + i

@@ -71,6 +71,20 @@ def test_a_brake_that_is_smooth_only_close_to_rest_stops_a_body():
     assert np.abs(found.omega_b[2:]).max() <= 1e-9 * 0.7
 
 
+@pytest.mark.parametrize(
+    ("load", "w_0"), [("exp(-((t - 50)/w)**2)", 0.0), ("exp(-((t - 50)/w)**2)", 2.0), ("exp(-((phi - 50)/w)**2)", 1.0)]
+)
+def test_a_pulse_that_is_nothing_long_before_and_after_is_not_stepped_over(load, w_0):
+    """2026-11-27: the torque, 1 N m at t = 50 s, was missed without a word: no term of a series told that it comes."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "states": {"phi": {"start": 0.0, "rate": "omega_b[3]"}}, "initial": {"omega_b": [0.0, 0.0, w_0]},
+              "loads": {"torque_b": f"[0, 0, {load}]"}, "constants": {"w": 1e-2},
+              "run": {"stop": 100.0, "step": 1.0, "accuracy": 1e-9}}  # fmt: skip
+    found, area = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).omega_b[:, 2], 1e-2 * math.sqrt(math.pi)
+    after = w_0 + area if "t" in load else math.sqrt(w_0**2 + 2.0 * area)
+    np.testing.assert_allclose(found[[49, 51, -1]], [w_0, after, after], rtol=0, atol=1e-9 * after)
+
+
 @pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
 def test_a_comparison_of_equal_numbers_is_strict_or_not(sign):
     """At t = 1, which doubles have; both counted as holding there."""
