@@ -116,6 +116,7 @@ def refuse_accuracy(asked: Question, error: float, why: str = "") -> SceneError:
         expected += why
     elif 1e-3 < reached < math.inf:
         expected += "; the motion magnifies round-off: see `rbfmu stability`, or ask for a shorter run"
+        expected += "; or a formula has a pulse: give it edges by where(...)" if asked.scene.loads.formulas else ""
     return SceneError(f"run.accuracy = {asked.accuracy!r}: {expected}", asked.scene.name)
 
 

@@ -28,8 +28,10 @@ SHORTER, MOST_SHORTENED = 2.0**-40, 10
 """By how much, and how often, the unit of time is made shorter where coefficients leave the range of doubles."""
 CORNER_KNOWN = 1e-17
 """The part of its size to which what has a corner is known there."""
-MOST_DEFECT, MOST_HALVED = 1e-11, 60
-"""The defect at a series' end, which is known in doubles, with which it is halved, and how often at most."""
+MOST_DEFECT, MOST_HALVED, FAR_PARTS = 1e-11, 60, 64
+"""The defect within a series, which is known in doubles, with which it is halved, and how often at most; and the parts
+of one that goes far, between which it is looked at: what judges looks at more times than what is judged.
+"""
 NOWHERE, SLIDES = -2, -1.0
 KINDS = (
     "number", "place", "input", "state", "add", "subtract", "multiply", "divide", "sqrt", "exp", "log", "sin", "cos",
@@ -312,6 +314,16 @@ def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float,
 
 
 @kernel(inline=False)
+def _first_fault(equations: Equations, sizes: Array, s: Array, unit: float, t: float, here: Array, parts: int) -> float:
+    """Return the first of so many equal parts of t, the last of which is t, where the defect is too large, or 0."""
+    for k in range(1, parts + 1):
+        at = t * k / parts
+        if at > 0.0 and not _defect(equations, sizes, s, unit, at, here) <= MOST_DEFECT:
+            return at
+    return 0.0
+
+
+@kernel(inline=False)
 def _evaluate_at_row(operations: Indices, time: int, here: Array) -> None:
     """Set the values of all operations where a row is shown.
 
@@ -341,7 +353,7 @@ def formula_motion(
     """
     operations, states, sides, wanted = equations.operations, equations.states, equations.sides, equations.wanted
     now, steps, k, end = (times[0, 0], times[1, 0]), 0, 0, times.shape[1]
-    half, span, tenth, shortened = now[0], times[0, end - 1] - times[0, 0], 0.0, 0
+    step, half, span, tenth, shortened = 0.0, now[0], times[0, end - 1] - times[0, 0], 0.0, 0
     unit = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
     sides[:, 1] = 0.0
     for n in range(operations.shape[0]):
@@ -353,12 +365,14 @@ def formula_motion(
         if math.isnan(longest) and sides.shape[0] == 0 and shortened < MOST_SHORTENED:
             unit, shortened = SHORTER * unit, shortened + 1
             continue
-        step, longest = longest, _to_corner(equations, s, longest)
+        last, step, longest = step, longest, _to_corner(equations, s, longest)
         for _ in range(MOST_HALVED):
             before = longest - 2.0 * BEYOND * step
-            if not before > 0.0 or _defect(equations, sizes, s, unit, before, here) <= MOST_DEFECT:
+            parts = FAR_PARTS if step > polynomials.FARTHER * last else polynomials.PARTS
+            fault = _first_fault(equations, sizes, s, unit, before, here, parts)
+            if fault == 0.0:
                 break
-            step = 0.5 * longest
+            step = 0.5 * fault
             longest = _to_corner(equations, s, step)
         steps += 1
         done = now[0] - times[0, 0]

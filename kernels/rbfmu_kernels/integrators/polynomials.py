@@ -78,6 +78,10 @@ def known_until(z: Buffer, i: int, row: int, n: int, h: float, part: float) -> f
     return h
 
 
+FARTHER, PARTS = 8.0, 16
+"""How many times as far as the last one a series reaches, or it is the first, whose defect is looked at between so many
+parts as well: what a pulse such as 1/(1 + (t - 50)**20) has before, no term of a series need tell.
+"""
 LEAST_EXPONENT, RISE, PART_OF_RISE, OF_EXPONENT = -745.0, 16.0, 0.25, 1e-6
 """The exponent below which an exponential is zero in doubles; how far one may rise in a series, at least and as a part;
 and the part of itself to which a large negative one may, of which round-off is left.

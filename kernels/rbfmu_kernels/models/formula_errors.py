@@ -11,10 +11,15 @@ import math
 from typing import Any
 
 from ..buffer_access import copy_numbers
-from ..integrators.polynomials import ROUGHLY, bound_of, polynomial, slope_of
+from ..integrators.polynomials import PARTS, ROUGHLY, bound_of, polynomial, slope_of
 from ..integrators.substeps import power_of, tolerance_of_substep
 from ..types import Buffer
 from .formula_events import excess_of_events, size_of_event
+
+MOST_DEFECT, OF_DOUBLES = 10.0, 2.0**-50
+"""The excess of a series' defect with which it is made shorter; and the least error that is asked for there: less is
+round-off, of which a shorter series has as much.
+"""
 
 # What templates are bound to, see `formulas`.
 _missing: Any = None
@@ -82,7 +87,7 @@ def excess_of_defect(z: Buffer, t: float) -> float:
             defect = abs(z[anew + i] - slope_of(z, ROWS + i, ROW, n, t))
             if defect != 0.0:
                 worst = max(worst, defect * t / ((n + 1) * size)) if defect < math.inf and size > 0.0 else math.inf
-    allowed = tolerance_of_substep(z[TOLERANCE], z[SPAN], t)
+    allowed = max(tolerance_of_substep(z[TOLERANCE], z[SPAN], t), OF_DOUBLES)
     for i in range(NUMBER_OF_SIDES):
         at = WATCHED + i
         apart = abs(z[anew + len(STATES) + i] - polynomial(z, at, ROW, n, t))
@@ -91,3 +96,15 @@ def excess_of_defect(z: Buffer, t: float) -> float:
         elif apart > 0.0:
             worst = max(worst, apart / bound_of(z, at, ROW, n, t)[0] * (allowed / ROUGHLY))
     return worst / allowed
+
+
+def first_fault_inside(z: Buffer, t: float) -> float:
+    """Return the first of some times before t at which the series has not the rates of its states; 0 where it has.
+
+    What is nearly nothing at first, and at the end again, as a pulse is, no term of a series need tell.
+    """
+    for k in range(1, PARTS):
+        at = t * k / PARTS
+        if at > 0.0 and excess_of_defect(z, at) > MOST_DEFECT:
+            return at
+    return 0.0

@@ -21,7 +21,7 @@ from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
 from ..rotations.quaternion import normalize
 from ..types import Buffer
-from .formula_errors import excess_of, excess_of_defect
+from .formula_errors import MOST_DEFECT, excess_of, excess_of_defect, first_fault_inside
 from .formula_events import (
     BEYOND,
     MOST_LISTED,
@@ -61,9 +61,9 @@ CREEPING, MOST_CREPT = 1e-7, 20_000
 """Series that reach over so small a part of a communication step, and how many: what creeps on comes to no end."""
 JUMP = 1e-9
 """The part of an input by which it is still the one that was kept: one that is linear comes there with round-off."""
-MOST_DEFECT, SHORTER, OF_ROUND_OFF = 10.0, 40, 1.0 / 16.0
-"""The excess of a series' defect with which it is halved, how often at most, and the part that halving leaves at most:
-of what is left out 2^-7 or less, but half of what is round-off, for which the series stays as it was.
+SHORTER, OF_ROUND_OFF = 40, 1.0 / 16.0
+"""How often a series is halved at most for its defect, and the part of it that halving leaves at most: of what is left
+out 2^-7 or less, but half of what is round-off, for which the series stays as it was.
 """
 NEAR = 0.2
 """How far from the size that it was estimated for, as a part of it, a step is not estimated once more."""
@@ -99,15 +99,18 @@ def set_up_formulas(z: Buffer) -> int:
 
 def reach_of_truth(z: Buffer, h: float) -> tuple[float, float]:
     """Return a step, at most h, at whose end the series still has the rates of its states, and how far it reaches."""
+    far = z[REACH] == 0.0 or h > polynomials.FARTHER * z[driven.STEP_SIZE]
     step, reach, before = h, reach_to_corner(z, h), 0.0
     for _ in range(SHORTER):
         t = reach - 2.0 * BEYOND * step  # where a root touches zero, a series goes on beyond
         excess = excess_of_defect(z, t) if t > 0.0 else 0.0
-        if excess <= MOST_DEFECT:
+        inside = first_fault_inside(z, t) if far and excess <= MOST_DEFECT else 0.0
+        if excess <= MOST_DEFECT and inside == 0.0:
             if before == 0.0 or excess <= OF_ROUND_OFF * before:
                 return step, reach
             break
-        step, before = 0.5 * reach, excess
+        before = excess_of_defect(z, inside) if inside > 0.0 else excess
+        step = 0.5 * (inside if inside > 0.0 else reach)
         reach = reach_to_corner(z, step)
     return h, reach_to_corner(z, h)
 

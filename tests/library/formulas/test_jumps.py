@@ -85,6 +85,32 @@ def test_a_pulse_that_is_nothing_long_before_and_after_is_not_stepped_over(load,
     np.testing.assert_allclose(found[[49, 51, -1]], [w_0, after, after], rtol=0, atol=1e-9 * after)
 
 
+@pytest.mark.parametrize(
+    ("load", "area"),
+    [
+        ("1/(1 + (t - 50)**20)", math.pi / (10.0 * math.sin(math.pi / 20.0))),
+        ("1/(1 + (t - 50)**2)**5", 35.0 * math.pi / 128.0),
+        ("sin(pi*t/100)**60", 100.0 * math.comb(60, 30) / 2.0**60),
+    ],
+)
+def test_a_pulse_of_which_no_term_tells_is_seen_inside_a_series(load, area):
+    """2026-11-27: missed without a word, as what is nothing at both ends of a series was looked at there alone."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "initial": {"omega_b": [0.0, 0.0, 0.5]}, "loads": {"torque_b": f"[0, 0, {load}]"},
+              "run": {"stop": 100.0, "step": 1.0, "accuracy": 1e-6}}  # fmt: skip
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).omega_b[-1, 2]
+    assert found == pytest.approx(0.5 + area, abs=1e-6 * (0.5 + area))
+
+
+def test_a_pulse_that_a_run_would_miss_is_refused():
+    """Its body turns, so that its series are as long as others; what judges looks at more times."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "initial": {"omega_b": [0.0, 0.0, 0.5]}, "loads": {"torque_b": "[0, 0, max(0, 1 - ((t - 50)/4)**2)**30]"},
+              "run": {"stop": 100.0, "step": 1.0, "accuracy": 1e-9}}  # fmt: skip
+    with pytest.raises(rbfmu.SceneError, match="or a formula has a pulse"):
+        rbfmu.plan(rbfmu.Scene.from_dict(tables))
+
+
 @pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
 def test_a_comparison_of_equal_numbers_is_strict_or_not(sign):
     """At t = 1, which doubles have; both counted as holding there."""

@@ -94,7 +94,9 @@ def truth_of(graph, x, t):
 
 def equations(operations=NOTHING, states=NOTHING, least=(0.0,)):
     """What the reference walks, of one group of states, without sides."""
-    return reference.Equations(operations, states, np.array(least), np.zeros((0, 3)), NOTHING[:0], NOTHING[0], -1)
+    return reference.Equations(
+        operations, states, np.array(least), np.zeros((0, 3)), NOTHING[:0], NOTHING[0, :0], NOTHING[0], -1
+    )
 
 
 def double_doubles(text, t, n=N):

@@ -146,7 +146,9 @@ def test_a_pendulum_that_has_come_to_rest_is_planned():
 @pytest.mark.parametrize("place", [0, 1, kernels.ORDER])
 def test_a_term_that_is_no_number_gives_no_step(place):
     s, states, sizes = np.ones((2, kernels.LENGTH)), np.array([[0, 0, 0]]), np.zeros(1)
-    equations = kernels.Equations(states, states, np.ones(1), np.zeros((0, 3)), states[:, :2], states[0], -1)
+    equations = kernels.Equations(
+        states, states, np.ones(1), np.zeros((0, 3)), states[:, :2], states[0, :0], states[0], -1
+    )
     assert interpreted(kernels._longest)(equations, sizes, s) > 0.0
     s[0, place] = np.nan
     assert math.isnan(interpreted(kernels._longest)(equations, sizes, s))
