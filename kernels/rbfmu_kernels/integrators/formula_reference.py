@@ -15,6 +15,7 @@ from ..numerics import double_double as dd
 from ..numerics.double_double_functions import angle_of, exponential, natural_logarithm, sine_and_cosine
 from ..types import Array, Indices
 from . import polynomials
+from .formula_pulses import FARTHER, PARTS, risen_at
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
 """The order of series, and the error of a step, relative to sizes: far below what doubles have. The order of least work
@@ -246,7 +247,7 @@ def _to_corner(equations: Equations, s: Array, longest: float) -> float:
         for of in range(2):
             longest = polynomials.known_until(s[0], touching[m, of] * LENGTH, 1, ORDER, longest, polynomials.ROUGHLY)
     for i in equations.rising:
-        longest = polynomials.risen_at(s[0], i * LENGTH, 1, ORDER, longest)
+        longest = risen_at(s[0], i * LENGTH, 1, ORDER, longest)
     reach = longest
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
@@ -368,7 +369,7 @@ def formula_motion(
         last, step, longest = step, longest, _to_corner(equations, s, longest)
         for _ in range(MOST_HALVED):
             before = longest - 2.0 * BEYOND * step
-            parts = FAR_PARTS if step > polynomials.FARTHER * last else polynomials.PARTS
+            parts = FAR_PARTS if step > FARTHER * last else PARTS
             fault = _first_fault(equations, sizes, s, unit, before, here, parts)
             if fault == 0.0:
                 break

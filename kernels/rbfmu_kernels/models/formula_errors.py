@@ -11,7 +11,8 @@ import math
 from typing import Any
 
 from ..buffer_access import copy_numbers
-from ..integrators.polynomials import PARTS, ROUGHLY, bound_of, polynomial, slope_of
+from ..integrators.formula_pulses import PARTS
+from ..integrators.polynomials import ROUGHLY, bound_of, polynomial, slope_of
 from ..integrators.substeps import power_of, tolerance_of_substep
 from ..types import Buffer
 from .formula_events import excess_of_events, size_of_event

@@ -16,6 +16,7 @@ from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
 from ..integrators import polynomials
+from ..integrators.formula_pulses import FARTHER, risen_at
 from ..integrators.substeps import count_substep, tolerance_of_substep
 from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
@@ -99,7 +100,7 @@ def set_up_formulas(z: Buffer) -> int:
 
 def reach_of_truth(z: Buffer, h: float) -> tuple[float, float]:
     """Return a step, at most h, at whose end the series still has the rates of its states, and how far it reaches."""
-    far = z[REACH] == 0.0 or h > polynomials.FARTHER * z[driven.STEP_SIZE]
+    far = z[REACH] == 0.0 or h > FARTHER * z[driven.STEP_SIZE]
     step, reach, before = h, reach_to_corner(z, h), 0.0
     for _ in range(SHORTER):
         t = reach - 2.0 * BEYOND * step  # where a root touches zero, a series goes on beyond
@@ -141,7 +142,7 @@ def reach_to_corner(z: Buffer, h: float) -> float:
         h = polynomials.known_until(z, i, ROW, n, h, polynomials.ROUGHLY)
     rising = WATCHED + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING
     for i in range(rising, rising + NUMBER_RISING):
-        h = polynomials.risen_at(z, i, ROW, n, h)
+        h = risen_at(z, i, ROW, n, h)
     reach = h
     for i in range(NUMBER_OF_SIDES):
         at = WATCHED + i
