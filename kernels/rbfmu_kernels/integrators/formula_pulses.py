@@ -6,7 +6,7 @@ from ..compile.decorator import kernel
 from ..types import Buffer
 from .polynomials import ROUGHLY, bound_of, first_root, known_until
 
-FARTHER, PARTS = 8.0, 16
+FARTHER, PARTS = 8.0, 8
 """How many times as far as the last one a series reaches, or it is the first, whose defect is looked at between so many
 parts as well: what a pulse such as 1/(1 + (t - 50)**20) has before, no term of a series need tell.
 """

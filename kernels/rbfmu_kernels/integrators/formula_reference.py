@@ -15,7 +15,7 @@ from ..numerics import double_double as dd
 from ..numerics.double_double_functions import angle_of, exponential, natural_logarithm, sine_and_cosine
 from ..types import Array, Indices
 from . import polynomials
-from .formula_pulses import FARTHER, PARTS, risen_at
+from .formula_pulses import FARTHER, risen_at
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
 """The order of series, and the error of a step, relative to sizes: far below what doubles have. The order of least work
@@ -29,9 +29,9 @@ SHORTER, MOST_SHORTENED = 2.0**-40, 10
 """By how much, and how often, the unit of time is made shorter where coefficients leave the range of doubles."""
 CORNER_KNOWN = 1e-17
 """The part of its size to which what has a corner is known there."""
-MOST_DEFECT, MOST_HALVED, FAR_PARTS = 1e-11, 60, 64
+MOST_DEFECT, MOST_HALVED, FAR_PARTS, PARTS = 1e-11, 60, 64, 16
 """The defect within a series, which is known in doubles, with which it is halved, and how often at most; and the parts
-of one that goes far, between which it is looked at: what judges looks at more times than what is judged.
+of one that goes far, and of others, between which it is looked at: more than of what is judged.
 """
 NOWHERE, SLIDES = -2, -1.0
 KINDS = (
