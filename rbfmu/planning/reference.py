@@ -87,8 +87,8 @@ class Listed:
 
     operations: a row for each; states: a row for each, its operation, that of its rate, its group; least: the least
     size of each group; wanted: the operations that are asked for; sides: those that tell on which side of zero
-    something is; touching: what roots and angles of points may find at zero, and these;
-    rising: what exponentials are of; time: that of t, or -1.
+    something is; touching: what roots and angles of points may find at zero, and these; rising: what
+    exponentials are of; time: that of t, or -1.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -7,8 +7,8 @@ from ..types import Buffer
 from .polynomials import ROUGHLY, bound_of, first_root, known_until
 
 FARTHER, PARTS = 8.0, 8
-"""How many times as far as the last one a series reaches, or it is the first, whose defect is looked at between so many
-parts as well: what a pulse such as 1/(1 + (t - 50)**20) has before, no term of a series need tell.
+"""The first series, and each that reaches so many times as far as the last one, has its defect looked at between so
+many parts as well: no term of it need tell of a pulse such as 1/(1 + (t - 50)**20).
 """
 LEAST_EXPONENT, RISE, PART_OF_RISE, OF_EXPONENT = -745.0, 16.0, 0.25, 1e-6
 """The exponent below which an exponential is zero in doubles; how far one may rise in a series, at least and as a part;

@@ -51,8 +51,8 @@ class Equations(NamedTuple):
     operations (n, 5): kind, what it is of, and whether it changes. states (m, 3): which operation it is and that of its
     rate, and its group. least: of each group, the least size that its errors are relative to, negative where that alone
     counts. sides (n, 3): operation, whether a series began and ends at its corner. touching (n, 2): what may come down
-    to zero, and the root or angle of it. rising: what exponentials are of. wanted: operations. time: that
-    which is the time, or -1.
+    to zero, and the root or angle of it. rising: what exponentials are of. wanted: operations. time: that which is the
+    time, or -1.
     """
 
     operations: Indices
@@ -288,13 +288,8 @@ def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float,
 
     So what sides rest on, which must be known to ROUGHLY. See `models.formula_errors`.
     """
-    operations, states, least, sides, worst = (
-        equations.operations,
-        equations.states,
-        equations.least,
-        equations.sides,
-        0.0,
-    )
+    operations, states, sides, least = equations.operations, equations.states, equations.sides, equations.least
+    worst = 0.0
     _put_states(states, s, (t, 0.0), here)
     for i in range(sides.shape[0]):
         here[0, int(sides[i, 0])] = s[0, int(sides[i, 0]) * LENGTH]
@@ -316,7 +311,7 @@ def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float,
 
 @kernel(inline=False)
 def _first_fault(equations: Equations, sizes: Array, s: Array, unit: float, t: float, here: Array, parts: int) -> float:
-    """Return the first of so many equal parts of t, the last of which is t, where the defect is too large, or 0."""
+    """Return the first end of so many equal parts of [0, t] at which the defect is too large, or 0."""
     for k in range(1, parts + 1):
         at = t * k / parts
         if at > 0.0 and not _defect(equations, sizes, s, unit, at, here) <= MOST_DEFECT:

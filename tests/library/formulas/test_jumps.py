@@ -88,8 +88,8 @@ def test_a_pulse_that_is_nothing_long_before_and_after_is_not_stepped_over(load,
 @pytest.mark.parametrize(
     ("load", "area"),
     [
-        ("1/(1 + (t - 50)**20)", math.pi / (10.0 * math.sin(math.pi / 20.0))),
-        ("1/(1 + (t - 50)**2)**5", 35.0 * math.pi / 128.0),
+        ("1/(1 + ((t - 46.7)/2)**20)", math.pi / (5.0 * math.sin(math.pi / 20.0))),
+        ("1/(1 + (t - 46.7)**2)**5", 35.0 * math.pi / 128.0),
         ("sin(pi*t/100)**60", 100.0 * math.comb(60, 30) / 2.0**60),
     ],
 )
