@@ -33,6 +33,9 @@ MOST_DEFECT, MOST_HALVED, FAR_PARTS, PARTS = 1e-11, 60, 64, 16
 """The defect within a series, which is known in doubles, with which it is halved, and how often at most; and the parts
 of one that goes far, and of others, between which it is looked at: more than of what is judged.
 """
+FINEST, MOST_STALLED = 2.0**-52, 500
+"""How many series on end may reach no farther than this part of the time since the start, which doubles tell as one: 13
+where a force grows from 1e-300, ever more where a motion ends in a pole."""
 NOWHERE, SLIDES = -2, -1.0
 KINDS = (
     "number", "place", "input", "state", "add", "subtract", "multiply", "divide", "sqrt", "exp", "log", "sin", "cos",
@@ -348,7 +351,7 @@ def formula_motion(
     each group.
     """
     operations, states, sides, wanted = equations.operations, equations.states, equations.sides, equations.wanted
-    now, steps, k, end = (times[0, 0], times[1, 0]), 0, 0, times.shape[1]
+    now, steps, k, end, stalled = (times[0, 0], times[1, 0]), 0, 0, times.shape[1], 0
     step, half, span, tenth, shortened = 0.0, now[0], times[0, end - 1] - times[0, 0], 0.0, 0
     unit = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
     sides[:, 1] = 0.0
@@ -372,7 +375,8 @@ def formula_motion(
             longest = _to_corner(equations, s, step)
         steps += 1
         done = now[0] - times[0, 0]
-        if not longest > 0.0:
+        stalled = stalled + 1 if unit * longest < FINEST * done else 0
+        if not longest > 0.0 or stalled > MOST_STALLED:
             return NOWHERE, now[0]
         half = now[0] if steps == most // 2 else half
         tenth = done if steps == most // 10 else tenth

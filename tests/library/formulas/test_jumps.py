@@ -243,3 +243,19 @@ def test_inputs_that_have_changed_in_a_refused_step_are_what_they_were_before():
     z[blocks["u_rate"]] = z[blocks["torque_b_rate"]] = 0.0
     assert step(z, 0.5) == 0
     np.testing.assert_allclose(z[blocks["velocity"]], [1.0, 0.0, 0.0], rtol=0, atol=1e-15)
+
+
+def test_a_motion_that_diverges_is_refused_where_doubles_tell_no_times_apart():
+    """2026-11-27: a disc in air, two signs wrong; planned for minutes, and was then told "take it on by 0 s"."""
+    normal, attack = "to_a([0, 0, 1])", "asin(dot(to_a([0, 0, 1]), velocity)/norm(velocity))"
+    drag = f"norm(velocity)*(0.0028 + 0.095*({attack} + 0.07)**2)*velocity"
+    lift = f"(0.0053 - 0.049*{attack})*cross(velocity, cross({normal}, velocity))"
+    torque = f"norm(velocity)*(0.00076 + 0.0041*{attack})*cross([0, 0, 1], to_b(velocity)) + 1e-3*omega_b"
+    initial = {"velocity": [14.0, 0.0, 2.0], "omega_b": [0.0, 0.0, 50.0], "attitude": {"rotvec": [0.0, -0.09, 0.0]}}
+    scene = rbfmu.Scene.from_dict({
+        "body": {"mass": 0.175, "inertia": [0.00122, 0.00122, 0.00235]}, "initial": initial,
+        "loads": {"gravity_a": [0.0, 0.0, -9.81], "force_a": f"{drag} - {lift}", "torque_b": torque},
+        "run": {"stop": 3.0, "step": 0.01, "accuracy": 1e-6},
+    })  # fmt: skip
+    with pytest.raises(rbfmu.SceneError, match=r"before t = 0\.\d+ s, where the motion changes ever faster"):
+        rbfmu.plan(scene)
