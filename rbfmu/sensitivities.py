@@ -171,7 +171,8 @@ class Varied:
             known = np.isfinite(rows).all(axis=(1, 2))
             if not known.all():
                 where = f"{scene.name}: {name} at t = {float(run.time[int(np.argmin(known))])!r} s"
-                raise ValueError(f"{where}: expected a motion with finite derivatives, that grazes no corner")
+                starts = "nor starts where a norm, a root or an angle is of zero (start a little off)"
+                raise ValueError(f"{where}: expected a motion with finite derivatives, that grazes no corner, {starts}")
         spread = {} if covariance is None else self._carried(of, covariance)
         return Sensitivity(run.time, self.numbers, run.sizes, of, run.values, spread)
 

@@ -269,7 +269,7 @@ def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, subste
     rate, why = math.hypot(*rates[last]), "damping is stiff, or another load too large"
     turns_by = rate * done / substeps if substeps > MAX_SUBSTEPS else rate * steps[last] / MAX_SUBSTEPS
     if turns_by > TURNS:
-        why = f"it turns by {rate:.2g} rad/s"
+        why = f"it turns at {rate:.2g} rad/s"
     said = f"the {steps[last]:.3g} s from t = {reached:.6g} s take too many substeps, or leave the range of numbers"
     if substeps > MAX_SUBSTEPS:
         said = f"{substeps:.1e} substeps take it on by {done:.3g} s"

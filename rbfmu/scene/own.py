@@ -185,6 +185,13 @@ class Table(Entry):
     y: Annotated[tuple[float, ...], _ROW]
     method: Annotated[str, rules.one_word(("linear", "cubic"), "linear or cubic")] = "linear"
 
+    @classmethod
+    def read(cls, value: object, path: str = "") -> Self:
+        """Return the table, or a table itself."""
+        if not isinstance(value, cls | Mapping):
+            raise rules.SceneError(rules.fault(path, value, "a table { x, y } of two lists of numbers"))
+        return super().read(value, path)
+
     def _contradictions(self) -> Iterator[str]:
         if len(self.x) != len(self.y) or not 2 <= len(self.x) <= MOST_ROWS:
             expected = f"as many y as x, 2 to {MOST_ROWS}, not {len(self.y)} and {len(self.x)}"

@@ -260,6 +260,7 @@ def test_time_may_begin_at_any_date():
     ({"tables": {"c": {"x": [-1e308, 1e308], "y": [1, 2]}}}, r"tables\.c\.y = \[1\.0, 2\.0\]: expected .* slopes"),
     ({"tables": {"c": {"x": [0, 1e-320], "y": [1, 2]}}}, r"tables\.c\.y = \[1\.0, 2\.0\]: expected .* slopes"),
     ({"tables": {"c": {"x": [0, 0], "y": [1, 2]}}}, r"tables\.c\.x = \[0\.0, 0\.0\]: expected numbers that increase"),
+    ({"tables": {"c": "wind.csv"}}, r"tables\.c = .*: expected a table \{ x, y \} of two lists of numbers$"),
     ({"outputs.tilt": "R_ab"}, r"outputs\.tilt\.value: expected a scalar or a vector"),
     ({"outputs.plot": "n"}, r"outputs\.plot: expected another name"),
     ({"loads.potential": "dot(velocity, velocity)"}, r"loads\.potential: expected a formula of position and attitude"),
