@@ -41,8 +41,12 @@ TANH = "-c*(1 - 2/(exp(2*omega_b[3]/e) + 1))", lambda w, c, e: -c * np.tanh(w / 
 
 
 @pytest.mark.parametrize(
-    ("law", "c", "e", "accuracy"), [(ROOT, 0.2, 9e-4, 1e-5), (ROOT, 0.12, 1e-5, 2e-9), (TANH, 0.31, 4e-3, 1e-9)]
-)
+    ("law", "c", "e", "accuracy"),
+    [
+        (ROOT, 0.2, 9e-4, 1e-5), (TANH, 0.31, 4e-3, 1e-9),
+        pytest.param(ROOT, 0.12, 1e-5, 2e-9, marks=pytest.mark.thorough),
+    ],
+)  # fmt: skip
 def test_friction_that_is_smooth_only_close_to_rest_changes_sign(law, c, e, accuracy):
     """2026-11-27: errors of up to 3,000 times the accuracy with inputs: series went on as before the rate's zero.
 
@@ -60,6 +64,7 @@ def test_friction_that_is_smooth_only_close_to_rest_changes_sign(law, c, e, accu
         assert abs(simulator.omega_b[2] - w) <= accuracy * 0.5
 
 
+@pytest.mark.thorough
 def test_a_brake_that_is_smooth_only_close_to_rest_stops_a_body():
     """2026-11-27: its rate went on through zero to 600 times the first: the reference agreed."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
@@ -72,8 +77,12 @@ def test_a_brake_that_is_smooth_only_close_to_rest_stops_a_body():
 
 
 @pytest.mark.parametrize(
-    ("load", "w_0"), [("exp(-((t - 50)/w)**2)", 0.0), ("exp(-((t - 50)/w)**2)", 2.0), ("exp(-((phi - 50)/w)**2)", 1.0)]
-)
+    ("load", "w_0"),
+    [
+        ("exp(-((t - 50)/w)**2)", 0.0), ("exp(-((phi - 50)/w)**2)", 1.0),
+        pytest.param("exp(-((t - 50)/w)**2)", 2.0, marks=pytest.mark.thorough),
+    ],
+)  # fmt: skip
 def test_a_pulse_that_is_nothing_long_before_and_after_is_not_stepped_over(load, w_0):
     """2026-11-27: the torque, 1 N m at t = 50 s, was missed without a word: no term of a series told that it comes."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},

@@ -259,6 +259,7 @@ def test_the_command_charts_a_scene_and_names_what_is_wrong_with_it(
     assert "mass" in wrong.stderr
 
 
+@pytest.mark.thorough
 def test_prescribed_rates_are_charted_at_rest() -> None:
     found = rbfmu.chart(ROOT / "examples/scenes/gyro_attitude.toml", quick=True)
     assert found.plan.error == 0.0
@@ -267,6 +268,7 @@ def test_prescribed_rates_are_charted_at_rest() -> None:
     found.figure()
 
 
+@pytest.mark.thorough
 def test_absent_peers_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measure.Peer, "installed", "")
     few(monkeypatch, "Taylor, order 12")

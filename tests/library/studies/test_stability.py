@@ -138,6 +138,7 @@ def test_normalised_rk4_does_not_drift() -> None:
     assert max(_measure("drift").columns["q normalised"]) < 2.0**-51
 
 
+@pytest.mark.thorough
 def test_explicit_euler_is_never_stable() -> None:
     assert all(factor > 1.0 for factor in _measure("growth_factors").columns["explicit Euler, measured"])
 
