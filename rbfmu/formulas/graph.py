@@ -9,7 +9,7 @@ import operator
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from rbfmu_kernels.numerics.elementary import sincos
+from rbfmu_kernels.numerics.elementary import logistic, sincos
 
 MOST_OPERATIONS = 20_000
 """What a scene's formulas may come to: a hundred times what an attitude controller needs."""
@@ -182,11 +182,11 @@ class Symbol:
 
     def __truediv__(self, other: "Number") -> "Number":
         if isinstance(other, Symbol):
-            return 1.0 if self == other else self.graph.add("divide", self, other)
+            return 1.0 if self == other else _quotient(self, other)
         return self if other == 1.0 else self.graph.add("divide", self, other)
 
     def __rtruediv__(self, other: "Number") -> "Number":
-        return 0.0 if other == 0.0 else self.graph.add("divide", other, self)
+        return 0.0 if other == 0.0 else _quotient(other, self)
 
 
 Number = float | Symbol
@@ -198,8 +198,8 @@ Number = float | Symbol
 KNOWN: Mapping[str, Callable[..., float]] = {
     "add": operator.add, "subtract": operator.sub, "multiply": operator.mul, "divide": operator.truediv,
     "sqrt": math.sqrt, "sin": lambda x: sincos(x)[0], "cos": lambda x: sincos(x)[1], "exp": math.exp, "log": math.log,
-    "power": math.pow, "atan2": lambda y, x, _: math.atan2(y, x), "side": lambda x: math.copysign(1.0, x + 0.0),
-    "select": lambda condition, a, b: a if condition > 0.0 else b,
+    "power": math.pow, "atan2": lambda y, x, _: math.atan2(y, x), "logistic": lambda x, _: logistic(x),
+    "side": lambda x: math.copysign(1.0, x + 0.0), "select": lambda condition, a, b: a if condition > 0.0 else b,
 }  # fmt: skip
 """What each operation is of floats."""
 
@@ -229,6 +229,22 @@ def select(condition: Number, a: Number, b: Number) -> Number:
     return a if a == b else condition.graph.add("select", condition, a, b)
 
 
+def _quotient(x: Number, y: Symbol) -> Number:
+    """Return x / y: by the logistic function where y is 1 + e^u, which may be too large for a number."""
+    operations = y.graph.operations
+    if y.operation.kind == "add":
+        first, last = y.operation.of
+        if operations[first].kind == "exp" and operations[last] == ("number", (), 1.0):
+            u = Symbol(y.graph, operations[first].of[0])
+            a, e = x.scaled if isinstance(x, Symbol) else (x, 1.0)
+            return a * _logistic(u) if e == Symbol(y.graph, first) else x * _logistic(-u)
+    return y.graph.add("divide", x, y)
+
+
+def _logistic(x: Number, _: object = None) -> Number:
+    return _of("logistic")(x, -x)
+
+
 def power(x: Number, exponent: Number) -> Number:
     """Return x to a power: products where it is a small whole number, roots where it is half of one."""
     if not isinstance(exponent, Symbol):
@@ -251,7 +267,7 @@ def _whole_power(x: Number, n: int) -> Number:
 
 SYMBOLIC: Mapping[str, Callable[..., Number]] = {
     **KNOWN, "sqrt": square_root, "sin": sine, "cos": cosine, "exp": exponential, "log": logarithm, "power": power,
-    "atan2": lambda y, x, _: arctangent(y, x), "side": side, "select": select,
+    "atan2": lambda y, x, _: arctangent(y, x), "logistic": _logistic, "side": side, "select": select,
 }  # fmt: skip
 """What each operation is of numbers that may be symbols."""
 
@@ -315,6 +331,7 @@ _PARTIALS: Mapping[str, Callable[[Symbol, Symbol, Symbol, Symbol], Sequence[Numb
     "sin": lambda y, a, b, c: (cosine(a),),
     "cos": lambda y, a, b, c: (-sine(a),),
     "exp": lambda y, a, b, c: (y,),
+    "logistic": lambda y, a, b, c: (y * (1.0 - y), 0.0),  # the last, -x, is there for where series end
     "log": lambda y, a, b, c: (1.0 / a,),
     "atan2": lambda y, a, b, c: (b / c, -(a / c), 0.0),  # the last, x^2 + y^2, is there for its series alone
     "power": lambda y, a, b, c: (b * y / a, y * logarithm(a)),

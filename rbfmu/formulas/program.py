@@ -18,7 +18,7 @@ WIDTH = 4
 class Recurrence(NamedTuple):
     """An operation's k-th coefficient, k > 0. sums: those that it takes, by their factors; text: what it makes of them.
 
-    Factors: y for the operation itself, a, b, c for what it is of, z for the cosine of a sine and the reverse; with ',
+    Factors: y for the operation itself, a, b, c for what it is of, z for what `pair_of` gives; with ',
     the slopes j x[j]. Where y is one of the factors, its k-th coefficient counts as zero, for which the recurrence is
     solved. In the text: 0, 1, 2 for the sums; a: that coefficient of a; b: the value of a constant exponent; x: the
     first coefficient of what is divided by, which `divisor` names.
@@ -34,6 +34,7 @@ RECURRENCES: Mapping[str, Recurrence] = {
     "divide": Recurrence(("b y",), "({a} - {0}) / {x}", "b"),
     "sqrt": Recurrence(("y y",), "choose({x} != 0.0, 0.5 * ({a} - {0}) / {x}, 0.0)", "y"),
     "exp": Recurrence(("a' y",), "{0} * inverse"),
+    "logistic": Recurrence(("a' z",), "{0} * inverse"),
     "sin": Recurrence(("a' z",), "{0} * inverse"),
     "cos": Recurrence(("a' z",), "-{0} * inverse"),
     "log": Recurrence(("y' a",), "({a} - {0} * inverse) / {x}", "a"),
@@ -43,6 +44,13 @@ RECURRENCES: Mapping[str, Recurrence] = {
 }
 """Those of operations that are not linear; a product is, and a quotient, where all but one factor, or the divisor, is
 constant."""
+
+
+PAIRS = ("sin", "cos", "logistic")
+"""Operations whose slope is that of what they are of, times another operation: see `pair_of`."""
+RISING = ("exp", "logistic")
+"""Operations that may be nothing until what they are of has risen; a logistic function is one until its second number,
+the negative of the first, has."""
 
 
 class Factor(NamedTuple):
@@ -99,7 +107,8 @@ class Program:
         kinds = {i: graph.operations[i] for i in reached}
         self.sides = tuple(i for i, x in kinds.items() if x.kind == "side" and x.of[0] in self.level_of)
         self.touching = tuple(i for i, x in kinds.items() if x.kind in ("sqrt", "atan2") and x.of[-1] in self.level_of)
-        self.rising = tuple(dict.fromkeys(x.of[0] for i, x in kinds.items() if x.kind == "exp" and i in self.level_of))
+        rising = (x.of for i, x in kinds.items() if x.kind in RISING and i in self.level_of)
+        self.rising = tuple(dict.fromkeys(i for of in rising for i in of))
         known = {*self.level_of, *self.sides}
         self.constants = tuple(i for i, x in kinds.items() if i not in known and x.kind != "number")
         self.groups: list[list[Sum]] = []
@@ -133,10 +142,9 @@ class Program:
 
     def operand(self, i: int, letter: str) -> int:
         """Return the operation that a letter of an operation's recurrence stands for."""
-        kind, of, _ = self.graph.operations[i]
         if letter == "z":
-            return self.graph.add("cos" if kind == "sin" else "sin", Symbol(self.graph, of[0])).index
-        return i if letter == "y" else of["abc".index(letter)]
+            return pair_of(self.graph, i).index
+        return i if letter == "y" else self.graph.operations[i].of["abc".index(letter)]
 
     @property
     def varying(self) -> list[int]:
@@ -156,12 +164,20 @@ def _whole(count: int) -> int:
     return -(-count // WIDTH) * WIDTH
 
 
+def pair_of(graph: Graph, i: int) -> Symbol:
+    """Return by what one of PAIRS changes with what it is of, but for the sign of a cosine."""
+    kind, of, _ = graph.operations[i]
+    if kind == "logistic":
+        y = Symbol(graph, i)
+        return graph.symbol_of(y * (1.0 - y))
+    angle = Symbol(graph, of[0])
+    return graph.symbol_of(cosine(angle) if kind == "sin" else sine(angle))
+
+
 def with_pairs(graph: Graph, numbers: Iterable[Number]) -> list[int]:
-    """Return the operations that numbers come of, with the cosine of each sine: each is the other's derivative."""
+    """Return the operations that numbers come of, with the pair of each of PAIRS."""
     ends = [*numbers]
     for i in graph.reached(ends):
-        operation = graph.operations[i]
-        if operation.kind in ("sin", "cos"):
-            angle = Symbol(graph, operation.of[0])
-            ends += [sine(angle), cosine(angle)]
+        if graph.operations[i].kind in PAIRS:
+            ends += [Symbol(graph, i), pair_of(graph, i)]
     return graph.reached(ends)

@@ -21,7 +21,7 @@ KERNELS_OVER = ("values", "feedthrough", "loads")
 _NEEDED = """import math
 
 from rbfmu_kernels.compile.wide import choose
-from rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, sincos
+from rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, logistic, sincos
 """
 HEAD = '''\
 """Formulas of a scene as kernels, written by rbfmu.formulas.source; places are those of the model's buffer."""
@@ -34,7 +34,7 @@ from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lane
 from rbfmu_kernels.compile.wide import choose
 from rbfmu_kernels.models import model_named
 from rbfmu_kernels.models.formula_models import make_formulas, make_over
-from rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, sincos
+from rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, logistic, sincos
 from rbfmu_kernels.types import Buffer
 
 '''
@@ -288,6 +288,7 @@ class _WideWriter(_Writer):
 VALUES = {
     "add": "{} + {}", "subtract": "{} - {}", "multiply": "{} * {}", "divide": "{} / {}", "sqrt": "math.sqrt({})",
     "sin": "sincos({})[0]", "cos": "sincos({})[1]", "exp": "exponential({})", "log": "logarithm({})",
+    "logistic": "logistic({0})",
     "atan2": "atan2({}, {})", "power": "exponential({1} * logarithm({0}))", "side": "math.copysign(1.0, {} + 0.0)",
     "select": "choose({0} > 0.0, {1}, {2})",
 }  # fmt: skip

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.formulas import graph, program
+from rbfmu.formulas import program
 from rbfmu.formulas.motion import STATE, by_element, closure, groups_of
 from rbfmu.models.formulas import EVENT, FormulaModel, equations_of
 from rbfmu.models.question import Question
@@ -117,7 +117,9 @@ class Listed:
         self.sides = [n for n, one in known if one.kind == "side"]
         touching = [(place[one.of[-1]], n) for n, one in known if one.kind in ("sqrt", "atan2")]
         self.touching = np.array(touching, np.int64).reshape(-1, 2)
-        self.rising = np.array([*{place[one.of[0]] for _, one in known if one.kind == "exp"}], np.int64)
+        self.rising = np.array(
+            [*{place[i] for _, one in known if one.kind in program.RISING for i in one.of}], np.int64
+        )
         self.time = dict(zip(names, self.states[:, 0].tolist(), strict=True)).get("t", -1)
 
     def _rows(self, place: Mapping[int, int]) -> Indices:
@@ -125,9 +127,8 @@ class Listed:
         rows, changing = np.zeros((len(self.found), 5), np.int64), set[int]()
         for n, i in enumerate(self.found):
             kind, of, _ = self.graph.operations[i]
-            if kind in ("sin", "cos"):
-                angle = graph.Symbol(self.graph, of[0])
-                of = (of[0], self.graph.index_of(graph.cosine(angle) if kind == "sin" else graph.sine(angle)))
+            if kind in program.PAIRS:
+                of = (of[0], program.pair_of(self.graph, i).index)
             if kind == "state" or not changing.isdisjoint(of):
                 changing.add(i)
             if kind == "multiply" and changing.isdisjoint(of[:1]):  # what stays as it is comes second
@@ -161,7 +162,10 @@ class Listed:
         if lost.any():
             n = np.argwhere(lost.T)[0, 1]  # of the lowest order; what else is lost may follow from it
             named = " or ".join(self.formulas.keys_of(self.found[n])) or "the motion"
-            return f"{named} is not finite, or has no finite derivatives"
+            kind, of, _ = self.graph.operations[self.found[n]]
+            x = work[0, self.found.index(of[0]) * kernels.LENGTH] if kind == "exp" else 0.0
+            why = f": exp({x:.6g}) is too large for a number" if x > 0.0 else ""
+            return f"{named} is not finite, or has no finite derivatives{why}"
         sliding = [int(n) for n, begun, _ in sides if begun == kernels.SLIDES]
         if not sliding:
             return "the motion changes ever faster"

@@ -147,6 +147,7 @@ def _c(text: str) -> str:
 Shown = Mapping[str, Sequence[Number]]
 _IN_C = {kind: text.replace("math.", "") for kind, text in source.VALUES.items()} | {
     "sin": "sin({})", "cos": "cos({})", "exp": "exp({})", "log": "log({})", "power": "pow({}, {})",
+    "logistic": "1.0 / (1.0 + exp(-1.0 * {0}))",
     "select": "{0} > 0.0 ? {1} : {2}",
 }  # fmt: skip
 

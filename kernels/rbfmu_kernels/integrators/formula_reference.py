@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from ..compile.decorator import kernel
 from ..numerics import double_double as dd
-from ..numerics.double_double_functions import angle_of, exponential, natural_logarithm, sine_and_cosine
+from ..numerics.double_double_functions import angle_of, exponential, logistic, natural_logarithm, sine_and_cosine
 from ..types import Array, Indices
 from . import polynomials
 from .formula_pulses import FARTHER, risen_at
@@ -39,12 +39,12 @@ where a force grows from 1e-300, ever more where a motion ends in a pole."""
 NOWHERE, SLIDES = -2, -1.0
 KINDS = (
     "number", "place", "input", "state", "add", "subtract", "multiply", "divide", "sqrt", "exp", "log", "sin", "cos",
-    "atan2", "power", "side", "select", "scale",
+    "atan2", "power", "logistic", "side", "select", "scale",
 )  # fmt: skip
 """The last is a product with what stays as it is, its second factor: of that a coefficient needs the first alone."""
 (
     _NUMBER, _PLACE, _INPUT, _STATE, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, _SQRT, _EXP, _LOG, _SIN, _COS, _ATAN2, _POWER,
-    _SIDE, _SELECT, _SCALE,
+    _LOGISTIC, _SIDE, _SELECT, _SCALE,
 ) = range(len(KINDS))  # fmt: skip
 
 
@@ -112,6 +112,8 @@ def _value(kind: int, i: int, a: int, b: int, c: int, s: Array) -> dd.DoubleDoub
         return angle_of(x, y)
     if kind == _POWER:
         return exponential(dd.multiply(y, natural_logarithm(x)))
+    if kind == _LOGISTIC:
+        return logistic(x)
     if kind == _SIDE:
         return (math.copysign(1.0, x[0] + 0.0), 0.0)
     if kind == _SELECT:
@@ -141,7 +143,7 @@ def _coefficient(kind: int, i: int, a: int, b: int, c: int, s: Array, k: int) ->
     if kind == _LOG:
         rest = dd.subtract(dd.multiply_float(dd.at(s, a + k), n), _sum_of_slopes(s, i, a, k, k - 1))
         return dd.divide(rest, dd.multiply_float(dd.at(s, a), n))
-    if kind == _SIN:
+    if kind in (_SIN, _LOGISTIC):
         return dd.divide(_sum_of_slopes(s, a, b, k, k), (n, 0.0))
     if kind == _COS:
         return dd.divide(dd.negate(_sum_of_slopes(s, a, b, k, k)), (n, 0.0))

@@ -35,6 +35,13 @@ def exponential(x: DoubleDouble) -> DoubleDouble:
 
 
 @kernel(inline=False)
+def logistic(x: DoubleDouble) -> DoubleDouble:
+    """Return 1 / (1 + e^-x), of any x."""
+    e = exponential(x if x[0] < 0.0 else dd.negate(x))
+    return dd.divide(e if x[0] < 0.0 else (1.0, 0.0), dd.add_float(e, 1.0))
+
+
+@kernel(inline=False)
 def sine_and_cosine(x: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
     """Return (sin x, cos x); an error of 1e-31 |x| beyond a turn. NaN where x is not finite."""
     k = math.floor(x[0] / (0.5 * PI[0]) + 0.5) if abs(x[0]) < 2.0**52 else math.nan

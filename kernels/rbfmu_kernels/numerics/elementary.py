@@ -248,6 +248,13 @@ def exponential(x: float) -> float:
 
 
 @kernel
+def logistic(x: float) -> float:
+    """Return 1 / (1 + e^-x), of any x; 0 below -708.  Error <= 2 ulp."""
+    e = exponential(-abs(x))
+    return choose(x > 0.0, 1.0, e) / (1.0 + e)
+
+
+@kernel
 def logarithm(x: float) -> float:
     """Return ln x; -infinity at 0, NaN below.  Error <= 1 ulp (the algorithm and coefficients of FDLIBM's log)."""
     inside = (x > 0.0) & (x < math.inf)

@@ -240,6 +240,7 @@ def heyoka_functions(heyoka: Any) -> dict[str, Callable[..., Any]]:
     """Return the operations on expressions of heyoka.py; of numbers alone they are known."""
     theirs = {name: getattr(heyoka, name) for name in ("sqrt", "sin", "cos", "exp", "log")}
     theirs |= {"atan2": lambda y, x, _: heyoka.atan2(y, x), "power": lambda x, exponent: x**exponent}
+    theirs |= {"logistic": lambda x, _: heyoka.sigmoid(x)}
 
     def chosen(kind: str) -> Callable[..., Any]:
         def operation(*of: Any) -> Any:

@@ -111,6 +111,25 @@ def test_a_pulse_of_which_no_term_tells_is_seen_inside_a_series(load, area):
     assert found == pytest.approx(0.5 + area, abs=1e-6 * (0.5 + area))
 
 
+@pytest.mark.parametrize(
+    ("load", "area"),
+    [
+        ("1/(1 + exp(-(t - 50)/0.01))", 50.0),
+        ("2/(exp((t - 40)/0.01) + 1)", 80.0),
+        ("3*exp((t - 70)/0.02)/(1 + exp((t - 70)/0.02))", 90.0),
+        ("1/(1 + exp(-(t - 33.3)/0.01))*(1 - 1/(1 + exp(-(t - 33.5)/0.01)))", 0.2 / (1.0 - math.exp(-20.0))),
+        ("1/(1 + exp(-(t - 33.3)/0.01))/(1 + exp((t - 33.5)/0.01))", 0.2 / (1.0 - math.exp(-20.0))),
+    ],
+)
+def test_a_smooth_step_of_an_exponential_beyond_all_numbers_is_taken(load, area):
+    """2026-11-27: refused at the start, or where the run ends, as an exponential of 5000 is not finite."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "initial": {"omega_b": [0.0, 0.0, 0.5]}, "loads": {"torque_b": f"[0, 0, {load}]"},
+              "run": {"stop": 100.0, "step": 1.0, "accuracy": 1e-8}}  # fmt: skip
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).omega_b[-1, 2]
+    assert found == pytest.approx(0.5 + area, abs=1e-8 * (0.5 + area))
+
+
 def test_a_pulse_that_a_run_would_miss_is_refused():
     """Its body turns, so that its series are as long as others; what judges looks at more times."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
@@ -183,6 +202,7 @@ def test_dry_friction_with_a_slope_at_rest_brakes_a_body_as_it_says():
     [
         ("abs(t - 2.5)**0.5*[1, 0, 0]", "2.5", "is not finite, or has no finite derivatives"),
         ("(t - 2.5)*abs(t - 2.5)**0.75*[1, 0, 0]", "2.5", "is not finite, or has no finite derivatives"),
+        ("log(1 + exp(1e3*t))*[1, 0, 0]", "2", r"is not finite, .*: exp\(2000\) is too large for a number"),
         ("[where(omega_b[1] > 0, -1, 1), 0, 0]", "2.1", "slides along a corner"),
     ],
 )

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from rbfmu.formulas.functions import Table
 from rbfmu.formulas.graph import Graph, Symbol, gradient
-from rbfmu.formulas.program import Program
+from rbfmu.formulas.program import PAIRS, Program, pair_of, with_pairs
 from rbfmu.formulas.source import source_of
 from rbfmu.formulas.text import value_of
 from rbfmu_kernels.compile.tiered import interpreted
@@ -26,6 +26,9 @@ CASES = {
     "divide by a constant": ("t*t/c", lambda t: t * t / mpmath.mpf(0.7)),
     "sqrt": ("sqrt(2 + sin(t))", lambda t: mpmath.sqrt(2 + mpmath.sin(t))),
     "exp": ("exp(-t*t)", lambda t: mpmath.exp(-t * t)),
+    "logistic": ("1/(1 + exp(-3*t))", lambda t: 1 / (1 + mpmath.exp(-3 * t))),
+    "logistic of what is large": ("t + t/(1 + exp(9e3*(t - 0.6)))", lambda t: 2 * t if t < 0.6 else t),
+    "logistic the other way": ("2*exp(t*t)/(1 + exp(t*t))", lambda t: 2 / (1 + mpmath.exp(-t * t))),
     "log": ("log(2 + t*t)", lambda t: mpmath.log(2 + t * t)),
     "sin and cos of one angle": ("sin(t*t)*cos(t*t)", lambda t: mpmath.sin(t * t) * mpmath.cos(t * t)),
     "tan": ("tan(0.3*t)", lambda t: mpmath.tan(mpmath.mpf(0.3) * t)),
@@ -101,21 +104,15 @@ def equations(operations=NOTHING, states=NOTHING, least=(0.0,)):
 
 def double_doubles(text, t, n=N):
     graph, y = graph_of(text)
-    angles = [
-        Symbol(graph, graph.operations[i].of[0])
-        for i in graph.reached([y])
-        if graph.operations[i].kind in ("sin", "cos")
-    ]
-    pairs = [Symbol(graph, graph.add(kind, x).index) for x in angles for kind in ("sin", "cos")]
-    one = Symbol(graph, graph.index_of(1.0))
-    found = graph.reached([y, one, graph.leaf("state", "t"), *pairs])
+    one = graph.symbol_of(1.0)
+    found = with_pairs(graph, [y, one, graph.leaf("state", "t")])
     place = {i: k for k, i in enumerate(found)}
     operations = np.zeros((len(found), 5), np.int64)
     s = np.zeros((2, len(found) * reference.LENGTH))
     for k, i in enumerate(found):
         kind, of, value = graph.operations[i]
-        if kind in ("sin", "cos"):
-            of = (*of, graph.add("cos" if kind == "sin" else "sin", Symbol(graph, of[0])).index)
+        if kind in PAIRS:
+            of = (of[0], pair_of(graph, i).index)
         operations[k] = [reference.KINDS.index(kind), *(place[j] for j in of), *[0] * (3 - len(of)), 1]
         s[0, k * reference.LENGTH] = {"number": value, "state": t, "place": 0.7}.get(kind, 0.0)
     states = np.array([[place[graph.leaf("state", "t").index], place[one.index], 0]])
