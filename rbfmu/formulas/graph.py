@@ -248,7 +248,7 @@ def _logistic(x: Number, _: object = None) -> Number:
 def power(x: Number, exponent: Number) -> Number:
     """Return x to a power: products where it is a small whole number, roots where it is half of one."""
     if not isinstance(exponent, Symbol):
-        if exponent == int(exponent) and abs(exponent) <= 64.0:
+        if exponent == int(exponent) and abs(exponent) <= 1024.0:
             whole = _whole_power(x, abs(int(exponent)))
             return whole if exponent >= 0.0 else 1.0 / whole
         if 2.0 * exponent == int(2.0 * exponent) and abs(exponent) <= 32.0:

@@ -40,6 +40,7 @@ CASES = {
     "power of a constant": ("(2 + sin(t))**c", lambda t: (2 + mpmath.sin(t)) ** mpmath.mpf(0.7)),
     "power that changes": ("(2 + t)**sin(t)", lambda t: (2 + t) ** mpmath.sin(t)),
     "whole power": ("(2 + t)**-7", lambda t: (2 + t) ** -7),
+    "large whole power": ("(t - 1.9)**65", lambda t: (t - mpmath.mpf(1.9)) ** 65),
     "half power": ("(2 + t)**2.5", lambda t: (2 + t) ** mpmath.mpf(2.5)),
     "norm": ("norm([t, 1, sin(t)])", lambda t: mpmath.sqrt(t * t + 1 + mpmath.sin(t) ** 2)),
     "abs": ("abs(sin(t) - 2)", lambda t: 2 - mpmath.sin(t)),
