@@ -20,6 +20,7 @@ from rbfmu.scene.scene import Body, Scene, SceneError
 from rbfmu.types import Array, Indices, Motion
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.integrators import formula_reference as kernels
+from rbfmu_kernels.integrators.formula_operations import KINDS
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
 
@@ -136,7 +137,7 @@ class Listed:
             if kind == "multiply" and changing.isdisjoint(of[1:]):
                 kind = "scale"
             places = [place[j] for j in of]
-            rows[n] = [kernels.KINDS.index(kind), *places, *[0] * (3 - len(of)), i in changing]
+            rows[n] = [KINDS.index(kind), *places, *[0] * (3 - len(of)), i in changing]
         return rows
 
     @property
@@ -163,9 +164,11 @@ class Listed:
             n = np.argwhere(lost.T)[0, 1]  # of the lowest order; what else is lost may follow from it
             named = " or ".join(self.formulas.keys_of(self.found[n])) or "the motion"
             kind, of, _ = self.graph.operations[self.found[n]]
-            x = work[0, self.found.index(of[0]) * kernels.LENGTH] if kind == "exp" else 0.0
-            why = f": exp({x:.6g}) is too large for a number" if x > 0.0 else ""
-            return f"{named} is not finite, or has no finite derivatives{why}"
+            said = f"{named} is not finite, or has no finite derivatives"
+            if kind == "exp" and math.isinf(work[0, n * kernels.LENGTH]):
+                x = work[0, self.found.index(of[0]) * kernels.LENGTH]
+                said += f": exp({x:.6g}) is too large for a number"
+            return said
         sliding = [int(n) for n, begun, _ in sides if begun == kernels.SLIDES]
         if not sliding:
             return "the motion changes ever faster"

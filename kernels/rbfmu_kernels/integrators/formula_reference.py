@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 from ..compile.decorator import kernel
 from ..numerics import double_double as dd
-from ..numerics.double_double_functions import angle_of, exponential, logistic, natural_logarithm, sine_and_cosine
 from ..types import Array, Indices
 from . import polynomials
+from .formula_operations import SIDE, STATE, coefficient_of, value_of
 from .formula_pulses import FARTHER, risen_at
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
@@ -37,15 +37,6 @@ FINEST, MOST_STALLED = 2.0**-52, 500
 """How many series on end may reach no farther than this part of the time since the start, which doubles tell as one: 13
 where a force grows from 1e-300, ever more where a motion ends in a pole."""
 NOWHERE, SLIDES = -2, -1.0
-KINDS = (
-    "number", "place", "input", "state", "add", "subtract", "multiply", "divide", "sqrt", "exp", "log", "sin", "cos",
-    "atan2", "power", "logistic", "side", "select", "scale",
-)  # fmt: skip
-"""The last is a product with what stays as it is, its second factor: of that a coefficient needs the first alone."""
-(
-    _NUMBER, _PLACE, _INPUT, _STATE, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, _SQRT, _EXP, _LOG, _SIN, _COS, _ATAN2, _POWER,
-    _LOGISTIC, _SIDE, _SELECT, _SCALE,
-) = range(len(KINDS))  # fmt: skip
 
 
 class Equations(NamedTuple):
@@ -68,97 +59,6 @@ class Equations(NamedTuple):
     time: int
 
 
-@kernel
-def _sum(s: Array, a: int, b: int, k: int, first: int, last: int) -> dd.DoubleDouble:
-    """Return the sum of a[j] b[k - j] for j from first to last."""
-    total = (0.0, 0.0)
-    for j in range(first, last + 1):
-        total = dd.add(total, dd.multiply(dd.at(s, a + j), dd.at(s, b + k - j)))
-    return total
-
-
-@kernel
-def _sum_of_slopes(s: Array, a: int, b: int, k: int, last: int) -> dd.DoubleDouble:
-    """Return the sum of j a[j] b[k - j] for j from 1 to last."""
-    total = (0.0, 0.0)
-    for j in range(1, last + 1):
-        total = dd.add(total, dd.multiply_float(dd.multiply(dd.at(s, a + j), dd.at(s, b + k - j)), float(j)))
-    return total
-
-
-@kernel(inline=False)
-def _value(kind: int, i: int, a: int, b: int, c: int, s: Array) -> dd.DoubleDouble:
-    """Return an operation's value; a, b, c: where the numbers begin that it is of."""
-    x, y = dd.at(s, a), dd.at(s, b)
-    if kind == _ADD:
-        return dd.add(x, y)
-    if kind == _SUBTRACT:
-        return dd.subtract(x, y)
-    if kind in (_MULTIPLY, _SCALE):
-        return dd.multiply(x, y)
-    if kind == _DIVIDE:
-        return dd.divide(x, y) if y[0] != 0.0 else (math.nan, 0.0)
-    if kind == _SQRT:
-        return dd.root(x) if x[0] >= 0.0 else (math.nan, 0.0)
-    if kind == _EXP:
-        return exponential(x)
-    if kind == _LOG:
-        return natural_logarithm(x)
-    if kind == _SIN:
-        return sine_and_cosine(x)[0]
-    if kind == _COS:
-        return sine_and_cosine(x)[1]
-    if kind == _ATAN2:
-        return angle_of(x, y)
-    if kind == _POWER:
-        return exponential(dd.multiply(y, natural_logarithm(x)))
-    if kind == _LOGISTIC:
-        return logistic(x)
-    if kind == _SIDE:
-        return (math.copysign(1.0, x[0] + 0.0), 0.0)
-    if kind == _SELECT:
-        return dd.at(s, b) if x[0] > 0.0 else dd.at(s, c)
-    return dd.at(s, i)
-
-
-@kernel(inline=False)
-def _coefficient(kind: int, i: int, a: int, b: int, c: int, s: Array, k: int) -> dd.DoubleDouble:
-    """Return an operation's k-th coefficient, k > 0."""
-    n = float(k)
-    if kind == _ADD:
-        return dd.add(dd.at(s, a + k), dd.at(s, b + k))
-    if kind == _SUBTRACT:
-        return dd.subtract(dd.at(s, a + k), dd.at(s, b + k))
-    if kind == _MULTIPLY:
-        return _sum(s, a, b, k, 0, k)
-    if kind == _SCALE:
-        return dd.multiply(dd.at(s, a + k), dd.at(s, b))
-    if kind == _DIVIDE:
-        return dd.divide(dd.subtract(dd.at(s, a + k), _sum(s, b, i, k, 1, k)), dd.at(s, b))
-    if kind == _SQRT:
-        rest = dd.subtract(dd.at(s, a + k), _sum(s, i, i, k, 1, k - 1))
-        return dd.divide(rest, dd.scale(2.0, dd.at(s, i))) if s[0, i] != 0.0 else (0.0, 0.0)
-    if kind == _EXP:
-        return dd.divide(_sum_of_slopes(s, a, i, k, k), (n, 0.0))
-    if kind == _LOG:
-        rest = dd.subtract(dd.multiply_float(dd.at(s, a + k), n), _sum_of_slopes(s, i, a, k, k - 1))
-        return dd.divide(rest, dd.multiply_float(dd.at(s, a), n))
-    if kind in (_SIN, _LOGISTIC):
-        return dd.divide(_sum_of_slopes(s, a, b, k, k), (n, 0.0))
-    if kind == _COS:
-        return dd.divide(dd.negate(_sum_of_slopes(s, a, b, k, k)), (n, 0.0))
-    if kind == _ATAN2:
-        turned = dd.subtract(_sum_of_slopes(s, a, b, k, k), _sum_of_slopes(s, b, a, k, k))
-        rest = dd.subtract(turned, _sum_of_slopes(s, i, c, k, k - 1))
-        return dd.divide(rest, dd.multiply_float(dd.at(s, c), n))
-    if kind == _POWER:
-        rest = dd.multiply(dd.at(s, b), _sum_of_slopes(s, a, i, k, k))
-        return dd.divide(dd.subtract(rest, _sum_of_slopes(s, i, a, k, k - 1)), dd.multiply_float(dd.at(s, a), n))
-    if kind == _SELECT:
-        return dd.at(s, b + k) if s[0, a] > 0.0 else dd.at(s, c + k)
-    return (0.0, 0.0)
-
-
 @kernel(inline=False)
 def evaluate(operations: Indices, s: Array, stride: int, with_sides: bool) -> None:
     """Set the values of all operations but numbers and leaves, which stand there; stride: from one to the next.
@@ -167,8 +67,8 @@ def evaluate(operations: Indices, s: Array, stride: int, with_sides: bool) -> No
     """
     for n in range(operations.shape[0]):
         kind, a, b, c = operations[n, 0], operations[n, 1], operations[n, 2], operations[n, 3]
-        if kind > _STATE and (with_sides or kind != _SIDE):
-            dd.put(s, n * stride, _value(kind, n * stride, a * stride, b * stride, c * stride, s))
+        if kind > STATE and (with_sides or kind != SIDE):
+            dd.put(s, n * stride, value_of(kind, n * stride, a * stride, b * stride, c * stride, s))
 
 
 @kernel(inline=False)
@@ -179,8 +79,8 @@ def _expand(equations: Equations, s: Array, unit: float) -> None:
     for k in range(ORDER):
         for n in range(operations.shape[0] if k > 0 else 0):
             kind, a, b, c = operations[n, 0], operations[n, 1], operations[n, 2], operations[n, 3]
-            if kind > _STATE and kind != _SIDE and operations[n, 4] != 0:
-                found = _coefficient(kind, n * LENGTH, a * LENGTH, b * LENGTH, c * LENGTH, s, k)
+            if kind > STATE and kind != SIDE and operations[n, 4] != 0:
+                found = coefficient_of(kind, n * LENGTH, a * LENGTH, b * LENGTH, c * LENGTH, s, k)
                 dd.put(s, n * LENGTH + k, found)
         for m in range(states.shape[0]):
             rate = dd.divide(dd.at(s, states[m, 1] * LENGTH + k), (k + 1.0, 0.0))
@@ -206,13 +106,18 @@ def _longest(equations: Equations, sizes: Array, s: Array) -> float:
                 sizes[g] = max(sizes[g], abs(s[0, i]))
                 slope, bend = max(slope, abs(s[0, i + 1])), max(bend, abs(s[0, i + 2]))
                 before, last = max(before, abs(s[0, i + ORDER - 1])), max(last, abs(s[0, i + ORDER]))
-        size = max(abs(least[g]), sizes[g] if least[g] >= 0.0 else 0.0)
+        size, first, lead = max(abs(least[g]), sizes[g] if least[g] >= 0.0 else 0.0), 0, 0.0
+        while size == 0.0 and lead == 0.0 and first < ORDER - 2:
+            first += 1
+            for m in range(states.shape[0]):
+                lead = max(lead, abs(s[0, states[m, 0] * LENGTH + first]) if states[m, 2] == g else 0.0)
         for k, term in ((ORDER - 1, before), (ORDER, last)):
             if term > 0.0:
                 reach = (TOLERANCE * size / term) ** (1.0 / k)
                 if least[g] >= 0.0:  # a state that begins at zero is soon as large as its first terms make it
                     reach = max(reach, (TOLERANCE * slope / term) ** (1.0 / (k - 1)))
                     reach = max(reach, (TOLERANCE * bend / term) ** (1.0 / (k - 2)))
+                    reach = max(reach, (TOLERANCE * lead / term) ** (1.0 / (k - first)))
                 longest = min(longest, reach)
     return longest
 
@@ -303,6 +208,7 @@ def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float,
         g = states[m, 2]
         slope = polynomials.slope_of(s[0], states[m, 0] * LENGTH, 1, ORDER, t)
         size = max(abs(least[g]), max(sizes[g], abs(s[0, states[m, 0] * LENGTH + 1]) * t) if least[g] >= 0.0 else 0.0)
+        size = polynomials.bound_of(s[0], states[m, 0] * LENGTH, 1, ORDER, t)[0] if size == 0.0 else size
         error = abs(unit * here[0, states[m, 1]] - slope) * t
         if error > 0.0 or math.isnan(error):
             worst = max(worst, error / size) if error < math.inf and size > 0.0 else math.inf

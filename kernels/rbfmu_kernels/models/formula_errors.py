@@ -39,7 +39,11 @@ def size_of_group(z: Buffer, g: int, h: float) -> float:
     for i in range(FIRSTS[g], ENDS[g]):
         slope = max(slope, abs(z[ROWS + ROW + i]))
         bend = max(bend, abs(z[ROWS + 2 * ROW + i]))
-    return max(max(z[SIZES + g], LEASTS[g]), max(slope * h, bend * h * h) if RELATIVE[g] else 0.0)
+    size = max(max(z[SIZES + g], LEASTS[g]), max(slope * h, bend * h * h) if RELATIVE[g] else 0.0)
+    if size == 0.0 and RELATIVE[g]:  # what begins at zero with its first slopes, as under a torque sin(t)**2 from rest
+        for i in range(FIRSTS[g], ENDS[g]):
+            size = max(size, bound_of(z, ROWS + i, ROW, int(z[ORDER]), h)[0])
+    return size
 
 
 def excess_of(z: Buffer, h: float) -> float:

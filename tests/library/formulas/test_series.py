@@ -14,6 +14,7 @@ from rbfmu.formulas.source import source_of
 from rbfmu.formulas.text import value_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import formula_reference as reference
+from rbfmu_kernels.integrators.formula_operations import KINDS
 
 TABLE = Table.through((0.0, 1.0, 2.0), (1.0, 3.0, 2.0), cubic=True)
 CASES = {
@@ -114,7 +115,7 @@ def double_doubles(text, t, n=N):
         kind, of, value = graph.operations[i]
         if kind in PAIRS:
             of = (of[0], pair_of(graph, i).index)
-        operations[k] = [reference.KINDS.index(kind), *(place[j] for j in of), *[0] * (3 - len(of)), 1]
+        operations[k] = [KINDS.index(kind), *(place[j] for j in of), *[0] * (3 - len(of)), 1]
         s[0, k * reference.LENGTH] = {"number": value, "state": t, "place": 0.7}.get(kind, 0.0)
     states = np.array([[place[graph.leaf("state", "t").index], place[one.index], 0]])
     for k, i in enumerate(found):
@@ -197,7 +198,7 @@ def test_steps_of_the_reference_keep_the_last_terms_small_beside_the_size_of_a_s
     assert math.isnan(interpreted(reference._longest)(equations(least=[least]), sizes, s))
 
 
-@pytest.mark.parametrize("first", [1, 2])
+@pytest.mark.parametrize("first", [1, 2, 3, 9, reference.ORDER - 2])
 def test_a_state_that_begins_at_zero_has_the_size_that_its_first_terms_make(first):
     s, order = np.zeros((2, reference.LENGTH)), reference.ORDER
     s[0, first], s[0, order] = 0.5, 0.25
