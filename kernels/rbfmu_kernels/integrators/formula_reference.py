@@ -262,7 +262,7 @@ def formula_motion(
     now, steps, k, end, stalled = (times[0, 0], times[1, 0]), 0, 0, times.shape[1], 0
     step, half, span, tenth, shortened = 0.0, now[0], times[0, end - 1] - times[0, 0], 0.0, 0
     unit = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
-    sides[:, 1] = 0.0
+    sides[:, 1:] = 0.0
     for n in range(operations.shape[0]):
         dd.put(s, n * LENGTH, dd.at(here, n))
     while k < end:

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import rbfmu
+from rbfmu.planning.reference import reference_motion
 
 
 @pytest.mark.thorough
@@ -148,6 +149,17 @@ def test_a_body_at_rest_is_driven_by_a_torque_that_begins_with_a_high_power(load
               "run": {"stop": 5.0, "step": 0.5, "accuracy": 1e-8}}  # fmt: skip
     found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
     np.testing.assert_allclose(found.omega_b[:, 2], exact(found.time), rtol=0, atol=1e-8 * exact(5.0))
+
+
+def test_a_corner_beyond_the_first_rows_of_the_reference_stays_where_it_is():
+    """2026-11-27: after 500 rows the reference took the side beyond a corner that its series would have come to."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "loads": {"torque_b": "[0, 0, where(t > 4.907, 1, 0)]"},
+              "run": {"stop": 7.0, "step": 0.01, "accuracy": 1e-12}}  # fmt: skip
+    scene = rbfmu.Scene.from_dict(tables)
+    found = reference_motion(scene, [0.01] * 700, 1000)["omega_b"]
+    np.testing.assert_allclose(found[:, 2], np.maximum(0, np.arange(701) / 100 - 4.907), rtol=0, atol=1e-13)
+    assert rbfmu.plan(scene).error <= 1e-12
 
 
 def test_a_pulse_that_a_run_would_miss_is_refused():
