@@ -215,7 +215,8 @@ def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float,
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1]
         error = abs(here[0, at] - polynomials.polynomial(s[0], at * LENGTH, 1, ORDER, t))
-        if error > polynomials.ROUGHLY * polynomials.bound_of(s[0], at * LENGTH, 1, ORDER, t)[0]:
+        known = polynomials.ROUGHLY * polynomials.bound_of(s[0], at * LENGTH, 1, ORDER, t)[0]
+        if error > max(known, polynomials.NOTHING):
             worst = math.inf
     return worst
 

@@ -66,13 +66,17 @@ It bounds how far the search goes, not how well a corner is found: a root is bis
 """
 
 
+NOTHING = 1e-290
+"""What is less has too few digits for its terms to tell how well it is known."""
+
+
 @kernel(inline=False)
 def known_until(z: Buffer, i: int, row: int, n: int, h: float, part: float) -> float:
     """Return how far, at most h, a series cut at degree n leaves out no more than a part of its size."""
     for _ in range(100):
         size, _ = bound_of(z, i, row, n, h)
         last = power_of(h, n - 1) * max(abs(z[i + (n - 1) * row]), abs(z[i + n * row]) * h)
-        if not last > part * size:
+        if not last > max(part * size, NOTHING):
             break
         h *= 0.8
     return h

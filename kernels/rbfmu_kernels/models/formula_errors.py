@@ -12,7 +12,7 @@ from typing import Any
 
 from ..buffer_access import copy_numbers
 from ..integrators.formula_pulses import PARTS
-from ..integrators.polynomials import ROUGHLY, bound_of, polynomial, slope_of
+from ..integrators.polynomials import NOTHING, ROUGHLY, bound_of, polynomial, slope_of
 from ..integrators.substeps import power_of, tolerance_of_substep
 from ..types import Buffer
 from .formula_events import excess_of_events, size_of_event
@@ -98,7 +98,7 @@ def excess_of_defect(z: Buffer, t: float) -> float:
         apart = abs(z[anew + len(STATES) + i] - polynomial(z, at, ROW, n, t))
         if apart > 0.0 and OF_EVENT[i] >= 0:
             worst = max(worst, apart / size_of_event(z, OF_EVENT[i], t))
-        elif apart > 0.0:
+        elif apart > NOTHING:
             worst = max(worst, apart / bound_of(z, at, ROW, n, t)[0] * (allowed / ROUGHLY))
     return worst / allowed
 

@@ -162,6 +162,15 @@ def test_a_corner_beyond_the_first_rows_of_the_reference_stays_where_it_is():
     assert rbfmu.plan(scene).error <= 1e-12
 
 
+def test_what_has_decayed_to_nothing_at_its_corner_keeps_nobody():
+    """2026-11-27: refused, as steps came to 1e-7 s: below 1e-300 no number is known as well as what has corners."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "states": {"fuel": {"start": 1.0, "rate": "-0.25*clip(fuel/1e-3, 0, 1)"}},
+              "loads": {"torque_b": "[0, 0, 0.1*clip(fuel/1e-3, 0, 1)]"},
+              "run": {"stop": 10.0, "step": 1.0, "accuracy": 1e-8}}  # fmt: skip
+    assert rbfmu.simulate(rbfmu.Scene.from_dict(tables)).omega_b[-1, 2] == pytest.approx(0.4, abs=4e-9)
+
+
 def test_a_pulse_that_a_run_would_miss_is_refused():
     """Its body turns, so that its series are as long as others; what judges looks at more times."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
