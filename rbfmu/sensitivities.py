@@ -11,7 +11,7 @@ import numpy as np
 
 from rbfmu import arrays
 from rbfmu.exceptions import SceneError, path_of
-from rbfmu.models import formulas, model_buffer, question
+from rbfmu.models import formulas, question
 from rbfmu.models.registry import FORMULAS
 from rbfmu.models.varied import TURN, Column, VariedModel
 from rbfmu.on_disk import replacing
@@ -20,6 +20,7 @@ from rbfmu.result import write_npz
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.motion import Driven
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
+from rbfmu.scene.body import axis_without_moment
 from rbfmu.scene.own import OF_NUMBERS
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.types import Array, ArrayLike
@@ -243,7 +244,7 @@ def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:
         found = found[:3] if not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2))) else found
     if whole in {f"loads.{name}" for name in scene.loads.made}:
         raise ValueError(f"{expected} {OF_NUMBERS}")
-    if block in ("inertia", "r_oc_b") and model_buffer.BodyAtStart(scene).principal_axes[0][0] <= 0.0:
+    if block in ("inertia", "r_oc_b") and scene.body is not None and axis_without_moment(scene.body.M) is not None:
         raise ValueError(f"{expected} another; a slender beam has no inertia about its axis to begin with")
     return found
 

@@ -155,6 +155,14 @@ def test_a_turned_beam_keeps_its_rate():
         np.testing.assert_allclose(found, omega, rtol=0.0, atol=2e-15)
 
 
+@pytest.mark.parametrize("along", [(1, 1, 5), (4, 3, 5), (1, 2, 2), (1, 0, 0)])
+def test_a_turned_beam_has_the_plan_of_one_along_an_axis(along):
+    """Whether its least moment comes out below zero, which has no root, above, or as zero."""
+    e = np.array(along) / np.linalg.norm(along)
+    M, omega = np.eye(3) - np.outer(e, e), np.cross(e, (0.3, -0.2, 1.0))
+    assert plan(made(M.tolist(), omega_0=omega.tolist())).model == "constant rate"
+
+
 def test_moments_and_axes_are_those_of_40_digits():
     rng = np.random.default_rng(6)
     for kind in KINDS:
