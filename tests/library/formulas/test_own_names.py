@@ -247,3 +247,19 @@ def test_ports_and_constants_that_nothing_reads_can_be_set():
     np.testing.assert_allclose(found.quaternion, plain.quaternion, rtol=0, atol=1e-6)
     with pytest.raises(rbfmu.SceneError, match="another name: mass means something else"):
         rbfmu.Scene.from_dict(tables | {"constants": {"mass": 2.0}})
+
+
+@pytest.mark.parametrize("quantities", [["omega_b"], ["quaternion", "position"]])
+def test_a_chain_of_filters_begins_at_rest(quantities):
+    """The third begins with t**3, and a body that it drives with t**4: of all states what comes first was zero."""
+    lags = {"a": {"start": 0.0, "rate": "1 - a"}, "b": {"start": 0.0, "rate": "a - b"}}
+    tables = scene({"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, {"omega_b": [0.0, 0.0, 0.0]}, quantities=quantities)
+    tables |= {"states": lags | {"c": {"start": 0.0, "rate": "b - c"}}, "run": {"stop": 2.0, "accuracy": 1e-10}}
+    tables["loads"] |= {"torque_b": "c*[0, 0, 1]", "force_a": "c*[1, 0, 0]"}
+    tables["outputs"] |= {"last": "c"}
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables | {"run": tables["run"] | {"step": 0.5}}))
+    t = found.time
+    np.testing.assert_allclose(found.quantities["last"], 1.0 - np.exp(-t) * (1.0 + t + t * t / 2.0), rtol=0.0, atol=1e-10)
+    if "omega_b" in quantities:
+        rates = t - 3.0 + np.exp(-t) * (3.0 + 2.0 * t + t * t / 2.0)
+        np.testing.assert_allclose(found.omega_b[:, 2], rates, rtol=0.0, atol=1e-10)
