@@ -176,9 +176,11 @@ class Listed:
         return f"{named or 'the motion'} slides along a corner of abs, min, max, clip, where or a table"
 
     def at_start(self, values: Mapping[str, Decimal]) -> list[Decimal]:
-        """Return the numbers, and the values of parameters, states and inputs at the start."""
-        rows = (self.graph.operations[i] for i in self.found)
-        return [Decimal(x) if kind == "number" else values.get(str(x), Decimal(0)) for kind, _, x in rows]
+        """Return the numbers, the values of parameters, states and inputs at the start, and sides of what is zero."""
+        rows, others = (self.graph.operations[i] for i in self.found), {"side": Decimal(1)}
+        return [
+            Decimal(x) if kind == "number" else values.get(str(x), others.get(kind, Decimal(0))) for kind, _, x in rows
+        ]
 
 
 def _not_finite(scene: Scene, steps: Sequence[float], rows: Array, columns: Sequence[str]) -> SceneError:

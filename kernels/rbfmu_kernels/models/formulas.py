@@ -47,7 +47,8 @@ CORNERS = ("series.sides", "series.on", "series.next_on", "series.flips")
 
 A series ends where a number comes to zero whose side its coefficients rest on (abs, min, max, where, a table's rows).
 The side after a corner is that to which the first derivative that is not zero leads. Where either side leads back to
-the corner, what slides along it is refused.
+the corner, what slides along it is refused. Where a motion begins at a corner from which either side leads away, it
+takes the side that formulas have there, 1: of where(x >= 0, 1, -1) as the rate of x it rises, of x > 0 it falls.
 """
 AT_REST = 1e-8
 """How far a series goes that begins at a touch, as a part of its reach; it goes on beyond one by `BEYOND`.
@@ -92,7 +93,7 @@ def set_up_formulas(z: Buffer) -> int:
     for g in range(len(FIRSTS)):
         z[SIZES + g] = 0.0
     for i in range(NUMBER_OF_SIDES):
-        z[SIDES + i] = z[NEXT + i] = 0.0
+        z[SIDES + i], z[NEXT + i] = 0.0 if OF_EVENT[i] >= 0 else 1.0, 0.0
     if NUMBER_OF_EVENTS:
         set_up_events(z)
     return values(z)  # type: ignore[no-any-return]

@@ -206,6 +206,20 @@ def test_zero_of_either_sign_is_zero(sign):
         np.testing.assert_array_equal(getattr(found, name), holds[sign](numbers, 0.0))
 
 
+@pytest.mark.parametrize(("rates", "slope"), [
+    (("where(x >= 0, 1, -1)", "where(x < 0, -1, 1)", "where(not (x < 0) and t >= 0, 1, -1)"), 1.0),
+    (("where(x > 0, 1, -1)", "where(x <= 0, -1, 1)"), -1.0),
+    (("where(x >= 0.5*t, 1, 0)", "where(x < 0.5*t, 0, 1)"), 1.0),
+])  # fmt: skip
+def test_a_motion_that_begins_at_a_corner_begins_with_the_rate_that_formulas_have_there(rates, slope):
+    """Where either side leads away: of conditions that are the same it went either way, as they were written."""
+    for rate in rates:
+        tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "states": {"x": {"start": 0.0, "rate": rate}},
+                  "outputs": {"quantities": [], "now": "x"}, "run": {"stop": 1.0, "step": 0.25}}  # fmt: skip
+        found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+        np.testing.assert_allclose(found.now, slope * found.time, rtol=0, atol=1e-15, err_msg=rate)
+
+
 def test_a_switch_at_a_communication_point_is_that_of_the_time_shown():
     """Five times 0.1, added up in double-double numbers, is more than 0.5: the plan was refused for round-off."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["alpha_b"]},

@@ -259,7 +259,9 @@ def test_a_chain_of_filters_begins_at_rest(quantities):
     tables["outputs"] |= {"last": "c"}
     found = rbfmu.simulate(rbfmu.Scene.from_dict(tables | {"run": tables["run"] | {"step": 0.5}}))
     t = found.time
-    np.testing.assert_allclose(found.quantities["last"], 1.0 - np.exp(-t) * (1.0 + t + t * t / 2.0), rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(
+        found.quantities["last"], 1.0 - np.exp(-t) * (1.0 + t + t * t / 2.0), rtol=0.0, atol=1e-10
+    )
     if "omega_b" in quantities:
         rates = t - 3.0 + np.exp(-t) * (3.0 + 2.0 * t + t * t / 2.0)
         np.testing.assert_allclose(found.omega_b[:, 2], rates, rtol=0.0, atol=1e-10)
