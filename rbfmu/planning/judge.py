@@ -36,6 +36,8 @@ Of four motions that magnify errors 200 to 6e5 times, the factor is the same to 
 """
 DIRECTIONS = ((0.48, -0.6, 0.64), (0.8, 0.0, -0.6), (0.36, 0.8, 0.48))
 """Orthogonal directions, none along a body's axis."""
+BETWEEN = 0.1
+"""The part of its largest, between communication points as well, that errors of a quantity are relative to at least."""
 MAX_REFERENCE_STEPS = 100_000
 """The number of the reference's steps in double-double arithmetic, some seconds of work."""
 MAX_SUBSTEPS = 3e6
@@ -145,8 +147,14 @@ class Judge:
 
     @cached_property
     def floors(self) -> Mapping[str, float]:
-        """Return the least sizes that errors are relative to, by name."""
-        return least_sizes(self.asked, self.motion)
+        """Return the least sizes that errors are relative to, by name.
+
+        What swings and is shown where it comes to zero has the size that it has between communication points.
+        """
+        found = dict(least_sizes(self.asked, self.motion))
+        for name in self.names:
+            found[name] = max(found.get(name, 0.0), BETWEEN * largest_size(self.motion[name]))
+        return found
 
     def _floors_of(self, run: Steps) -> dict[str, float]:
         """Return the least sizes; of what an event watches its size over the run."""

@@ -265,3 +265,16 @@ def test_a_chain_of_filters_begins_at_rest(quantities):
     if "omega_b" in quantities:
         rates = t - 3.0 + np.exp(-t) * (3.0 + 2.0 * t + t * t / 2.0)
         np.testing.assert_allclose(found.omega_b[:, 2], rates, rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("drive", ["x", "cos(2*pi*t)"])
+def test_what_swings_may_be_shown_where_it_comes_to_zero(drive):
+    """2026-11-27: round-off at communication points was an error of over 100 %: "the motion magnifies round-off"."""
+    tables = scene({"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, {"omega_b": [0.0, 0.0, 0.0]}, accuracy=1e-6)
+    tables |= {"states": {"x": {"start": 0.0, "rate": "cos(2*pi*t)"}}, "outputs": {"quantities": ["omega_b"], "o": "x"}}
+    tables["loads"] |= {"torque_b": f"{drive}*[1, 0, 0]"}
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables | {"run": {"stop": 3.0, "step": 0.5, "accuracy": 1e-6}}))
+    swung = 2.0 * math.pi
+    rates = (1.0 - np.cos(swung * found.time)) / swung**2 if drive == "x" else 0.0 * found.time
+    np.testing.assert_allclose(found.omega_b[:, 0], rates, rtol=0.0, atol=1e-6 / swung)
+    np.testing.assert_allclose(found.quantities["o"], 0.0, rtol=0.0, atol=1e-6 / swung)
