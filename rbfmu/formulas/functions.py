@@ -165,6 +165,7 @@ FUNCTIONS: Mapping[str, Function] = {
     "acos": Function("x", "angle in [0, pi], rad", _of_scalars(lambda x: graph.arctangent(_beside(x), x))),
     "atan2": Function("y, x", "angle of (x, y) in (-pi, pi], rad", _of_scalars(_angle)),
     "exp": Function("x", "exponential", _of_scalars(graph.exponential)),
+    "tanh": Function("x", "hyperbolic tangent", _of_scalars(lambda x: 1.0 - 2.0 * graph.logistic(-2.0 * x))),
     "log": Function("x", "natural logarithm", _of_scalars(graph.logarithm)),
     "sqrt": Function("x", "square root", _of_scalars(graph.square_root)),
     "abs": Function("x", "absolute value", _of_scalars(lambda x: graph.select(graph.side(x), x, -x))),

@@ -9,7 +9,7 @@ import operator
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from rbfmu_kernels.numerics.elementary import logistic, sincos
+from rbfmu_kernels.numerics import elementary
 
 MOST_OPERATIONS = 20_000
 """What a scene's formulas may come to: a hundred times what an attitude controller needs."""
@@ -197,8 +197,9 @@ Number = float | Symbol
 
 KNOWN: Mapping[str, Callable[..., float]] = {
     "add": operator.add, "subtract": operator.sub, "multiply": operator.mul, "divide": operator.truediv,
-    "sqrt": math.sqrt, "sin": lambda x: sincos(x)[0], "cos": lambda x: sincos(x)[1], "exp": math.exp, "log": math.log,
-    "power": math.pow, "atan2": lambda y, x, _: math.atan2(y, x), "logistic": lambda x, _: logistic(x),
+    "sqrt": math.sqrt, "sin": lambda x: elementary.sincos(x)[0], "cos": lambda x: elementary.sincos(x)[1],
+    "exp": math.exp, "log": math.log,
+    "power": math.pow, "atan2": lambda y, x, _: math.atan2(y, x), "logistic": lambda x, _: elementary.logistic(x),
     "side": lambda x: math.copysign(1.0, x + 0.0), "select": lambda condition, a, b: a if condition > 0.0 else b,
 }  # fmt: skip
 """What each operation is of floats."""
@@ -237,11 +238,12 @@ def _quotient(x: Number, y: Symbol) -> Number:
         if operations[first].kind == "exp" and operations[last] == ("number", (), 1.0):
             u = Symbol(y.graph, operations[first].of[0])
             a, e = x.scaled if isinstance(x, Symbol) else (x, 1.0)
-            return a * _logistic(u) if e == Symbol(y.graph, first) else x * _logistic(-u)
+            return a * logistic(u) if e == Symbol(y.graph, first) else x * logistic(-u)
     return y.graph.add("divide", x, y)
 
 
-def _logistic(x: Number, _: object = None) -> Number:
+def logistic(x: Number, _: object = None) -> Number:
+    """Return 1 / (1 + e^-x)."""
     return _of("logistic")(x, -x)
 
 
@@ -267,7 +269,7 @@ def _whole_power(x: Number, n: int) -> Number:
 
 SYMBOLIC: Mapping[str, Callable[..., Number]] = {
     **KNOWN, "sqrt": square_root, "sin": sine, "cos": cosine, "exp": exponential, "log": logarithm, "power": power,
-    "atan2": lambda y, x, _: arctangent(y, x), "logistic": _logistic, "side": side, "select": select,
+    "atan2": lambda y, x, _: arctangent(y, x), "logistic": logistic, "side": side, "select": select,
 }  # fmt: skip
 """What each operation is of numbers that may be symbols."""
 

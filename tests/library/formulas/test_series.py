@@ -26,6 +26,7 @@ CASES = {
     "divide a constant": ("c/(1 + t)", lambda t: 0.7 / (1 + t)),
     "divide by a constant": ("t*t/c", lambda t: t * t / mpmath.mpf(0.7)),
     "sqrt": ("sqrt(2 + sin(t))", lambda t: mpmath.sqrt(2 + mpmath.sin(t))),
+    "tanh": ("tanh(30*t - 3)", lambda t: mpmath.tanh(30 * t - 3)),
     "exp": ("exp(-t*t)", lambda t: mpmath.exp(-t * t)),
     "logistic": ("1/(1 + exp(-3*t))", lambda t: 1 / (1 + mpmath.exp(-3 * t))),
     "logistic of what is large": ("t + t/(1 + exp(9e3*(t - 0.6)))", lambda t: 2 * t if t < 0.6 else t),
