@@ -161,8 +161,7 @@ def _to_corner(equations: Equations, s: Array, longest: float) -> float:
     reach = longest
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
-        skipped = 1 if sides[i, 1] != 0.0 or s[0, at] == 0.0 else 0  # the root at the beginning is left out
-        root = polynomials.first_root(s[0], at + skipped, 1, ORDER - skipped, 0.0, longest)
+        root = polynomials.first_root_after(s[0], at, 1, ORDER, 1 if sides[i, 1] != 0.0 else 0, longest)
         if root < reach:
             reach, corner = root, at
     for m in range(touching.shape[0]):

@@ -211,3 +211,14 @@ def first_root(z: Buffer, i: int, row: int, n: int, start: float, h: float) -> f
         else:
             high = middle
     return high
+
+
+@kernel
+def first_root_after(z: Buffer, i: int, row: int, n: int, first: int, h: float) -> float:
+    """Return the least root in (0, h], or 2 h; coefficients before `first` count as zero.
+
+    A root at 0 is left out however many there are: of t^3, which begins at a corner, 64 halvings find one at 1e-28.
+    """
+    while first < n and z[i + first * row] == 0.0:
+        first += 1
+    return first_root(z, i + first * row, row, n - first, 0.0, h)

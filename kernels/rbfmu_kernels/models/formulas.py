@@ -149,10 +149,8 @@ def reach_to_corner(z: Buffer, h: float) -> float:
         at = WATCHED + i
         if OF_EVENT[i] >= 0:
             root = root_of_event(z, i, h)
-        elif z[ON + i] != 0.0 or z[at] == 0.0:  # the root at the beginning is left out
-            root = polynomials.first_root(z, at + ROW, ROW, n - 1, 0.0, h)
         else:
-            root = polynomials.first_root(z, at, ROW, n, 0.0, h)
+            root = polynomials.first_root_after(z, at, ROW, n, 1 if z[ON + i] != 0.0 else 0, h)
         if root < reach:
             reach, corner = root, at
     for i in range(WATCHED + NUMBER_OF_SIDES, WATCHED + NUMBER_OF_SIDES + NUMBER_TOUCHING):

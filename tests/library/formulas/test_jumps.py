@@ -220,6 +220,18 @@ def test_a_motion_that_begins_at_a_corner_begins_with_the_rate_that_formulas_hav
         np.testing.assert_allclose(found.now, slope * found.time, rtol=0, atol=1e-15, err_msg=rate)
 
 
+@pytest.mark.parametrize(("start", "rate", "torque", "rise"), [
+    (1.0, "1", "[0, 0, abs((t - 1)**3)]", 4.0),
+    (0.0, "abs(t - 0.5)", "[0, 0, abs((t - 0.5)**3)]", 1.28125),
+])  # fmt: skip
+def test_what_begins_at_its_corner_with_a_high_power_leaves_it(start, rate, torque, rise):
+    """2026-11-28: refused, as a root of t^2, what t^3 is without the root at its corner, was found 1e-28 s later."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "loads": {"torque_b": torque},
+              "states": {"x": {"start": 0.0, "rate": rate}}, "outputs": {"quantities": ["omega_b"], "now": "x + 1"},
+              "run": {"start": start, "stop": start + 2.0, "step": 0.5, "accuracy": 1e-8}}  # fmt: skip
+    assert rbfmu.simulate(rbfmu.Scene.from_dict(tables)).omega_b[-1, 2] == pytest.approx(rise, abs=1e-8 * rise)
+
+
 def test_a_switch_at_a_communication_point_is_that_of_the_time_shown():
     """Five times 0.1, added up in double-double numbers, is more than 0.5: the plan was refused for round-off."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["alpha_b"]},
