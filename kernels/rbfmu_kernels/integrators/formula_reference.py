@@ -135,9 +135,9 @@ def _settled(equations: Equations, s: Array, unit: float) -> bool:
         for i in range(sides.shape[0]):
             n = int(sides[i, 0])
             side = polynomials.side_from(s[0], operations[n, 1] * LENGTH, 1, 1 if sides[i, 1] != 0.0 else 0, ORDER)
-            side = 1.0 if side == 0.0 and s[0, n * LENGTH] == 0.0 else side
+            side = 1.0 if side == 0.0 and (sides[i, 2] == 0.0 or s[0, n * LENGTH] == 0.0) else side
             if side != 0.0 and side != s[0, n * LENGTH]:
-                s[0, n * LENGTH] = side
+                s[0, n * LENGTH], sides[i, 2] = side, 1.0
                 changed, last = True, i
                 break
         if not changed:

@@ -124,6 +124,7 @@ def settle_sides(z: Buffer) -> bool:
             side = side_that_counts(z, i)
         else:
             side = polynomials.side_from(z, WATCHED + i, ROW, 1 if z[ON + i] != 0.0 else 0, int(z[ORDER]))
+            side = 1.0 if side == 0.0 and z[FLIPS + i] == 0.0 else side  # what stays at zero, as formulas have it there
         side = 1.0 if side == 0.0 and z[SIDES + i] == 0.0 else side
         if side not in (0.0, z[SIDES + i]):
             z[SIDES + i] = side

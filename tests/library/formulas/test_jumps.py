@@ -303,6 +303,20 @@ def test_an_input_that_jumps_where_a_formula_is_at_its_corner_counts_by_what_it_
     np.testing.assert_allclose(found.velocity[:, 0], distance if "abs" in text else -t, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize(("condition", "before", "rise"), [
+    ("u > 0", 1.0, 1.2), ("u >= 0", -1.0, 1.2), ("u < 0", -1.0, 1.2), ("u <= 0", 1.0, 1.2), ("u >= 0", 1.0, 2.0),
+    ("max(1 - t, 0) > 0", 0.0, 1.2), ("min(t - 1, 0) < 0", 0.0, 1.2),
+])  # fmt: skip
+def test_what_comes_to_zero_and_stays_there_is_zero(condition, before, rise):
+    """2026-11-28: it counted as what it had been before, so that a thruster went on after its port came to zero."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "inputs": {"ports": [{"name": "u", "size": 1}]},
+              "loads": {"torque_b": f"[0, 0, where({condition}, 1, 0.2)]"},
+              "run": {"stop": 2.0, "step": 0.5, "accuracy": 1e-8}}  # fmt: skip
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables), inputs={"u": ([0.0, 1.0], [before, 0.0])})
+    assert found.omega_b[-1, 2] == pytest.approx(rise, abs=1e-8)
+
+
 def test_an_input_that_comes_back_to_what_it_was_holds_from_there_on():
     """It rises from 1 to 2, and is 1 again at once: the series that it rose in went on, and the plan was refused."""
     rows = [0.0, 1.0, 1.0, 3.0], [1.0, 2.0, 1.0, 1.0]
