@@ -37,7 +37,8 @@ Of four motions that magnify errors 200 to 6e5 times, the factor is the same to 
 DIRECTIONS = ((0.48, -0.6, 0.64), (0.8, 0.0, -0.6), (0.36, 0.8, 0.48))
 """Orthogonal directions, none along a body's axis."""
 BETWEEN = 0.1
-"""The part of its largest, between communication points as well, that errors of a quantity are relative to at least."""
+"""The part of its largest, between communication points as well, that errors of a quantity are relative to at least: of
+what is zero at all of these, they would else be relative to round-off. Where points show more they count alone."""
 MAX_REFERENCE_STEPS = 100_000
 """The number of the reference's steps in double-double arithmetic, some seconds of work."""
 MAX_SUBSTEPS = 3e6

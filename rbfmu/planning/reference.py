@@ -177,10 +177,9 @@ class Listed:
 
     def at_start(self, values: Mapping[str, Decimal]) -> list[Decimal]:
         """Return the numbers, the values of parameters, states and inputs at the start, and sides of what is zero."""
-        rows, others = (self.graph.operations[i] for i in self.found), {"side": Decimal(1)}
-        return [
-            Decimal(x) if kind == "number" else values.get(str(x), others.get(kind, Decimal(0))) for kind, _, x in rows
-        ]
+        rows = (self.graph.operations[i] for i in self.found)
+        known = ((kind, x, Decimal(kind == "side")) for kind, _, x in rows)
+        return [Decimal(x) if kind == "number" else values.get(str(x), other) for kind, x, other in known]
 
 
 def _not_finite(scene: Scene, steps: Sequence[float], rows: Array, columns: Sequence[str]) -> SceneError:

@@ -137,7 +137,7 @@ def _settled(equations: Equations, s: Array, unit: float) -> bool:
             side = polynomials.side_from(s[0], operations[n, 1] * LENGTH, 1, 1 if sides[i, 1] != 0.0 else 0, ORDER)
             side = 1.0 if side == 0.0 and (sides[i, 2] == 0.0 or s[0, n * LENGTH] == 0.0) else side
             if side != 0.0 and side != s[0, n * LENGTH]:
-                s[0, n * LENGTH], sides[i, 2] = side, 1.0
+                s[0, n * LENGTH], sides[i, 2] = side, 1.0  # which says until `_to_corner` that it has turned already
                 changed, last = True, i
                 break
         if not changed:

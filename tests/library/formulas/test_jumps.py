@@ -95,6 +95,15 @@ def test_a_pulse_that_is_nothing_long_before_and_after_is_not_stepped_over(load,
     np.testing.assert_allclose(found[[49, 51, -1]], [w_0, after, after], rtol=0, atol=1e-9 * after)
 
 
+def turned_for_100_s(load, accuracy):
+    """A scene of a ball that turns at 0.5 rad/s about the axis of a torque."""
+    return rbfmu.Scene.from_dict({
+        "body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+        "initial": {"omega_b": [0.0, 0.0, 0.5]}, "loads": {"torque_b": f"[0, 0, {load}]"},
+        "run": {"stop": 100.0, "step": 1.0, "accuracy": accuracy},
+    })  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("load", "area"),
     [
@@ -105,10 +114,7 @@ def test_a_pulse_that_is_nothing_long_before_and_after_is_not_stepped_over(load,
 )
 def test_a_pulse_of_which_no_term_tells_is_seen_inside_a_series(load, area):
     """2026-11-27: missed without a word, as what is nothing at both ends of a series was looked at there alone."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "initial": {"omega_b": [0.0, 0.0, 0.5]}, "loads": {"torque_b": f"[0, 0, {load}]"},
-              "run": {"stop": 100.0, "step": 1.0, "accuracy": 1e-6}}  # fmt: skip
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).omega_b[-1, 2]
+    found = rbfmu.simulate(turned_for_100_s(load, 1e-6)).omega_b[-1, 2]
     assert found == pytest.approx(0.5 + area, abs=1e-6 * (0.5 + area))
 
 
@@ -124,10 +130,7 @@ def test_a_pulse_of_which_no_term_tells_is_seen_inside_a_series(load, area):
 )
 def test_a_smooth_step_of_an_exponential_beyond_all_numbers_is_taken(load, area):
     """2026-11-27: refused at the start, or where the run ends, as an exponential of 5000 is not finite."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "initial": {"omega_b": [0.0, 0.0, 0.5]}, "loads": {"torque_b": f"[0, 0, {load}]"},
-              "run": {"stop": 100.0, "step": 1.0, "accuracy": 1e-8}}  # fmt: skip
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).omega_b[-1, 2]
+    found = rbfmu.simulate(turned_for_100_s(load, 1e-8)).omega_b[-1, 2]
     assert found == pytest.approx(0.5 + area, abs=1e-8 * (0.5 + area))
 
 
@@ -173,11 +176,8 @@ def test_what_has_decayed_to_nothing_at_its_corner_keeps_nobody():
 
 def test_a_pulse_that_a_run_would_miss_is_refused():
     """Its body turns, so that its series are as long as others; what judges looks at more times."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "initial": {"omega_b": [0.0, 0.0, 0.5]}, "loads": {"torque_b": "[0, 0, max(0, 1 - ((t - 50)/4)**2)**30]"},
-              "run": {"stop": 100.0, "step": 1.0, "accuracy": 1e-9}}  # fmt: skip
     with pytest.raises(rbfmu.SceneError, match="or a formula has a pulse"):
-        rbfmu.plan(rbfmu.Scene.from_dict(tables))
+        rbfmu.plan(turned_for_100_s("max(0, 1 - ((t - 50)/4)**2)**30", 1e-9))
 
 
 @pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
