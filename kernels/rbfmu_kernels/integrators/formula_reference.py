@@ -14,6 +14,7 @@ from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..types import Array, Indices
 from . import polynomials
+from .formula_corners import begins_again
 from .formula_operations import SIDE, STATE, coefficient_of, value_of
 from .formula_pulses import FARTHER, risen_at
 
@@ -36,7 +37,7 @@ of one that goes far, and of others, between which it is looked at: more than of
 FINEST, MOST_STALLED = 2.0**-52, 500
 """How many series on end may reach no farther than this part of the time since the start, which doubles tell as one: 13
 where a force grows from 1e-300, ever more where a motion ends in a pole."""
-NOWHERE, SLIDES = -2, -1.0
+NOWHERE, SLIDES = -2, math.inf
 
 
 class Equations(NamedTuple):
@@ -123,8 +124,11 @@ def _longest(equations: Equations, sizes: Array, s: Array) -> float:
 
 
 @kernel(inline=False)
-def _settled(equations: Equations, s: Array, unit: float) -> bool:
-    """Expand until all sides are those to which the series lead; return whether there are any such."""
+def _settled(equations: Equations, s: Array, unit: float, done: float) -> bool:
+    """Expand until all sides are those to which the series lead; return whether there are any such.
+
+    done: the time that has passed, in units.
+    """
     operations, sides = equations.operations, equations.sides
     for i in range(sides.shape[0]):
         sides[i, 1], sides[i, 2] = sides[i, 2], 0.0
@@ -134,7 +138,9 @@ def _settled(equations: Equations, s: Array, unit: float) -> bool:
         changed = False
         for i in range(sides.shape[0]):
             n = int(sides[i, 0])
-            side = polynomials.side_from(s[0], operations[n, 1] * LENGTH, 1, 1 if sides[i, 1] != 0.0 else 0, ORDER)
+            at = operations[n, 1] * LENGTH
+            sides[i, 1] = begins_again(s[0], at, 1, sides[i, 1], done)
+            side = polynomials.side_from(s[0], at, 1, 1 if sides[i, 1] > 0.0 else 0, ORDER)
             side = 1.0 if side == 0.0 and (sides[i, 2] == 0.0 or s[0, n * LENGTH] == 0.0) else side
             if side != 0.0 and side != s[0, n * LENGTH]:
                 s[0, n * LENGTH], sides[i, 2] = side, 1.0  # which says until `_to_corner` that it has turned already
@@ -161,7 +167,7 @@ def _to_corner(equations: Equations, s: Array, longest: float) -> float:
     reach = longest
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
-        root = polynomials.first_root_after(s[0], at, 1, ORDER, 1 if sides[i, 1] != 0.0 else 0, longest)
+        root = polynomials.first_root_after(s[0], at, 1, ORDER, 1 if sides[i, 1] > 0.0 else 0, longest)
         if root < reach:
             reach, corner = root, at
     for m in range(touching.shape[0]):
@@ -176,7 +182,8 @@ def _to_corner(equations: Equations, s: Array, longest: float) -> float:
         reach = polynomials.known_until(s[0], corner, 1, ORDER, reach, CORNER_KNOWN)
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
-        sides[i, 2] = 1.0 if reach < longest and polynomials.is_at_corner(s[0], at, 1, ORDER, reach) else 0.0
+        ends_there = reach < longest and polynomials.is_at_corner(s[0], at, 1, ORDER, reach)
+        sides[i, 2] = 1.0 - min(sides[i, 1], 0.0) if ends_there else 0.0
     return reach
 
 
@@ -266,7 +273,7 @@ def formula_motion(
     for n in range(operations.shape[0]):
         dd.put(s, n * LENGTH, dd.at(here, n))
     while k < end:
-        if not _settled(equations, s, unit):
+        if not _settled(equations, s, unit, now[0] / unit):
             return NOWHERE, now[0]
         longest = min(_longest(equations, sizes, s), 2.0 * span / unit)
         if math.isnan(longest) and sides.shape[0] == 0 and shortened < MOST_SHORTENED:

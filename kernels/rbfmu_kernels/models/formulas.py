@@ -16,6 +16,7 @@ from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
 from ..integrators import polynomials
+from ..integrators.formula_corners import begins_again
 from ..integrators.formula_pulses import FARTHER, risen_at
 from ..integrators.substeps import count_substep, tolerance_of_substep
 from ..numerics import double_double as dd
@@ -43,7 +44,8 @@ SERIES = {
 """Whether a series stands; how far it reaches, and how far it has served, s; the time at which it began; what is left
 of the step, s, and how often series in it have crept and were asked for."""
 CORNERS = ("series.sides", "series.on", "series.next_on", "series.flips")
-"""Of what has sides: on which it is, whether the series began at its corner, and ends there, and how often it changed.
+"""Of what has sides: on which it is; how many series on end ended at its corner before this one (negative where it
+begins beside it, see `formula_corners`), and with it; and how often it changed.
 
 A series ends where a number comes to zero whose side its coefficients rest on (abs, min, max, where, a table's rows).
 The side after a corner is that to which the first derivative that is not zero leads. Where either side leads back to
@@ -123,7 +125,8 @@ def settle_sides(z: Buffer) -> bool:
         if OF_EVENT[i] >= 0:
             side = side_that_counts(z, i)
         else:
-            side = polynomials.side_from(z, WATCHED + i, ROW, 1 if z[ON + i] != 0.0 else 0, int(z[ORDER]))
+            z[ON + i] = begins_again(z, WATCHED + i, ROW, z[ON + i], z[TIME])
+            side = polynomials.side_from(z, WATCHED + i, ROW, 1 if z[ON + i] > 0.0 else 0, int(z[ORDER]))
             side = 1.0 if side == 0.0 and z[FLIPS + i] == 0.0 else side  # what stays at zero, as formulas have it there
         side = 1.0 if side == 0.0 and z[SIDES + i] == 0.0 else side
         if side not in (0.0, z[SIDES + i]):
@@ -151,7 +154,7 @@ def reach_to_corner(z: Buffer, h: float) -> float:
         if OF_EVENT[i] >= 0:
             root = root_of_event(z, i, h)
         else:
-            root = polynomials.first_root_after(z, at, ROW, n, 1 if z[ON + i] != 0.0 else 0, h)
+            root = polynomials.first_root_after(z, at, ROW, n, 1 if z[ON + i] > 0.0 else 0, h)
         if root < reach:
             reach, corner = root, at
     for i in range(WATCHED + NUMBER_OF_SIDES, WATCHED + NUMBER_OF_SIDES + NUMBER_TOUCHING):
@@ -166,7 +169,8 @@ def reach_to_corner(z: Buffer, h: float) -> float:
     if NUMBER_OF_EVENTS:
         reach = reach_to_touches(z, h, reach)
     for i in range(NUMBER_OF_SIDES):
-        z[NEXT + i] = 1.0 if reach < h and polynomials.is_at_corner(z, WATCHED + i, ROW, n, reach) else 0.0
+        ends_there = reach < h and polynomials.is_at_corner(z, WATCHED + i, ROW, n, reach)
+        z[NEXT + i] = 1.0 - min(z[ON + i], 0.0) if ends_there else 0.0
     return reach
 
 

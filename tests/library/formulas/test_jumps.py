@@ -317,6 +317,21 @@ def test_what_comes_to_zero_and_stays_there_is_zero(condition, before, rise):
     assert found.omega_b[-1, 2] == pytest.approx(rise, abs=1e-8)
 
 
+@pytest.mark.parametrize(("condition", "accuracy", "rise"), [
+    ("(t - p)**2 >= 0", 1e-10, 2.0), ("(t - p)**3 > 0", 1e-8, 0.6),
+    pytest.param("(t - p)**4 > 0", 1e-5, 2.0, marks=pytest.mark.thorough),
+])  # fmt: skip
+def test_a_condition_on_a_power_turns_where_that_is_zero(condition, accuracy, rise):
+    """2026-11-28: a series finds the zero of (t - 0.7)**4 1e-4 s early, from where on the condition was wrong."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
+              "constants": {"p": 0.7}, "loads": {"torque_b": f"[0, 0, where({condition}, 1, -1)]"},
+              "run": {"stop": 2.0, "step": 0.5, "accuracy": accuracy}}  # fmt: skip
+    scene = rbfmu.Scene.from_dict(tables)
+    assert rbfmu.simulate(scene).omega_b[-1, 2] == pytest.approx(rise, abs=accuracy)
+    derivative = rbfmu.sensitivity(scene, ["constants.p"]).of["omega_b"][-1, 2, 0]
+    assert derivative == pytest.approx(0.0 if rise == 2.0 else -2.0, abs=1e-9)
+
+
 def test_an_input_that_comes_back_to_what_it_was_holds_from_there_on():
     """It rises from 1 to 2, and is 1 again at once: the series that it rose in went on, and the plan was refused."""
     rows = [0.0, 1.0, 1.0, 3.0], [1.0, 2.0, 1.0, 1.0]
