@@ -4,6 +4,9 @@
 most of the time, and is the same work for all bodies: it is done for numbers of several at once. All else, a step's
 size, corners, events, and what serves communication points, each has in a buffer of its own, by the code of single
 runs. A lane goes on with its body's run, whatever the others' time, until that needs the next series.
+
+`initialize_over`, `step_over` and `outputs_over` are those of outputs of one's own over a closed form, which are
+functions of its motion and of the time.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,9 +17,11 @@ from ..body import members as one
 from ..body.members import Control, Driving, Members, Room, Run
 from ..body.shell import Lanes, Model, bind, make_model
 from ..buffer import OK, STEP_REJECTED, Layout
+from ..buffer_access import copy_numbers, pair_at, put_pair_at
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
+from ..numerics import double_double as dd
 from ..types import Array, Buffer
-from . import formula_outputs, formulas
+from . import formulas
 from .formulas import PENDING, begin_step, evaluate_at_end, go_on_by_series, prepare_series, reaches_over, settle_sides
 
 MARKS = 8
@@ -26,11 +31,12 @@ series was settled."""
 
 # What templates are bound to, see `formulas`.
 _missing: Any = None
-initialize = wide_constants = wide_first = wide_further = _missing
+initialize = wide_constants = wide_first = wide_further = values = loads = begin = advance = refresh = _missing
 _places: tuple[int, ...] = ()
 INPUTS = RATES = RATES_2 = STATES = _places
+SHOWN: tuple[float, ...] = ()
 NUMBER_OF_INPUTS = NUMBER_OF_SIDES = NUMBER_TOUCHING = NUMBER_RISING = SIDES = ORDER = WORK = ROWS = ROW = 0
-WIDE_ROW = 0
+WIDE_ROW = TIME = STARTS = ACTIVE = KEPT = MEMORY = MEMORY_SIZE = 0
 
 
 def put_head_in_lane(z: Buffer, c: Buffer, lane: int) -> None:
@@ -148,6 +154,34 @@ def run_in_lanes(
                 busy -= 1 if mark[MEMBER] < 0.0 else 0
 
 
+# Outputs of one's own over a closed form
+
+
+def initialize_over(z: Buffer) -> int:
+    """Set up the closed form, which also shows what own outputs read, then these."""
+    loads(z)
+    for i in range(len(SHOWN)):
+        z[ACTIVE + i] = max(z[ACTIVE + i], SHOWN[i])
+    put_pair_at(z, TIME, (z[STARTS], 0.0))
+    return begin(z) or values(z)  # type: ignore[no-any-return]
+
+
+def step_over(z: Buffer, h: float) -> int:
+    """Advance the closed form by h; reject the step and change nothing where an output is not finite."""
+    copy_numbers(z, MEMORY, KEPT, MEMORY_SIZE)
+    if advance(z, h) == OK:
+        put_pair_at(z, TIME, dd.add_float(pair_at(z, TIME), h))
+        if values(z) == 0:
+            return OK
+    copy_numbers(z, KEPT, MEMORY, MEMORY_SIZE)
+    return STEP_REJECTED
+
+
+def outputs_over(z: Buffer) -> int:
+    """Refresh the outputs."""
+    return refresh(z) or values(z)  # type: ignore[no-any-return]
+
+
 # Binding
 
 Kernels = Mapping[str, Callable[..., Any]]
@@ -189,9 +223,9 @@ def make_over(constant: str, base: Model, layout: Layout, generated: Kernels, pl
     return Model(
         f"formulas.{constant}",
         *layout,
-        initialize=_bound(formula_outputs.initialize_over, constant, own),
-        step=_bound(formula_outputs.step_over, constant, own),
-        outputs=_bound(formula_outputs.outputs_over, constant, own),
+        initialize=_bound(initialize_over, constant, own),
+        step=_bound(step_over, constant, own),
+        outputs=_bound(outputs_over, constant, own),
         output_rates=base.output_rates,
         feedthrough=generated["feedthrough"],
     )
