@@ -42,6 +42,8 @@ OK, STEP_REJECTED, PAST_STOP = 0, 1, 2
 
 MAX_SUBSTEPS = 1e7
 """Substeps in one communication step (seconds of work) above which a step is refused rather than hang the host."""
+MOST_LISTED = 4096
+"""Events of a communication step that are listed, beyond which a step is refused: what chatters comes to no end."""
 
 
 NO_MASS, TWO_ZERO_MOMENTS, NO_ATTITUDE, NOT_FINITE, BEAM_TURNS, NO_OUTPUTS = 1, 6, 7, 8, 9, 10

@@ -14,9 +14,8 @@ from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..types import Array, Indices
 from . import polynomials
-from .formula_corners import begins_again
+from .formula_ends import FARTHER, begins_again, risen_at
 from .formula_operations import SIDE, STATE, coefficient_of, value_of
-from .formula_pulses import FARTHER, risen_at
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
 """The order of series, and the error of a step, relative to sizes: far below what doubles have. The order of least work

@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from ..buffer_access import copy_numbers
-from ..integrators.formula_pulses import PARTS
+from ..integrators.formula_ends import PARTS
 from ..integrators.polynomials import NOTHING, ROUGHLY, bound_of, polynomial, slope_of
 from ..integrators.substeps import power_of, tolerance_of_substep
 from ..types import Buffer

@@ -7,6 +7,8 @@ that it changes side where the next series begins.
 import math
 
 from ..body import driven
+from ..buffer import MOST_LISTED as MOST_LISTED
+from ..integrators.formula_ends import BEYOND
 from ..integrators.polynomials import TOUCHING, first_root, first_touch, leaves_band, polynomial
 from ..integrators.substeps import power_of
 from ..types import Buffer
@@ -22,12 +24,8 @@ TOUCH, NOT_ASKED = 0.0, 2.0
 """What is watched comes to zero and goes back, or goes on in a direction that is not asked for; else 1 or -1."""
 FAR = 1e300
 """How far what has not come to zero yet counts as away: finite, as all numbers of a saved state are."""
-BEYOND = 1e-7
-"""How far beyond a touch a series goes on, as a part of its reach."""
 TOUCHED = 1e-15
 """The part which round-off makes of what touches zero, over the largest that it has been and what it is by the time."""
-MOST_LISTED = 4096
-"""Events of a communication step that are listed, beyond which a step is refused: what chatters comes to no end."""
 
 # What templates are bound to, see `formulas`.
 OF_EVENT: tuple[int, ...] = ()

@@ -12,28 +12,18 @@ from typing import Any
 
 from ..body import driven, memory
 from ..body.outputs import outputs
-from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
+from ..buffer import MAX_SUBSTEPS, MOST_LISTED, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
 from ..integrators import polynomials
-from ..integrators.formula_corners import begins_again
-from ..integrators.formula_pulses import FARTHER, risen_at
+from ..integrators.formula_ends import BEYOND, FARTHER, begins_again, risen_at
 from ..integrators.substeps import count_substep, tolerance_of_substep
 from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
 from ..rotations.quaternion import normalize
 from ..types import Buffer
 from .formula_errors import MOST_DEFECT, excess_of, excess_of_defect, first_fault_inside
-from .formula_events import (
-    BEYOND,
-    MOST_LISTED,
-    clear_list,
-    note_events,
-    reach_to_touches,
-    root_of_event,
-    set_up_events,
-    side_that_counts,
-)
+from .formula_events import clear_list, note_events, reach_to_touches, root_of_event, set_up_events, side_that_counts
 from .formula_variations import corner_at_end, put_errors_at, reach_of_errors, shift_of_corner, vary_series
 
 ORDERS = range(6, 31, 2)
@@ -45,7 +35,7 @@ SERIES = {
 of the step, s, and how often series in it have crept and were asked for."""
 CORNERS = ("series.sides", "series.on", "series.next_on", "series.flips")
 """Of what has sides: on which it is; how many series on end ended at its corner before this one (negative where it
-begins beside it, see `formula_corners`), and with it; and how often it changed.
+begins beside it, see `formula_ends`), and with it; and how often it changed.
 
 A series ends where a number comes to zero whose side its coefficients rest on (abs, min, max, where, a table's rows).
 The side after a corner is that to which the first derivative that is not zero leads. Where either side leads back to
