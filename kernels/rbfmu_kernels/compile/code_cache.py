@@ -5,7 +5,6 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cached_property
-from os.path import exists
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -67,7 +66,7 @@ class DiskCache:
     def load_overload(self, signature: tuple[types.Type, ...], context: Context) -> "inside.CompileResult":
         """Return stored code, or None where there is none."""
         try:
-            if not exists(self._cache._cache_file._index_path):
+            if not os.path.exists(self._cache._cache_file._index_path):
                 return None  # before what follows, which takes 25 ms the first time
             inside.rtsys.initialize(context)  # object code names its functions, and must find all that it names
             return self._cache._load_overload(signature, context)

@@ -15,9 +15,8 @@ from typing import Any, ParamSpec, TypeGuard, TypeVar, cast
 
 import numpy as np
 from numba import float64, typeof, types
-from numpy.typing import NDArray
 
-from ..types import Function, python_function
+from ..types import Array, Function, python_function
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -82,7 +81,7 @@ def on_buffer(function: Callable[P, R], kernel: Callable[P, R]) -> Callable[P, R
     return call
 
 
-def is_buffer(value: object) -> TypeGuard[NDArray[np.float64]]:
+def is_buffer(value: object) -> TypeGuard[Array]:
     """Return whether an argument is an array with one axis, of doubles."""
     return isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == np.float64
 

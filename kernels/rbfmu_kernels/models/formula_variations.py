@@ -12,9 +12,8 @@ Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, ch. 7).
 """
 
 import math
-from typing import Any
 
-from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
+from ..compile.simd import Lanes, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
 from ..integrators.polynomials import polynomial, slope_of
 from ..integrators.substeps import power_of, tolerance_of_substep
 from ..numerics.elementary import exponential, logarithm
@@ -103,7 +102,7 @@ def vary_series(z: Buffer, ended: bool) -> None:
             z[here + ROW + i] *= part
 
 
-def squares_at(z: Buffer, h: float, first: int, end: int, at: int, last: int) -> Any:
+def squares_at(z: Buffer, h: float, first: int, end: int, at: int, last: int) -> Lanes:
     """Return the sums of squares of what terms at .. last make of rows first .. end by h, for four columns."""
     total, power = lanes(0.0, 0.0, 0.0, 0.0), power_of(h * h, at)
     for k in range(at, last + 1):
