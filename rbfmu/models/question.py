@@ -8,8 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from rbfmu.models.model_buffer import BodyAtStart
-from rbfmu.scene.body import Body
-from rbfmu.scene.scene import PARAMETERS, Scene
+from rbfmu.scene.scene import PARAMETERS, Body, Scene
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.quantities import FIXED_IN_SPACE, FORCES, IN_BUFFER_ORDER, OUTPUT, TORQUES, WEIGHTS
 from rbfmu_kernels.rotations.vec3 import cross

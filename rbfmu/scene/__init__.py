@@ -1,7 +1,5 @@
 """A scene: a body, its initial state, its loads and the requested outputs, read from TOML and checked."""
 
-from rbfmu.scene.body import Body
-from rbfmu.scene.scene import Scene, load_scene
-from rbfmu.scene.section import SceneError
+from rbfmu.scene.scene import Body, Scene, SceneError, load_scene
 
 __all__ = ["Body", "Scene", "SceneError", "load_scene"]

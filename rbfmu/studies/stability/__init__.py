@@ -12,7 +12,7 @@ from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
-from warnings import catch_warnings, simplefilter
+from warnings import catch_warnings
 
 from rich.console import Console
 from rich.markup import escape
@@ -22,8 +22,13 @@ from rich.table import Table
 from rbfmu.exceptions import SceneWarning
 from rbfmu.studies import WIDTH, one_step, write_rows
 
-_TABLES = tomllib.loads(Path(__file__).with_name("laws.toml").read_text(encoding="utf-8"))
-LAWS: dict[int, dict[str, Any]] = {int(number): law for number, law in _TABLES.items()}
+
+def tables_of(name: str) -> dict[str, Any]:
+    """Return the tables of a TOML file that stands here."""
+    return tomllib.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
+
+
+LAWS: dict[int, dict[str, Any]] = {int(number): law for number, law in tables_of("laws.toml").items()}
 """By number: what a law says, the source of the predicted numbers, and the rows of its findings, by their names."""
 _FINDINGS = {name: (number, row) for number, law in LAWS.items() for name, row in law["findings"].items()}
 
@@ -214,8 +219,7 @@ def run_stability(
         *((paths, lambda k=k: [draw(found[k], folder)]) for k in range(len(studies))),
         (paths, lambda: [draw_maps(cells, folder / "maps.png")]),
     ]
-    with catch_warnings():
-        simplefilter("ignore", SceneWarning)  # whole turns between points are intended here
+    with catch_warnings(action="ignore", category=SceneWarning):  # whole turns between points are intended here
         for results, part in parts if progress is None else progress(parts):
             results.extend(part())
     return findings, paths

@@ -2,7 +2,6 @@
 
 import json
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -16,7 +15,7 @@ from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
 from rbfmu.studies import dop853, one_step, reference_methods
 from rbfmu.studies.chart.cases import CASES
-from rbfmu.studies.stability import Finding, finding
+from rbfmu.studies.stability import Finding, finding, tables_of
 from rbfmu.types import Array
 from rbfmu_kernels import Quaternion, Vec3, diagonal, inverse_inertia, quaternion_from_rotvec, scale
 from rbfmu_kernels.mechanics.equations_of_motion import Body, State
@@ -70,8 +69,7 @@ def _motion(tables: dict[str, Any]) -> Scene:
     return Scene.from_dict({"outputs": {"quantities": list(QUANTITIES)}} | tables | {"run": run})
 
 
-_TABLES = tomllib.loads(Path(__file__).with_name("motions.toml").read_text(encoding="utf-8"))
-MOTIONS = {key: _motion(tables) for key, tables in _TABLES.items()}
+MOTIONS = {key: _motion(tables) for key, tables in tables_of("motions.toml").items()}
 """The motions on which laws 13 and 14 are measured."""
 
 

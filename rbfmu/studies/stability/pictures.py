@@ -1,7 +1,6 @@
 """The pictures of the laws, as rows of one table: measurements on predictions; and the maps of verdicts."""
 
 import math
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from rbfmu.plot import COLORS, open_frame
-from rbfmu.studies.stability import CURVE, Study
+from rbfmu.studies.stability import CURVE, Study, tables_of
 from rbfmu.studies.stability.motions import ACCURACY, LARGEST_ERROR, LONG_TURN, OURS, TURN, VERDICTS, Row
 from rbfmu.types import Array
 
@@ -72,8 +71,7 @@ class Picture(NamedTuple):
     height: float = 5.0
 
 
-_TABLES = tomllib.loads(Path(__file__).with_name("pictures.toml").read_text(encoding="utf-8"))
-PICTURES = {name: Picture(**row) for name, row in _TABLES.items()}
+PICTURES = {name: Picture(**row) for name, row in tables_of("pictures.toml").items()}
 """The pictures, by the study's name."""
 
 
