@@ -6,14 +6,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from rbfmu.scene.body import six_numbers
+from rbfmu.scene.body import principal_axes, six_numbers
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Buffer
 from rbfmu_kernels.body import closed_form, memory, outputs, principal
 from rbfmu_kernels.buffer import CHANGED, FAULTS, NO_OUTPUTS, places
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import splitting
-from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.models import unturned
 from rbfmu_kernels.quantities import INITIAL_VALUES, LOADS, active_flags
 
@@ -145,7 +144,7 @@ class BodyAtStart:
     def principal_axes(self) -> tuple[Array, Array]:
         """Return moments (3,), kg m2, about o with a pivot, else about the centre of mass, and R_bp (3, 3)."""
         assert self.scene.body is not None
-        moments, R_bp = interpreted(inertia.principal_axes)(np.array(self.scene.body.M))  # type: ignore[arg-type]
+        moments, R_bp = principal_axes(self.scene.body.M)
         return np.array(moments), np.array(R_bp)
 
     # A body that turns about one axis

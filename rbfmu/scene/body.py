@@ -60,7 +60,8 @@ def _symmetric(M: Matrix) -> Matrix:
 
 
 @lru_cache(maxsize=64)
-def _principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
+def principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
+    """Return the principal moments, from the least on, and the axes as columns."""
     return evaluated(_inertia.principal_axes, M)
 
 
@@ -71,12 +72,12 @@ def _least_moment(M: Matrix) -> float:
 
 def axis_without_moment(M: Matrix) -> Vec3 | None:
     """Return the axis about which an inertia (kg m2) has no moment, if there is one."""
-    (low, _, _), R = _principal_axes(M)
+    (low, _, _), R = principal_axes(M)
     return (R[0][0], R[1][0], R[2][0]) if low <= _least_moment(M) else None
 
 
 def _moments(M: Matrix) -> str:
-    return ", ".join(f"{moment:.6g}" for moment in _principal_axes(M)[0])
+    return ", ".join(f"{moment:.6g}" for moment in principal_axes(M)[0])
 
 
 KINDS = ("box", "beam", "cylinder", "sphere", "ellipsoid")
@@ -192,6 +193,6 @@ class Body(Section, path="body"):
         """Yield a fault if `M` is not finite or two of its moments are zero: a free point mass has no attitude."""
         if not all(map(math.isfinite, flattened(self.M))):
             yield fault("body.r_oc_b", self.r_oc_b, f"a distance whose inertia about o is finite ({_UNIT})")
-        elif _principal_axes(self.M)[0][1] <= _least_moment(self.M):
+        elif principal_axes(self.M)[0][1] <= _least_moment(self.M):
             about = "o, the pivot" if self.pivot else "the centre of mass"
             yield fault("body.inertia", self.inertia, f"at most one zero moment about {about} (a slender beam has one)")

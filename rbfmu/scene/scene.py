@@ -15,14 +15,12 @@ import numpy as np
 from rbfmu.exceptions import SceneWarning, path_of, warn_caller
 from rbfmu.notebook import table
 from rbfmu.scene import own as named
-from rbfmu.scene.body import ZERO, Body
+from rbfmu.scene.body import ZERO, Body, principal_axes
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
 from rbfmu.scene.section import Apart, SceneError, Section, as_lists, as_toml, checked, fault, line, names
 from rbfmu.scene.tables import PARAMETERS, QUANTITIES, About, Initial, Inputs, Loads, Outputs, Run
 from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu.types import Array
-from rbfmu_kernels.compile.tiered import evaluated
-from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.quantities import ANGLE, LOADS, OUTPUTS, PORTS, TORQUES, Parameter
 
 __all__ = ["PARAMETERS", "PORTS", "QUANTITIES", "About", "Body", "Initial", "Inputs", "Loads", "Outputs", "Run",
@@ -325,7 +323,7 @@ def doubts_after(scene: Scene, motion: Mapping[str, Array]) -> Iterator[str]:
 
 
 def _size(body: Body) -> Iterator[str]:
-    moments = evaluated(inertia.principal_axes, body.M_c)[0]
+    moments, _ = principal_axes(body.M_c)
     least, radius = (math.sqrt(max(moment, 0.0) / body.mass) for moment in (moments[0], moments[2]))
     largest = math.cbrt(body.mass / THINNEST)
     if least > largest:
