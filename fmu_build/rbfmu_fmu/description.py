@@ -19,7 +19,6 @@ from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.plan import filled_buffer
 from rbfmu.types import Buffer
 from rbfmu_kernels import buffer, quantities
-from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import BY_NAME, FORCES, OUTPUT, PORTS, TORQUES, Output, Parameter, Quantity, own_output
 
@@ -134,7 +133,7 @@ def describe(scene: Scene, plan: Plan) -> Description:
     """Return the FMU of a scene under its plan."""
     plan = plan.of_scene(scene)
     kernels, z = plan.kernels, filled_buffer(scene, plan)
-    sizes, shown = nominal_sizes(scene, kernels, z), _blocks(scene, plan)
+    sizes, shown = nominal_sizes(scene, plan, z), _blocks(scene, plan)
     outputs = [place for name, place in kernels.BLOCKS.items() if name in OUTPUT]
     counts = tuple(
         Count(f"{name}_count", kernels.BLOCKS["events.counts"].start + e,
@@ -297,7 +296,7 @@ def input_sizes(scene: Scene) -> dict[str, float]:
     return sizes | dict.fromkeys(scene.inputs.own, 1.0)
 
 
-def nominal_sizes(scene: Scene, kernels: Model, filled: Buffer) -> Mapping[str, float]:
+def nominal_sizes(scene: Scene, plan: Plan, filled: Buffer) -> Mapping[str, float]:
     """Return usual sizes by block, to one digit: of inputs as above, of others at the start; none that is zero there.
 
     Importers scale tolerances by them (FMI 2.0.4, 2.2.7). A digit is enough for that, and hides round-off, so that the
@@ -305,7 +304,7 @@ def nominal_sizes(scene: Scene, kernels: Model, filled: Buffer) -> Mapping[str, 
 
     Outputs whose terms cancel, and unit quaternions and angles, have none.
     """
-    z = filled.copy()
+    kernels, z = plan.kernels, filled.copy()
     sizes: dict[str, float] = {}
     if int(tiered(kernels.initialize)(z)) == buffer.OK:
         sized = {n for n, row in OUTPUT.items() if row.error != quantities.ANGLE and not row.judged_by}

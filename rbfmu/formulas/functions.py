@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -151,7 +150,8 @@ def _clipped(x: graph.Number, low: graph.Number, high: graph.Number) -> graph.Nu
 def _where(condition: Array, a: Array, b: Array) -> Array:
     if shape_of(a) != shape_of(b):
         raise MismatchError("two values of one shape")
-    return np.frompyfunc(partial(graph.select, as_condition(condition).side), 2, 1)(as_number(a), as_number(b))
+    side = as_condition(condition).side
+    return np.frompyfunc(lambda a, b: graph.select(side, a, b), 2, 1)(as_number(a), as_number(b))
 
 
 FUNCTIONS: Mapping[str, Function] = {

@@ -8,7 +8,6 @@ space has the k-th coefficients of the states and of all factors of the next ord
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
-from typing import Any
 
 from rbfmu.formulas.graph import LEAVES, Graph, Number, Symbol, numbers_of
 from rbfmu.formulas.program import RECURRENCES, WIDTH, Factor, Program
@@ -296,7 +295,7 @@ VALUES = {
 
 def lines_of(
     graph: Graph, ends: Sequence[Number], leaves: Mapping[str, str], texts: Mapping[str, str]
-) -> tuple[list[str], list[Any]]:
+) -> tuple[list[str], list[str | float]]:
     """Return assignments in another's language, and what numbers come to by them; texts: of each operation."""
     lines: list[str] = []
 

@@ -5,7 +5,6 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import accumulate
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rbfmu import Scene
 from rbfmu.formulas import source
@@ -227,7 +226,7 @@ def _of_body(set_by: Iterable[str], scene: Scene) -> tuple[Start, Shown]:
     return start, {name: [*np.ravel(value)] for name, value in shown.items()}
 
 
-def _roll_pitch_yaw(R: NDArray[np.object_]) -> list[Number]:
+def _roll_pitch_yaw(R: Sequence[Sequence[Number]]) -> list[Number]:
     """Return the angles of R = R_z(yaw) R_y(pitch) R_x(roll) by its elements; at the pole they have no derivative."""
     level = square_root(R[0][0] * R[0][0] + R[1][0] * R[1][0])
     return [arctangent(R[2][1], R[2][2]), arctangent(-1.0 * R[2][0], level), arctangent(R[1][0], R[0][0])]

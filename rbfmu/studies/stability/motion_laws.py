@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -172,7 +171,7 @@ def splitting_resonance(quick: bool) -> Study:
     recorded = (("Strang", 0.4189, 10.7), ("Strang", 0.1, 4.5e-4), ("RKN6", 0.1047, 3.54e-10))
     findings = [
         finding("resonant step", resonance, 2.0 * math.pi / (0.3 * 50.0)),
-        finding("peak", _peak(partial(_energy_error, "Strang"), 0.40, 0.44) / resonance),
+        finding("peak", _peak(lambda h: _energy_error("Strang", h), 0.40, 0.44) / resonance),
         finding("largest substep", _largest_substep() / resonance),
         *(
             finding("order below", exponent(_energy_error(name, h), _energy_error(name, 0.5 * h)), order, name=name)
