@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rbfmu.arrays import *  # noqa: F403
-    from rbfmu.arrays.from_kernel import set_threads as set_threads
     from rbfmu.arrays.spline import attitude_spline as attitude_spline
     from rbfmu.ensembles.control import Controller as Controller
     from rbfmu.ensembles.result import EnsembleResult as EnsembleResult

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import math
 import warnings
 from collections.abc import Callable, Collection, Iterable, Sequence
 from io import StringIO
@@ -106,4 +105,4 @@ def _number(cell: str) -> tuple[float, bool]:
     try:
         return float(cell), cell.isascii() and "_" not in cell
     except ValueError:
-        return math.nan, False
+        return np.nan, False

@@ -1,6 +1,5 @@
 """The rigid body near a state of its motion: x' = A x + B u, y = C x + D u, exact by the graph of its equations."""
 
-import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -165,7 +164,7 @@ def _made_of(
     try:
         found = numbers_of(graph, [x for row in rows for x in row], known)
     except (ArithmeticError, ValueError):
-        found = [math.nan]
+        found = [np.nan]
     if not np.isfinite(found).all():
         raise ValueError(f"{name}: a formula has no finite derivative at t = {known['t']!r} s")
     return np.asarray(np.reshape(found, (len(rows), len(leaves))) @ by_error)

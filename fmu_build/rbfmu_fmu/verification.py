@@ -1,7 +1,6 @@
 """Verify an FMU: valid, complete, and equal to direct calls of the kernels that it was made from."""
 
 import json
-import math
 import tempfile
 import zipfile
 from collections.abc import Iterator, Sequence
@@ -288,7 +287,7 @@ def _distance_to_full(d: Description, time: Array, inputs: Array, planned: Array
     try:
         full = plan(scene.replace(run={"stop": float(time[-1]), "accuracy": accuracy}), full=True)
     except SceneError:
-        return math.nan
+        return np.nan
     rows = _through_kernels(describe(scene, full), time, inputs)
     of_events = {f"{name}_time" for name in scene.events}  # which a little change moves by a whole spin
     blocks = [v.block for v in d.outputs if v.block not in of_events]

@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import rbfmu_kernels as _kernels
-from rbfmu.arrays.from_kernel import array_function, checked_function, sequence_function, set_threads
+from rbfmu.arrays.from_kernel import array_function, checked_function, sequence_function, set_threads as set_threads
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.rotations import euler_angles as _euler, matrix as _rotation, rotation_vector as _rotvec
 

@@ -7,7 +7,6 @@ zero are zero in the graph as well, so that what they multiply is left out; othe
 derivatives of that, `Start`, are numbers of the graph too: linear in the changes of the parameters, which are leaves.
 """
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -73,7 +72,7 @@ def groups_of(names: Sequence[str]) -> list[Group]:
     found: dict[str, list[str]] = {}
     for name in names:
         found.setdefault(name.partition("[")[0], []).append(name)
-    least = {"q": (1.0, False), "r_c": (1.0, True), "v_c": (1.0, True), "t": (math.inf, False)}
+    least = {"q": (1.0, False), "r_c": (1.0, True), "v_c": (1.0, True), "t": (np.inf, False)}
     order = sorted(found, key=lambda name: name == "t")
     return [Group(tuple(found[name]), *least.get(name, (0.0, True))) for name in order]
 

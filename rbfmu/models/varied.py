@@ -5,7 +5,6 @@ equations of motion. Errors are those of `linearization.linearize`: of the attit
 q_ab = q_ab(t) exp(u / 2), of all other states their own.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
@@ -74,7 +73,7 @@ def _generic(scene: Scene, columns: Sequence[Column]) -> Array:
     for n, column in enumerate(columns):
         if column.block in model_buffer.BLOCKS:
             at = model_buffer.BLOCKS[column.block].start + column.at
-            z[at] += 1e-3 * math.sqrt(n + 2.0) * (abs(z[at]) or 1.0)
+            z[at] += 1e-3 * np.sqrt(n + 2.0) * (abs(z[at]) or 1.0)
     return z
 
 

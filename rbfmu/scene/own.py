@@ -4,7 +4,6 @@ What texts mean is checked where all of them are together, see `rbfmu.formulas.c
 """
 
 import keyword
-import math
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Any, NoReturn, Self, TypeVar
@@ -203,7 +202,7 @@ class Table(Entry):
 
             with np.errstate(all="ignore"):
                 rows = Polynomials.through(self.x, self.y, self.method == "cubic").rows
-            if not np.isfinite(rows).all() or not math.isfinite(self.x[-1] - self.x[0]):
+            if not np.isfinite(rows).all() or not np.isfinite(self.x[-1] - self.x[0]):
                 yield rules.fault(f"{self._path}.y", self.y, "numbers of which slopes over x are finite")
 
 

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rbfmu import arrays
 from rbfmu.runs.motion import Steps, substeps_counted
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import SceneError
@@ -38,11 +37,6 @@ def time_between_flips(moments: Vec3, omega: Vec3) -> float:
     return math.log(16.0 / mc) / flip_rate(moments, w_2)
 
 
-def _free_rates(omega_b: Vec3, times: Array) -> Array:
-    """Return the exact rates of the brick."""
-    return np.asarray(arrays.free_rotation(BRICK, UPRIGHT, omega_b, times)[1])
-
-
 def _measured_time(time: Array, omega_2: Array) -> float:
     """Return the time between the first two changes of sign, by linear interpolation."""
     k = np.flatnonzero(np.signbit(omega_2[1:]) != np.signbit(omega_2[:-1]))[:2]
@@ -61,13 +55,13 @@ def _flips_about_a_pivot() -> tuple[float, float]:
 def intermediate_axis(quick: bool) -> Study:
     """Measure law 10: a spin about the middle axis flips again and again, at predicted intervals."""
     time, start = np.arange(0.0, 30.0 if quick else 62.0, 0.25), FLIPPING.start
-    columns: Columns = {"time": time.tolist(), "exact": _free_rates(start.omega_b, time)[:, 1].tolist()}
+    columns: Columns = {"time": time.tolist(), "exact": motions.free_rates(start.omega_b, time)[:, 1].tolist()}
     for method, h in ((method_laws.RK4, 0.25), (method_laws.SEMI, 0.05)):
         states = method.path(start, h, [round(0.25 / h)] * (len(time) - 1), FLIPPING.body)
         columns[f"{method.name}, h = {h:g} s"] = [y.omega_b[1] for y in (start, *states)]
-    tiny = _free_rates((1e-8, 2.0, 1e-8), np.array([5.0, 8.0]))[:, 0]
+    tiny = motions.free_rates((1e-8, 2.0, 1e-8), np.array([5.0, 8.0]))[:, 0]
     fine = np.linspace(0.0, 32.0, 32_001)
-    measured = _measured_time(fine, _free_rates(start.omega_b, fine)[:, 1])
+    measured = _measured_time(fine, motions.free_rates(start.omega_b, fine)[:, 1])
     findings = [
         finding("growth of a disturbance", exponent(tiny[1], tiny[0], math.e) / 3.0, flip_rate(BRICK, 2.0)),
         finding("time between flips", measured, time_between_flips(BRICK, start.omega_b)),

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rbfmu import arrays
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
@@ -47,6 +48,11 @@ def spin(rate: float) -> State:
 def attitude_after(state: State, t: float) -> Quaternion:
     """Return the attitude of a sphere, upright at first, after the time t; its rate is constant."""
     return quaternion_from_rotvec(scale(t, state.omega_b))
+
+
+def free_rates(omega_b: Vec3, times: Array) -> Array:
+    """Return the exact rates of the brick."""
+    return np.asarray(arrays.free_rotation(BRICK, UPRIGHT, omega_b, times)[1])
 
 
 def scene_of(start: State, asked: Sequence[str], stop: float, step: float, changes: Mapping[str, Any]) -> Scene:
