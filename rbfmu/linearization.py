@@ -3,14 +3,13 @@
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from rbfmu.exceptions import SceneWarning
-from rbfmu.formulas.graph import Graph, Number, Symbol, gradient, numbers_of
+from rbfmu.formulas.graph import Number, gradient, numbers_of
 from rbfmu.formulas.motion import AXES, STATE, by_element
 from rbfmu.planning.select import with_all_outputs
 from rbfmu.runs.inputs import size_of
@@ -147,24 +146,20 @@ def _of_body(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs: Se
     of = [graph.leaf("input" if name in inputs else "state", name) for name in leaves]
     each, turn = np.eye(len(errors) + len(inputs)), _turn(errors)
     by_error = np.vstack([each[: turn.start], _by_axes(quaternion_rate_b, q) @ each[turn], each[turn.stop :]])
-    made = partial(_made_of, scene.name, graph, of, known, by_error)
+
+    def made(numbers: Iterable[Number]) -> Array:
+        """Return what errors make of numbers of the graph, a row each."""
+        rows = [gradient(x, of) for x in numbers]
+        try:
+            found = numbers_of(graph, [x for row in rows for x in row], known)
+        except (ArithmeticError, ValueError):
+            found = [np.nan]
+        if not np.isfinite(found).all():
+            raise ValueError(f"{scene.name}: a formula has no finite derivative at t = {known['t']!r} s")
+        return np.asarray(np.reshape(found, (len(rows), len(of))) @ by_error)
+
     carried = _by_axes(cross, [known[name] for name in omega]) @ each[turn]
     turning = each[turn.stop : turn.stop + 3] - carried  # to first order: omega - omega_0 - omega_0 x rotvec_b
     in_space, turned_by = (made([rates[name] for name in names]) for names in (moved, (*omega, *own)))
     shown = {name: made(np.ravel(equations.shown[name])) for name in scene.outputs.names if name != "rpy"}
     return errors, np.vstack([in_space, turning, turned_by]), shown
-
-
-def _made_of(
-    name: str, graph: Graph, leaves: Sequence[Symbol], known: Mapping[str, float], by_error: Array,
-    numbers: Iterable[Number],
-) -> Array:  # fmt: skip
-    """Return what errors make of numbers of the graph by its leaves, a row each."""
-    rows = [gradient(x, leaves) for x in numbers]
-    try:
-        found = numbers_of(graph, [x for row in rows for x in row], known)
-    except (ArithmeticError, ValueError):
-        found = [np.nan]
-    if not np.isfinite(found).all():
-        raise ValueError(f"{name}: a formula has no finite derivative at t = {known['t']!r} s")
-    return np.asarray(np.reshape(found, (len(rows), len(leaves))) @ by_error)

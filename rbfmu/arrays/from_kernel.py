@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 from rbfmu.exceptions import warn_caller
-from rbfmu.types import Array
 from rbfmu_kernels.compile.gufunc import STREAMED, Item, core_shapes, gufuncs
 from rbfmu_kernels.rotations.euler_angles import sequence
-from rbfmu_kernels.types import Function, Shape, python_function
+from rbfmu_kernels.types import Array, Function, Shape, python_function
 
 Arguments = tuple[Any, ...]
 Keywords = dict[str, Any]

@@ -8,7 +8,6 @@ derivatives of that, `Start`, are numbers of the graph too: linear in the change
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,8 +34,7 @@ def by_element(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
         yield from zip(elements(name, len(numbers)), numbers, strict=True)
 
 
-@dataclass(frozen=True)
-class Given:
+class Given(NamedTuple):
     """What a scene gives its formulas.
 
     numbers: the values of the body's blocks in the buffer and of constants, by name; symbolic: the names of those whose

@@ -5,7 +5,6 @@ It is parsed, never run: its numbers are those of a graph, in scalars, vectors a
 
 import ast
 import math
-import operator
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
@@ -95,7 +94,7 @@ def names_in(text: str) -> set[str]:
 
 # What it means
 
-_times = np.frompyfunc(operator.mul, 2, 1)  # of scalars of a graph, which know no arrays
+_times = np.frompyfunc(lambda a, b: a * b, 2, 1)  # of scalars of a graph, which know no arrays
 
 
 def value_of(text: str, names: Mapping[str, Array], known: Mapping[str, Function] = functions.FUNCTIONS) -> Array:

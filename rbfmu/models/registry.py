@@ -9,14 +9,13 @@ import numpy as np
 
 from rbfmu.models.model_buffer import BodyAtStart
 from rbfmu.models.question import Question
-from rbfmu.types import Array
 from rbfmu_kernels import quantities
 from rbfmu_kernels.body import principal, shell
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.exact.free_rotation_setup import polhode_axes
 from rbfmu_kernels.models import model_named
 from rbfmu_kernels.numerics.double_double import DoubleDouble, Vector
-from rbfmu_kernels.types import Vec3
+from rbfmu_kernels.types import Array, Vec3
 
 Names = set[str] | frozenset[str]
 OF_RATES, OF_ATTITUDE, OF_LOADS = map(quantities.needing, (quantities.RATE, quantities.ATTITUDE, quantities.LOADS_NOW))

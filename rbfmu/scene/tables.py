@@ -9,11 +9,10 @@ import numpy as np
 import rbfmu_kernels as kernels
 from rbfmu.scene import own as named, section as rules
 from rbfmu.scene.body import ZERO
-from rbfmu.types import Array
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, LOADS, OUTPUT, PORTS
 from rbfmu_kernels.rotations import euler_angles
-from rbfmu_kernels.types import Matrix, Quaternion, Vec3
+from rbfmu_kernels.types import Array, Matrix, Quaternion, Vec3
 
 PARAMETERS = tuple(row.name for row in IN_BUFFER_ORDER)
 QUANTITIES = tuple(OUTPUT)
