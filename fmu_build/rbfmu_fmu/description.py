@@ -8,7 +8,6 @@ import math
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
 from itertools import groupby
 from keyword import iskeyword
 from typing import NamedTuple
@@ -31,8 +30,7 @@ _AS_IT_IS = ("identifier", "about", "counts", "start_buffer", "outputs_end", "st
 _OF_XML = ("follows", "begins_with")
 
 
-@dataclass(frozen=True)
-class Variable:
+class Variable(NamedTuple):
     """One Real variable: its name, its block in the model's buffer, its component of it, and its place there.
 
     meaning: what its block is; nominal: its usual size, where one is known; pinned: the plan holds for the start value
@@ -66,8 +64,7 @@ class Count(NamedTuple):
     meaning: str
 
 
-@dataclass(frozen=True)
-class Description:
+class Description(NamedTuple):
     """A scene's FMU: everything that a slave or a C layer must know of the model, and nothing of its formulas.
 
     identifier: of C and Python; counts: those of events, whose value references follow that of `status`.
@@ -119,7 +116,7 @@ class Description:
         known = {"name": self.scene.name, "model": self.plan.kernels.name}
         known |= {name: getattr(self.scene.run, name) for name in ("start", "stop", "step", "accuracy")}
         known |= {name: getattr(self, name) for name in _AS_IT_IS}
-        variables = [{k: x for k, x in asdict(v).items() if k not in _OF_XML} for v in self.variables]
+        variables = [{k: x for k, x in v._asdict().items() if k not in _OF_XML} for v in self.variables]
         return known | {"variables": variables, "faults": buffer.FAULTS, "changed": buffer.CHANGED}
 
 
