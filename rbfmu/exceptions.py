@@ -5,7 +5,6 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 
 NOT_THE_CALLER = ("rbfmu", "rbfmu_kernels", "rbfmu_fmu", "functools", "contextlib")
 """Packages at whose lines nobody is warned: our own, and what calls functions of ours for us."""
@@ -41,9 +40,8 @@ class PlanningWarning(RuntimeWarning):
 
 def warn_caller(message: str, category: type[Warning]) -> None:
     """Give a warning at the line from which the library was called, however deep inside the reason lies."""
-    frame: FrameType | None = sys._getframe()  # of this function itself, which is level 1
-    level = 1
-    while frame and frame.f_globals.get("__name__", "").partition(".")[0] in NOT_THE_CALLER:
+    level, frame = 1, sys._getframe()  # of this function itself, which is level 1
+    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in NOT_THE_CALLER:
         level, frame = level + 1, frame.f_back
     warnings.warn(message, category, stacklevel=level)
 

@@ -20,7 +20,6 @@ from rbfmu.result import write_npz
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.motion import Driven
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
-from rbfmu.scene.body import axis_without_moment
 from rbfmu.scene.own import OF_NUMBERS
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.types import Array, ArrayLike
@@ -244,7 +243,7 @@ def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:
         found = found[:3] if not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2))) else found
     if whole in {f"loads.{name}" for name in scene.loads.made}:
         raise ValueError(f"{expected} {OF_NUMBERS}")
-    if block in ("inertia", "r_oc_b") and scene.body is not None and axis_without_moment(scene.body.M) is not None:
+    if block in ("inertia", "r_oc_b") and scene.body is not None and scene.body.axis_without_inertia is not None:
         raise ValueError(f"{expected} another; a slender beam has no inertia about its axis to begin with")
     return found
 

@@ -229,10 +229,15 @@ def closure(rates: Mapping[str, Number], wanted: Sequence[Number], graph: Graph)
 
 def rotation_of(q: Array) -> Array:
     """Return R of a unit quaternion: I + 2 eta S + 2 S S (E&G 6.163)."""
-    S = np.array(interpreted(kernels.skew)(tuple(q[1:])), object)
+    S = skew(q[1:])
     SS = S @ S
     rows = ([float(i == j) + 2.0 * (q[0] * S[i, j] + SS[i, j]) for j in range(3)] for i in range(3))
     return np.array([*rows], object)
+
+
+def skew(v: Array) -> Array:
+    """Return the matrix of the vector product with v."""
+    return np.array(interpreted(kernels.skew)(tuple(v)), object)
 
 
 def _add(a: Array, factor: float, b: Array) -> Array:

@@ -12,15 +12,13 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from rbfmu.formulas.graph import Number, Symbol, changes_of, numbers_of
-from rbfmu.formulas.motion import CHANGE, MADE, Start, by_element, inertia_of
+from rbfmu.formulas.motion import CHANGE, MADE, Start, by_element, inertia_of, skew
 from rbfmu.formulas.program import WIDTH, Program
 from rbfmu.models import formulas, model_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
-from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import elements
-from rbfmu_kernels.rotations.vec3 import skew
 
 Key = TypeVar("Key", int, str)
 TURN = elements("rotvec_b", 3)
@@ -130,7 +128,7 @@ class VariedModel(formulas.FormulaModel):
 
     def _turning(self, i: int) -> Slopes:
         """Return the slopes of a rate of the rotation vector: u' = the error of omega_b - omega_b x u."""
-        carried = interpreted(skew)(tuple(self.motion.omega))[i]
+        carried = skew(self.motion.omega)[i]
         slopes: Slopes = {n: -carried[n] for n in range(3) if isinstance(carried[n], Symbol) or carried[n] != 0.0}
         return slopes | {self.errors.index(f"omega[{i + 1}]"): 1.0}
 
