@@ -91,8 +91,8 @@ class Motion:
             self.position, self.velocity = self._places("position_0"), np.array(_ZERO, object)
         else:
             self._r_c, lever = self._leaves("state", "r_c", 3), cross(self.omega, r_oc)
-            self.position = _add(self._r_c, -1.0, self.to_a(r_oc))
-            self.velocity = _add(self.v_c, -1.0, self.to_a(lever))
+            self.position = _less(self._r_c, self.to_a(r_oc))
+            self.velocity = _less(self.v_c, self.to_a(lever))
         self._M, self._arm = self._places("M").reshape(3, 3), self._places("arm")
         self.names = self._names(r_oc)
 
@@ -147,7 +147,7 @@ class Motion:
         if self.given.pivot:
             return {"torque_b": torque}
         force = -1.0 * slopes[4:]
-        return {"force_a": force, "torque_b": _add(torque, -1.0, cross(self._arm, self.to_b(force)))}
+        return {"force_a": force, "torque_b": _less(torque, cross(self._arm, self.to_b(force)))}
 
     def potential_energy(self, potential: Number, force_a: Array | None) -> Number:
         """Return the potential of gravity, of a constant force_a, if it is not the buffer's, and of a load's own."""
@@ -197,7 +197,7 @@ class Motion:
                 tuple(omega), tuple(alpha), tuple(self._places("r_oc_b"))
             )
             acceleration = np.array([rates[name] for name in elements("v_c", 3)], object)
-            acceleration = _add(acceleration, -1.0, R @ np.array(relative, object))
+            acceleration = _less(acceleration, R @ np.array(relative, object))
             energy += mass * (self.v_c @ self.v_c)
         return {
             "position": self.position, "velocity": self.velocity, "acceleration": acceleration, "quaternion": self.q,
@@ -240,8 +240,8 @@ def skew(v: Array) -> Array:
     return np.array(interpreted(kernels.skew)(tuple(v)), object)
 
 
-def _add(a: Array, factor: float, b: Array) -> Array:
-    return np.array([x + factor * y for x, y in zip(a, b, strict=True)], object)
+def _less(a: Array, b: Array) -> Array:
+    return np.array([x + -1.0 * y for x, y in zip(a, b, strict=True)], object)
 
 
 def _tuples(matrix: Array) -> Any:
@@ -298,7 +298,7 @@ class Start:
         if not pivot:
             inverse_mass = self.leaves("inverse_mass", 1)
             self.set(inverse_mass, [-1.0 * inverse_mass[0] * inverse_mass[0] * self.of([mass])[0]])
-            lever = interpreted(kernels.cross)(tuple(omega), tuple(arm))
+            lever = cross(omega, arm)
             for state, first, beside in (("r_c", "position_0", arm), ("v_c", "velocity_0", lever)):
                 values = np.array(self.leaves(first, 3), object) + motion.to_a(np.array(beside, object))
                 self.set(self.leaves(state, 3, "state"), self.of(values))
