@@ -126,10 +126,9 @@ def plan_text(scene: "rbfmu.Scene", chosen: "rbfmu.Plan", variables: int, full: 
 def print_end(scene: "rbfmu.Scene", planned: "rbfmu.Plan", result: "rbfmu.Result", driven: bool) -> None:
     """Print the model and its method, why they serve, the error to expect, and the last values."""
     if scene.inputs.ports:  # their course is known, so that no loop is closed
-        from rbfmu.models.question import Question
         from rbfmu.planning.select import without_loops
 
-        planned = without_loops(Question(scene), planned)
+        planned = without_loops(scene, planned)
     error = f"{expected_error(scene, planned, driven)}, accuracy asked {scene.run.accuracy:g}"
     click.echo("\n".join([f"{planned.model}: {planned.method}", error, *planned.reasons]))
     last = {name: " ".join(f"{x: .8g}" for x in values[-1:].ravel()) for name, values in result.quantities.items()}

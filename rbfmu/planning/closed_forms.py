@@ -16,7 +16,6 @@ from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import EXACT
 from rbfmu.runs.motion import largest_error, least_sizes, lost_to_cancellation, motion_of
 from rbfmu.runs.plan import Plan
-from rbfmu.scene.body import axis_without_moment
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import interpreted
@@ -203,7 +202,7 @@ def growth_rate(asked: Question) -> float:
     arm, rates = R.T @ np.array(asked.body.r_oc_b), R.T @ np.array(asked.scene.initial.omega_b)
     if asked.body.pivot and any(asked.scene.loads.gravity_a) and any(asked.body.r_oc_b):
         return _growth_above_pivot(asked, moments, int(np.argmax(np.abs(arm))), rates)
-    if int(np.argmax(np.abs(rates))) != 1 or axis_without_moment(asked.body.M) is not None:
+    if int(np.argmax(np.abs(rates))) != 1 or asked.body.axis_without_inertia is not None:
         return 0.0
     low, middle, high = moments
     return float(abs(rates[1]) * math.sqrt((middle - low) * (high - middle) / (low * high)))

@@ -16,7 +16,7 @@ from rbfmu.planning.judge import Judge
 from rbfmu.runs.motion import largest_error, largest_size
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import PARAMETERS, SECTIONS, Scene, SceneError
-from rbfmu_kernels.models.formula_events import MOST_LISTED
+from rbfmu_kernels.buffer import MOST_LISTED
 
 ORDERS = (16, 14, 18, 12, 20, 10, 22, 8, 24)
 """From the middle, whose runs take as long as those of all on average: whether compiling pays is seen by the first."""

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from rbfmu.models.model_buffer import BodyAtStart
 from rbfmu.models.question import Question
 from rbfmu.models.registry import FORMULAS, LOADED_SPLITTING, LOADED_TAYLOR, MODELS, ONE_AXIS_TAYLOR
 from rbfmu.runs.plan import Plan
@@ -94,16 +93,16 @@ def splittings(asked: Question) -> Iterator[Plan]:
     if not LOADED_SPLITTING.accepts(asked):
         return
     omega = asked.scene.initial.omega_b
-    turn = math.inf if _spins_unseen(asked.start) else 2.0 * math.pi / max(math.hypot(*omega), 1e-300)
+    turn = math.inf if _spins_unseen(asked) else 2.0 * math.pi / max(math.hypot(*omega), 1e-300)
     resonant = interpreted(splitting.resonant_step)(asked.body.M, omega)
     longest = min(RESONANCE * resonant, RESONANCE * turn, asked.span)
     for order in SPLITTING_COSTS:
         yield Plan(LOADED_SPLITTING.key, f"splitting of order {order}", 0, substep=longest, order=order)
 
 
-def _spins_unseen(start: BodyAtStart) -> bool:
+def _spins_unseen(asked: Question) -> bool:
     """Return whether a symmetric body's turn about its axis leaves loads as they are; else that turn resonates."""
-    body, loads = start.body, start.loads
+    body, loads = asked.start.body, asked.start.loads
     M, arm = np.array(body.inertia), np.array(body.arm_b)
     axial = M - interpreted(splitting.transverse_moment)(body.inertia) * np.eye(3)  # (I_s - I_t) s s^T
     torque = np.array(loads.torque_b) + np.cross(arm, loads.force_b)

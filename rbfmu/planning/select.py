@@ -153,9 +153,9 @@ def _run_under(drive: Drive, scene: Scene, plan: Plan, names: tuple[str, ...], m
     return record(run, names, most), run
 
 
-def without_loops(asked: Question, found: Plan) -> Plan:
+def without_loops(scene: Scene, found: Plan) -> Plan:
     """Return a plan without what it says of loops closed through inputs: inputs that are known close none."""
-    of_loops = what_inputs_cost(asked, found)
+    of_loops = what_inputs_cost(Question(scene), found)
     return replace(found, reasons=tuple(reason for reason in found.reasons if reason not in of_loops))
 
 

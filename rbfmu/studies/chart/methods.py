@@ -191,7 +191,7 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
     out = np.zeros((case.outputs, len(at)))
     if _steps_repeated(kernels.step, z, start, case.interval, at, out, 1):
         out[:] = math.nan
-    sizes = [kernels.BLOCKS[name].stop - kernels.BLOCKS[name].start for name in case.quantities]
+    sizes = [model_buffer.size_of_block(kernels.BLOCKS[name]) for name in case.quantities]
     parts = np.split(out[case.checkpoints], np.cumsum(sizes)[:-1], axis=1)
     found = dict(zip(case.quantities, parts, strict=True))
     evaluations = per_substep * (fixed or substeps_counted(kernels, z))
