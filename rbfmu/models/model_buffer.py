@@ -140,6 +140,11 @@ class BodyAtStart:
     leaves_third_axis = _answer(unturned.leads_astray, lambda start: (start.z, start.symmetric_frame[2]))
     """Whether the moments across an axis differ, or a torque or damping is not about that axis alone."""
 
+    @property
+    def is_slender(self) -> bool:
+        """Whether a body that is taken as symmetric has no moment about its third axis, as a beam."""
+        return self.symmetric_frame[1] == 0.0
+
     @cached_property
     def principal_axes(self) -> tuple[Array, Array]:
         """Return moments (3,), kg m2, about o with a pivot, else about the centre of mass, and R_bp (3, 3)."""

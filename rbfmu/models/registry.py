@@ -303,7 +303,9 @@ FREE_SYMMETRIC = closed_form(
 
 SPIN_UP = closed_form(
     "symmetric body spun up", "unturned.SPIN_UP", rate_states=3, costs={"": 93.0}, angle_round_off=True,
-    holds=lambda start: not (start.needs_attitude or start.has_unknown_load or start.leaves_third_axis),
+    holds=lambda start: not (
+        start.needs_attitude or start.has_unknown_load or start.is_slender or start.leaves_third_axis
+    ),
     rests_on=lambda asked: asked.would_turn | asked.shape | ({"r_oc_b"} if asked.attitude else set()),
     reason=lambda asked:
         f"rotation: rates in closed form from {_rate(asked)} under {_acting(asked)}, "

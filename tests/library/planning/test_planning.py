@@ -319,6 +319,13 @@ def test_rates_of_a_symmetric_body_under_a_torque_about_its_axis_have_a_closed_f
     assert (found.model == "symmetric body spun up") == closed
 
 
+def test_rates_of_a_slender_beam_fade_under_damping():
+    body, outputs = {"mass": 1.0, "shape": {"kind": "beam", "length": math.sqrt(12.0)}}, {"quantities": ["omega_b"]}
+    damped = NO_GRAVITY | {"damping_b": [0.3, 0.3, 0.3]}  # also about its axis, where it has no moment
+    ends = rbfmu.simulate(made(body, {"omega_b": [0.0, 0.2, -0.4]}, damped, stop=2.0, outputs=outputs)).omega_b[-1]
+    assert ends == pytest.approx(np.array([0.0, 0.2, -0.4]) * math.exp(-0.6), rel=1e-6)
+
+
 # Equilibria
 
 
