@@ -151,8 +151,8 @@ def lost_at_the_top(asked: Question) -> float:
     x, z = interpreted(half_angle_rates)(*asked.start.swing)
     y = 0.5 * float(np.dot(asked.start.axis, asked.scene.initial.omega_b))
     w_0, fastest = math.hypot(x[0], z[0]), math.hypot(x[0], max(abs(y), z[0]))
-    distance = abs((z[0] - abs(y)) + z[1]) * (z[0] + abs(y))
-    return 1e-32 * w_0 * asked.span * (fastest / distance) * fastest if distance > 0.0 else 0.0
+    gap = abs((z[0] - abs(y)) + z[1])  # known to 1e-32 w_0; the square of the modulus is its product with z + |y|
+    return 0.5e-32 * w_0 * asked.span * (fastest / gap) if gap > 0.0 else 0.0
 
 
 def lost_by_symmetry(asked: Question) -> float:
