@@ -48,7 +48,7 @@ def _refuse_below(asked: Question, error: float) -> None:
     if error == math.inf:
         why = "the square of its rate comes to leave the range of numbers"
         raise SceneError(f"run.stop = {asked.scene.run.stop!r}: expected a shorter run, as {why}", asked.scene.name)
-    if asked.accuracy < error:
+    if not asked.accuracy >= error:  # nor where the error is NaN
         expected = f"at least {error:.1e}, what double precision keeps"
         raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", asked.scene.name)
 
