@@ -58,12 +58,13 @@ def test_each_operation_is_the_same_function_for_others(name: str, translated: o
     text, function = CASES[name]
     graph, y = graph_of(text)
     has_sides = any(graph.operations[i].kind == "side" for i in graph.reached([y]))
+    rel = 65 * 2.0**-53 if name == "large whole power" else 1e-15  # round-off of its factor counts 65 times
     for t in POINTS:
         if has_sides and translated is by_heyoka:
             with pytest.raises(TypeError):
                 translated(graph, y, t)
         else:
-            assert translated(graph, y, t) == pytest.approx(float(truth(function, t, 0)[0]), rel=1e-15, abs=1e-15)
+            assert translated(graph, y, t) == pytest.approx(float(truth(function, t, 0)[0]), rel=rel, abs=1e-15)
 
 
 # Who follows the motion
