@@ -173,7 +173,8 @@ class Listed:
         if not sliding:
             return "the motion changes ever faster"
         named = " or ".join(key for n in sliding for key in self.formulas.keys_of(self.found[n]))
-        return f"{named or 'the motion'} slides along a corner of abs, min, max, clip, where or a table"
+        corner = "a corner of abs, min, max, clip, where or a table; give it a slope: clip(x/w, -1, 1) for a sign of x"
+        return f"{named or 'the motion'} slides along {corner}"
 
     def at_start(self, values: Mapping[str, Decimal]) -> list[Decimal]:
         """Return the numbers, the values of parameters, states and inputs at the start, and sides of what is zero."""
