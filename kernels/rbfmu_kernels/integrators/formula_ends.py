@@ -26,6 +26,10 @@ A series finds the zero of (t - 1)^n early, by the n-th root of round-off: for n
 at is no corner yet: the first coefficient of the next one is right there, which finds the zero so much better. The
 power 64, the highest that is multiplied out, comes to 1e-10 in 40 of them, and what slides along its corner to an end.
 """
+AROUND = 100.0
+"""How far such a series goes at most, in times in which its first two terms come to zero: of (t - 1)^n the zero is at n
+of them. In a longer one the zero is passed by 1e-9 of it, and searched for in steps as small.
+"""
 
 
 @kernel(inline=False)
@@ -56,3 +60,9 @@ def begins_again(z: Buffer, i: int, row: int, begun: float, t: float) -> float:
     if 0.0 < begun <= MOST_AGAIN and abs(z[i]) > max(AT_CORNER * abs(t * z[i + row]), NOTHING):
         return -begun
     return begun
+
+
+@kernel
+def around_corner(z: Buffer, i: int, row: int, begun: float, h: float) -> float:
+    """Return how far, at most h, a series goes; begun: of `begins_again`."""
+    return min(h, AROUND * abs(z[i] / z[i + row])) if begun < 0.0 and z[i + row] != 0.0 else h

@@ -14,7 +14,7 @@ from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..types import Array, Indices
 from . import polynomials
-from .formula_ends import FARTHER, begins_again, risen_at
+from .formula_ends import FARTHER, around_corner, begins_again, risen_at
 from .formula_operations import SIDE, STATE, coefficient_of, value_of
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
@@ -158,6 +158,7 @@ def _to_corner(equations: Equations, s: Array, longest: float) -> float:
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
         longest = polynomials.known_until(s[0], at, 1, ORDER, longest, polynomials.ROUGHLY)
+        longest = around_corner(s[0], at, 1, sides[i, 1], longest)
     for m in range(touching.shape[0]):
         for of in range(2):
             longest = polynomials.known_until(s[0], touching[m, of] * LENGTH, 1, ORDER, longest, polynomials.ROUGHLY)

@@ -16,7 +16,7 @@ from ..buffer import MAX_SUBSTEPS, MOST_LISTED, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
 from ..integrators import polynomials
-from ..integrators.formula_ends import BEYOND, FARTHER, begins_again, risen_at
+from ..integrators.formula_ends import BEYOND, FARTHER, around_corner, begins_again, risen_at
 from ..integrators.substeps import count_substep, tolerance_of_substep
 from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
@@ -135,6 +135,8 @@ def reach_to_corner(z: Buffer, h: float) -> float:
     n, corner = int(z[ORDER]), -1
     for i in range(WATCHED, WATCHED + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING):
         h = polynomials.known_until(z, i, ROW, n, h, polynomials.ROUGHLY)
+    for i in range(NUMBER_OF_SIDES):
+        h = around_corner(z, WATCHED + i, ROW, z[ON + i], h)
     rising = WATCHED + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING
     for i in range(rising, rising + NUMBER_RISING):
         h = risen_at(z, i, ROW, n, h)
