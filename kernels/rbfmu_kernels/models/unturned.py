@@ -104,7 +104,8 @@ _AT = _SPIN_UP_LAYOUT.at
 @kernel
 def _set_up_spin_up(z: Buffer) -> int:
     across, own, axes = principal.symmetric_frame(memory.body_of(z).inertia)
-    astray = memory.needs_attitude(z) or memory.has_unknown_load(z) or leads_astray(z, axes)
+    no_moment = own == 0.0  # of a beam about its axis, by which its rate is divided
+    astray = no_moment or memory.needs_attitude(z) or memory.has_unknown_load(z) or leads_astray(z, axes)
     if astray and not memory.skips_model_checks(z):
         return NO_SPIN_UP
     put_matrix_at(z, _AT.axes, axes)
