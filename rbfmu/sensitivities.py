@@ -131,7 +131,8 @@ def sensitivity(
     substeps serve both, whatever model a plan would choose. At corners of formulas they jump as the motion after them
     shifts in time, and the last row of a run that an event stops is that at the event, which shifts as well.
     Of a motion that begins just where rates jump they are those of changes after which it begins beyond the jump.
-    Raises SceneError, SimulationError, ValueError for a key without a number or where a corner is grazed.
+    Raises SceneError, SimulationError, ValueError for a key without a number, where a corner is grazed or where
+    two are met at one time.
     """
     varied, tables = Varied(scene, by), input_tables(scene, inputs, interpolate)
     if scene.has_formulas and planned is None:  # which may lead nowhere, in ever shorter substeps
@@ -171,8 +172,9 @@ class Varied:
             known = np.isfinite(rows).all(axis=(1, 2))
             if not known.all():
                 where = f"{scene.name}: {name} at t = {float(run.time[int(np.argmin(known))])!r} s"
+                corners = "that grazes no corner, meets no two at one time"
                 starts = "nor starts where a norm, a root or an angle is of zero (start a little off)"
-                raise ValueError(f"{where}: expected a motion with finite derivatives, that grazes no corner, {starts}")
+                raise ValueError(f"{where}: expected a motion with finite derivatives, {corners}, {starts}")
         spread = {} if covariance is None else self._carried(of, covariance)
         return Sensitivity(run.time, self.numbers, run.sizes, of, run.values, spread)
 

@@ -73,6 +73,36 @@ def test_a_corner_without_a_jump_leaves_derivatives_as_they_are():
     np.testing.assert_allclose(found.of["omega_b"][:, 2, 0], expected, rtol=0, atol=1e-13)
 
 
+@pytest.mark.parametrize("condition", ["(t - k)**2*(t - 1.5) > 0", "(t - k)**2*exp(-t) > 0"])
+def test_what_a_condition_comes_to_and_goes_back_from_does_not_move(condition):
+    """2026-11-28: by round-off it turns for 4e-16 s, at whose end no corner was seen: the derivative was 2."""
+    one = scene({"torque_b": f"where({condition}, 3, -3)*[0, 0, 1]"}, constants={"k": 1.0})
+    np.testing.assert_allclose(rbfmu.sensitivity(one, ["constants.k"]).of["omega_b"][-1, 2], 0.0, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("beside", ["abs(u)", "max(u, 0)", "where(x > 0, 3, 1)"])
+def test_what_is_zero_all_along_takes_no_corner_from_others(beside):
+    """2026-11-28: a port at zero was at its corner wherever a series ended, and the switch did not move."""
+    ports, states = {"ports": [{"name": "u", "size": 1, "unit": ""}]}, {"x": {"start": 0.0, "rate": "0*t"}}
+    one = scene(
+        {"torque_b": f"[0, 0, {beside} + where(t > k, -1, 2)]"}, constants={"k": 0.9}, inputs=ports, states=states
+    )
+    assert rbfmu.sensitivity(one, ["constants.k"]).of["omega_b"][-1, 2, 0] == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("beside", "derivative"), [("where(t > k, 3, 0)", 0.0), ("abs(t - 1)", None)])
+def test_of_corners_at_one_time_that_move_apart_no_derivative_is_given(beside, derivative):
+    """2026-11-28: all that jumps there moved with the first of them: it was 0 beside abs(t - 1)."""
+    events, constants = {"first": "2 - 2*t"}, {"k": 1.0}
+    one = scene({"torque_b": f"[0, 0, {beside} + where(t > k, -1, 2)]"}, constants=constants, events=events)
+    if derivative is None:
+        with pytest.raises(ValueError, match="meets no two at one time"):
+            rbfmu.sensitivity(one, ["constants.k"])
+    else:
+        found = rbfmu.sensitivity(one, ["constants.k"]).of["omega_b"][-1, 2, 0]
+        assert found == pytest.approx(derivative, abs=1e-12)
+
+
 def test_the_last_row_is_that_at_the_event_which_moves():
     """At its end the rate is the level, whatever it began with, and the angle is 3 (omega_0 - level) / c."""
     events = {"slow": {"when": "omega_b[3] - level", "stop": True}}

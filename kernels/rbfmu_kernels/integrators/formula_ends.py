@@ -4,7 +4,7 @@ import math
 
 from ..compile.decorator import kernel
 from ..types import Buffer
-from .polynomials import AT_CORNER, NOTHING, ROUGHLY, bound_of, first_root, known_until
+from .polynomials import AT_CORNER, LEAST, NOTHING, ROUGHLY, bound_of, first_root, is_at_corner, known_until, polynomial
 
 BEYOND = 1e-7
 """How far beyond a touch a series goes on, as a part of its reach."""
@@ -26,6 +26,8 @@ A series finds the zero of (t - 1)^n early, by the n-th root of round-off: for n
 at is no corner yet: the first coefficient of the next one is right there, which finds the zero so much better. The
 power 64, the highest that is multiplied out, comes to 1e-10 in 40 of them, and what slides along its corner to an end.
 """
+LAST_HALF = LEAST * 2.0**-63
+"""The part of [0, h] to which 64 halvings of the least step of a search find a root."""
 AROUND = 100.0
 """How far such a series goes at most, in times in which its first two terms come to zero: of (t - 1)^n the zero is at n
 of them. In a longer one the zero is passed by 1e-9 of it, and searched for in steps as small.
@@ -66,3 +68,18 @@ def begins_again(z: Buffer, i: int, row: int, begun: float, t: float) -> float:
 def around_corner(z: Buffer, i: int, row: int, begun: float, h: float) -> float:
     """Return how far, at most h, a series goes; begun: of `begins_again`."""
     return min(h, AROUND * abs(z[i] / z[i + row])) if begun < 0.0 and z[i + row] != 0.0 else h
+
+
+@kernel
+def ends_at_corner(z: Buffer, i: int, row: int, n: int, begun: float, t: float, h: float) -> bool:
+    """Return whether a series is zero at its end t, to round-off; begun: of `begins_again`; h: how far it was searched.
+
+    Of one that began at its corner the first coefficient is left out, as where its root is looked for: one 2e-16 s
+    after the beginning is known to a part of h alone. What is zero all along ends nowhere.
+    """
+    if begun <= 0.0:
+        size, _ = bound_of(z, i, row, n, t)
+        return bool(size > 0.0) and is_at_corner(z, i, row, n, t)
+    size, slope = bound_of(z, i + row, row, n - 1, t)
+    at_end = abs(polynomial(z, i + row, row, n - 1, t))
+    return bool(size > 0.0) and bool(at_end <= max(AT_CORNER * size, LAST_HALF * h * slope))

@@ -14,7 +14,7 @@ from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..types import Array, Indices
 from . import polynomials
-from .formula_ends import FARTHER, around_corner, begins_again, risen_at
+from .formula_ends import FARTHER, around_corner, begins_again, ends_at_corner, risen_at
 from .formula_operations import SIDE, STATE, coefficient_of, value_of
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
@@ -182,7 +182,7 @@ def _to_corner(equations: Equations, s: Array, longest: float) -> float:
         reach = polynomials.known_until(s[0], corner, 1, ORDER, reach, CORNER_KNOWN)
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
-        ends_there = reach < longest and polynomials.is_at_corner(s[0], at, 1, ORDER, reach)
+        ends_there = reach < longest and ends_at_corner(s[0], at, 1, ORDER, sides[i, 1], reach, longest)
         sides[i, 2] = 1.0 - min(sides[i, 1], 0.0) if ends_there else 0.0
     return reach
 

@@ -25,9 +25,12 @@ from ..types import Buffer
 # and 1 where that is constant. Rows beyond the errors are those of sides.
 NUMBER_OF_ERRORS = COLUMNS = ERRORS = PATTERN = NUMBER_OF_SLOPES = SHIFTS = RATES_BEFORE = OF_ERRORS = OF_SLOPES = 0
 STATE_OF: tuple[int, ...] = (-1,)
+OF_EVENT: tuple[int, ...] = ()
 GROUPS: tuple[tuple[int, int], ...] = ((0, 0),)
 ORDER = TOLERANCE = SPAN = REACH = NEXT = WATCHED = NUMBER_OF_SIDES = ROWS = ROW = 0
 
+ONE_SHIFT, NO_JUMP = 1e-6, 1e-9
+"""The parts by which shifts of corners, and rates before and after them, differ at least."""
 BEGINNING = 4
 """The last of the terms that set the size of errors: those of a path, by a torque's, begin to grow with t^4."""
 
@@ -40,26 +43,38 @@ def corner_at_end(z: Buffer) -> int:
     return -1
 
 
-def shift_of_corner(z: Buffer) -> None:
-    """Note how errors shift the time of the corner at which the series end, and the rates before it; or no shift."""
-    n, reach, at_corner = int(z[ORDER]), z[REACH], corner_at_end(z)
-    for d in range(COLUMNS):
-        z[SHIFTS + d] = 0.0
-    if at_corner < 0:
-        return
+def shift_by(z: Buffer, side: int, d: int) -> float:
+    """Return how far the errors of a column shift the time at which this side comes to its corner."""
+    n, reach, change = int(z[ORDER]), z[REACH], 0.0
     for e in range(NUMBER_OF_SLOPES):
         at = PATTERN + 4 * e
-        if int(z[at]) == NUMBER_OF_ERRORS + at_corner:
+        if int(z[at]) == NUMBER_OF_ERRORS + side:
             slope, of = polynomial(z, OF_SLOPES + int(z[at + 2]), ROW, n - 1, reach), int(z[at + 1])
-            if of < 0:
-                z[SHIFTS - 1 - of] += slope
-            else:
-                for d in range(COLUMNS):
-                    z[SHIFTS + d] += slope * z[ERRORS + of * COLUMNS + d]
-    speed = slope_of(z, WATCHED + at_corner, ROW, n, reach)
+            if of >= 0:
+                change += slope * z[ERRORS + of * COLUMNS + d]
+            elif of == -1 - d:
+                change += slope
+    return -change / slope_of(z, WATCHED + side, ROW, n, reach) if change != 0.0 else 0.0
+
+
+def shift_of_corner(z: Buffer) -> None:
+    """Note how errors shift the time of the corner at which the series end, and the rates before it; or no shift.
+
+    Where several come there at one time and go on apart, nothing tells which of them rates jump by: NaN.
+    """
+    n, reach, first = int(z[ORDER]), z[REACH], -1
     for d in range(COLUMNS):
-        z[SHIFTS + d] = -z[SHIFTS + d] / speed if z[SHIFTS + d] != 0.0 else 0.0
-    for i in range(NUMBER_OF_ERRORS):
+        z[SHIFTS + d] = 0.0
+    for i in range(NUMBER_OF_SIDES):
+        if z[NEXT + i] != 0.0 and OF_EVENT[i] < 0:  # no rate jumps at an event
+            first = i if first < 0 else first
+            for d in range(COLUMNS):
+                shift = shift_by(z, i, d)
+                if i == first:
+                    z[SHIFTS + d] = shift
+                elif abs(shift - z[SHIFTS + d]) > ONE_SHIFT * max(abs(shift), abs(z[SHIFTS + d])):
+                    z[SHIFTS + d] = math.nan
+    for i in range(NUMBER_OF_ERRORS if first >= 0 else 0):
         z[RATES_BEFORE + i] = slope_of(z, ROWS + STATE_OF[i], ROW, n, reach) if STATE_OF[i] >= 0 else 0.0
 
 
@@ -79,9 +94,11 @@ def vary_series(z: Buffer, ended: bool) -> None:
     if ended:
         for i in range(NUMBER_OF_ERRORS):
             if STATE_OF[i] >= 0:
-                jump = z[RATES_BEFORE + i] - z[ROWS + ROW + STATE_OF[i]]
+                before, after = z[RATES_BEFORE + i], z[ROWS + ROW + STATE_OF[i]]
+                jumps = abs(before - after) > NO_JUMP * max(abs(before), abs(after))
                 for d in range(COLUMNS):
-                    z[ERRORS + i * COLUMNS + d] += jump * z[SHIFTS + d] if z[SHIFTS + d] != 0.0 else 0.0
+                    if z[SHIFTS + d] != 0.0 and (jumps or not math.isnan(z[SHIFTS + d])):
+                        z[ERRORS + i * COLUMNS + d] += (before - after) * z[SHIFTS + d]
     for i in range(NUMBER_OF_ERRORS * COLUMNS):
         z[OF_ERRORS + i] = z[ERRORS + i]
     for k in range(n):

@@ -16,7 +16,7 @@ from ..buffer import MAX_SUBSTEPS, MOST_LISTED, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
 from ..integrators import polynomials
-from ..integrators.formula_ends import BEYOND, FARTHER, around_corner, begins_again, risen_at
+from ..integrators.formula_ends import BEYOND, FARTHER, around_corner, begins_again, ends_at_corner, risen_at
 from ..integrators.substeps import count_substep, tolerance_of_substep
 from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
@@ -161,7 +161,7 @@ def reach_to_corner(z: Buffer, h: float) -> float:
     if NUMBER_OF_EVENTS:
         reach = reach_to_touches(z, h, reach)
     for i in range(NUMBER_OF_SIDES):
-        ends_there = reach < h and polynomials.is_at_corner(z, WATCHED + i, ROW, n, reach)
+        ends_there = reach < h and ends_at_corner(z, WATCHED + i, ROW, n, z[ON + i], reach, h)
         z[NEXT + i] = 1.0 - min(z[ON + i], 0.0) if ends_there else 0.0
     return reach
 
