@@ -115,7 +115,7 @@ def settle_sides(z: Buffer) -> bool:
         if OF_EVENT[i] >= 0:
             side = side_that_counts(z, i)
         else:
-            z[ON + i] = begins_again(z, WATCHED + i, ROW, z[ON + i], z[TIME])
+            z[ON + i] = begins_again(z, WATCHED + i, ROW, z[ON + i], z[TIME] - z[STARTS])
             side = polynomials.side_from(z, WATCHED + i, ROW, 1 if z[ON + i] > 0.0 else 0, int(z[ORDER]))
             side = 1.0 if side == 0.0 and z[FLIPS + i] == 0.0 else side  # what stays at zero, as formulas have it there
         side = 1.0 if side == 0.0 and z[SIDES + i] == 0.0 else side
