@@ -205,15 +205,15 @@ def test_who_is_ahead_where_is_what_the_readme_says() -> None:
     assert 0.7 <= min(few.values()) < 0.75
     coarse = {key: ratio for key, ratio in ahead.items() if key[1] == "numbalsoda LSODA"}
     assert {key[2] for key in coarse} == {1e-3, 1e-6}
-    assert min(coarse.values()) >= 0.55
+    assert 0.535 <= min(coarse.values()) < 0.6
     finer = {key[0]: ratio for key, ratio in coarse.items() if key[2] == 1e-6}
     assert {*finer} == {"d", "f"}
-    assert 0.7 <= min(finer.values()) < 0.75
+    assert 0.7 <= min(finer.values()) <= 0.82
     others = {key: ratio for key, ratio in ahead.items() if key not in few and key not in coarse}
     assert {key[:2] for key in others} == {("f", "heyoka.py"), ("c'", "numbalsoda DOP853")}
     assert [key[2] for key, ratio in others.items() if key[0] == "c'" and ratio >= 0.87] == [1e-3]
     assert [key[2] for key in others if key[0] == "c'"] == [1e-3]
-    assert 0.75 <= min(others.values()) < 0.83
+    assert 0.75 <= min(others.values()) <= 0.86
     many = [row for row in record.read("peers")[1] if int(row["outputs"]) > CASES[row["case"]].outputs]
     sure = [row for row in many if "**" in pages.times(row)]
     assert [
