@@ -47,7 +47,7 @@ def risen_at(z: Buffer, i: int, row: int, n: int, h: float) -> float:
     size, _ = bound_of(z, i, row, n, h)
     h = known_until(z, i, row, n, h, min(ROUGHLY, max(1.0, 0.01 * abs(level)) / size))
     z[i] = begin - level
-    root = first_root(z, i, row, n, 0.0, h)
+    root = first_root(z, i, row, n, 0.0, h, 0.0)
     z[i] = begin
     return min(root, h)
 

@@ -85,7 +85,7 @@ def side_that_counts(z: Buffer, i: int) -> float:
 def root_of_event(z: Buffer, i: int, h: float) -> float:
     """Return the first root in (0, h] of what an event watches, beyond where round-off may have it at zero; or 2 h."""
     n, at = int(z[ORDER]), WATCHED + i
-    return first_root(z, at, ROW, n, leaves_band(z, at, ROW, n, h, round_off_of(z, OF_EVENT[i])), h)
+    return first_root(z, at, ROW, n, leaves_band(z, at, ROW, n, h, round_off_of(z, OF_EVENT[i])), h, 0.0)
 
 
 def reach_to_touches(z: Buffer, h: float, reach: float) -> float:

@@ -27,7 +27,7 @@ NUMBER_OF_ERRORS = COLUMNS = ERRORS = PATTERN = NUMBER_OF_SLOPES = SHIFTS = RATE
 STATE_OF: tuple[int, ...] = (-1,)
 OF_EVENT: tuple[int, ...] = ()
 GROUPS: tuple[tuple[int, int], ...] = ((0, 0),)
-ORDER = TOLERANCE = SPAN = REACH = NEXT = WATCHED = NUMBER_OF_SIDES = ROWS = ROW = 0
+ORDER = TOLERANCE = SPAN = REACH = ON = NEXT = WATCHED = NUMBER_OF_SIDES = ROWS = ROW = 0
 
 ONE_SHIFT, NO_JUMP = 1e-6, 1e-9
 """The parts by which shifts of corners, and rates before and after them, differ at least."""
@@ -44,17 +44,20 @@ def corner_at_end(z: Buffer) -> int:
 
 
 def shift_by(z: Buffer, side: int, d: int) -> float:
-    """Return how far the errors of a column shift the time at which this side comes to its corner."""
-    n, reach, change = int(z[ORDER]), z[REACH], 0.0
+    """Return how far the errors of a column shift the time at which this side comes to its corner.
+
+    Of (t - p)^9 both slopes are round-off at the end of a series; one that begins beside its corner has them there.
+    """
+    n, at_corner, change = int(z[ORDER]), z[REACH] if z[ON + side] >= 0.0 else 0.0, 0.0
     for e in range(NUMBER_OF_SLOPES):
         at = PATTERN + 4 * e
         if int(z[at]) == NUMBER_OF_ERRORS + side:
-            slope, of = polynomial(z, OF_SLOPES + int(z[at + 2]), ROW, n - 1, reach), int(z[at + 1])
+            slope, of = polynomial(z, OF_SLOPES + int(z[at + 2]), ROW, n - 1, at_corner), int(z[at + 1])
             if of >= 0:
                 change += slope * z[ERRORS + of * COLUMNS + d]
             elif of == -1 - d:
                 change += slope
-    return -change / slope_of(z, WATCHED + side, ROW, n, reach) if change != 0.0 else 0.0
+    return -change / slope_of(z, WATCHED + side, ROW, n, at_corner) if change != 0.0 else 0.0
 
 
 def shift_of_corner(z: Buffer) -> None:

@@ -64,7 +64,9 @@ def test_what_is_zero_everywhere_does_not_begin_there(coefficients, begins):
 )
 def test_the_first_root_in_reach_is_found_in_any_units(roots, factor):
     unit = abs(factor) ** 0.05
-    found = first_root(*arguments(from_roots(*(unit * root for root in roots), factor=factor)), 0.0, 2.0 * unit) / unit
+    found = (
+        first_root(*arguments(from_roots(*(unit * root for root in roots), factor=factor)), 0.0, 2.0 * unit, 0.0) / unit
+    )
     first = min(root for root in roots if root > 0.0)
     assert found == pytest.approx(first, rel=1e-9)
     assert found <= 2.0 * (1.0 + 1e-15)
@@ -72,8 +74,17 @@ def test_the_first_root_in_reach_is_found_in_any_units(roots, factor):
 
 @pytest.mark.parametrize("roots", [(1.5, 1.5 + 1e-6), (0.2, 0.20001, 1.9)])
 def test_of_two_roots_that_nearly_meet_none_is_passed_over(roots):
-    found = first_root(*arguments(from_roots(*roots)), 0.0, 2.0)
+    found = first_root(*arguments(from_roots(*roots)), 0.0, 2.0, 0.0)
     assert 0.99 * roots[0] < found <= roots[0] * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(("times", "near"), [(2, 1e-6), (3, 1e-4), (6, 0.02), (9, 0.1)])
+def test_beside_a_multiple_root_the_search_ends_before_it(times, near):
+    for root in rng(21).uniform(0.3, 1.8, 40):
+        p, noise = from_roots(*([root] * times)), 2e-15 * 2.0**times
+        found = first_root(*arguments(p), 0.0, 2.0, noise)
+        assert (1.0 - near) * root < found < root
+        assert abs(p(found)) <= noise * bound_of(*arguments(p), found)[0]
 
 
 @pytest.mark.parametrize(
@@ -82,7 +93,7 @@ def test_of_two_roots_that_nearly_meet_none_is_passed_over(roots):
      Polynomial([1.0, -1.0, 1.0])],
 )  # fmt: skip
 def test_a_root_out_of_reach_is_twice_as_far(p):
-    assert first_root(*arguments(p), 0.0, 2.0) == 4.0
+    assert first_root(*arguments(p), 0.0, 2.0, 0.0) == 4.0
 
 
 @pytest.mark.parametrize("factor", [1.0, 1e-200, 1e200])
