@@ -203,7 +203,7 @@ Option = Callable[[Callable[..., None]], Callable[..., None]]
 more_keys: Option = click.argument("more", metavar="[KEY]...", nargs=-1)
 """Keys behind an option that has the first of them."""
 method_option: Option = click.option(
-    "--method", type=PATH, metavar="FILE.py",
+    "--method", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="FILE.py",
     help="Besides, a method of your own: step(q, omega, h, body, loads) in FILE.",
 )  # fmt: skip
 
