@@ -4,6 +4,7 @@ import math
 
 from ..compile.decorator import kernel
 from ..types import Buffer
+from . import polynomials
 from .polynomials import AT_CORNER, LEAST, NOTHING, ROUGHLY, bound_of, first_root, is_at_corner, known_until, polynomial
 
 BEYOND = 1e-7
@@ -28,6 +29,8 @@ power 64, the highest that is multiplied out, comes to 1e-10 in 40 of them, and 
 """
 LAST_HALF = LEAST * 2.0**-63
 """The part of [0, h] to which 64 halvings of the least step of a search find a root."""
+LATER = 8.0
+"""How many times what is round-off of a time has passed where the side after a corner is looked at."""
 AROUND = 100.0
 """How far such a series goes at most, in times in which its first two terms come to zero: of (t - 1)^n the zero is at n
 of them. In a longer one the zero is passed by 1e-9 of it, and searched for in steps as small.
@@ -62,6 +65,18 @@ def begins_again(z: Buffer, i: int, row: int, begun: float, t: float) -> float:
     if 0.0 < begun <= MOST_AGAIN and abs(z[i]) > max(AT_CORNER * abs(t * z[i + row]), NOTHING):
         return -begun
     return begun
+
+
+@kernel
+def side_after(z: Buffer, i: int, row: int, n: int, begun: float, t: float) -> float:
+    """Return the side to which a series leads, 0 where all is zero; begun: of `begins_again`.
+
+    At a corner it is the one after a time that is round-off of t: -(t - 1)^2 rises for as long as that at most.
+    """
+    if begun > 0.0:
+        later = polynomial(z, i + row, row, n - 1, LATER * AT_CORNER * t)
+        return math.copysign(1.0, later) if later != 0.0 else polynomials.side_from(z, i, row, 1, n)
+    return polynomials.side_from(z, i, row, 0, n)
 
 
 @kernel

@@ -14,7 +14,7 @@ from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..types import Array, Indices
 from . import polynomials
-from .formula_ends import FARTHER, around_corner, begins_again, ends_at_corner, risen_at
+from .formula_ends import FARTHER, around_corner, begins_again, ends_at_corner, risen_at, side_after
 from .formula_operations import SIDE, STATE, coefficient_of, value_of
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
@@ -139,7 +139,7 @@ def _settled(equations: Equations, s: Array, unit: float, done: float) -> bool:
             n = int(sides[i, 0])
             at = operations[n, 1] * LENGTH
             sides[i, 1] = begins_again(s[0], at, 1, sides[i, 1], done)
-            side = polynomials.side_from(s[0], at, 1, 1 if sides[i, 1] > 0.0 else 0, ORDER)
+            side = side_after(s[0], at, 1, ORDER, sides[i, 1], done)
             side = 1.0 if side == 0.0 and (sides[i, 2] == 0.0 or s[0, n * LENGTH] == 0.0) else side
             if side != 0.0 and side != s[0, n * LENGTH]:
                 s[0, n * LENGTH], sides[i, 2] = side, 1.0  # which says until `_to_corner` that it has turned already
@@ -213,7 +213,8 @@ def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float,
     for m in range(states.shape[0]):
         g = states[m, 2]
         slope = polynomials.slope_of(s[0], states[m, 0] * LENGTH, 1, ORDER, t)
-        size = max(abs(least[g]), max(sizes[g], abs(s[0, states[m, 0] * LENGTH + 1]) * t) if least[g] >= 0.0 else 0.0)
+        begun = max(abs(s[0, states[m, 0] * LENGTH + 1]) * t, abs(s[0, states[m, 0] * LENGTH + 2]) * t * t)
+        size = max(abs(least[g]), max(sizes[g], begun) if least[g] >= 0.0 else 0.0)
         size = polynomials.bound_of(s[0], states[m, 0] * LENGTH, 1, ORDER, t)[0] if size == 0.0 else size
         error = abs(unit * here[0, states[m, 1]] - slope) * t
         if error > 0.0 or math.isnan(error):

@@ -84,6 +84,12 @@ def known_until(z: Buffer, i: int, row: int, n: int, h: float, part: float) -> f
 
 
 @kernel
+def last_terms(z: Buffer, i: int, row: int, n: int, t: float) -> float:
+    """Return the sizes of the last two terms together."""
+    return power_of(t, n - 1) * (abs(z[i + (n - 1) * row]) + abs(z[i + n * row]) * t)
+
+
+@kernel
 def begins_at_zero(z: Buffer, i: int, row: int, n: int) -> bool:
     """Return whether a polynomial is zero at 0, but not everywhere."""
     size = 0.0
@@ -175,7 +181,7 @@ def first_touch(z: Buffer, i: int, row: int, n: int, start: float, h: float, sid
                 low = middle
             else:
                 high = middle
-        left_out = power_of(high, n - 1) * (abs(z[i + (n - 1) * row]) + abs(z[i + n * row]) * high) / size
+        left_out = last_terms(z, i, row, n, high) / size
         if high <= h and abs(side * polynomial(z, i, row, n, high)) <= max(near, LEFT_OUT * left_out):
             return high
         t += part
@@ -209,7 +215,8 @@ def without_roots(z: Buffer, i: int, row: int, n: int, t: float) -> float:
 def first_root(z: Buffer, i: int, row: int, n: int, start: float, h: float, noise: float) -> float:
     """Return the least t in (start, h] where the polynomial z[i], z[i + row], ... of degree n is zero, or 2 h.
 
-    noise: the part of its terms that counts as zero beside a multiple root, where it ends before the root.
+    noise: the part of its terms that counts as zero beside a multiple root, where it ends before the root, by what the
+    series leaves out as well.
 
     It goes on by what the largest second derivative in [0, h] takes to come to zero, so that no root is passed over but
     two that are nearer to each other than 1e-9 h. Where the sign changes, 64 halvings find the last bit of t.
@@ -225,7 +232,9 @@ def first_root(z: Buffer, i: int, row: int, n: int, start: float, h: float, nois
         side = (1.0 if value > 0.0 else -1.0) / size
         step = away(side * value, side * slope_of(z, i, row, n, t), bend)
         if k >= SOON:
-            if abs(value) <= noise * bound_of(z, i, row, n, t)[0]:
+            if noise > 0.0 and abs(value) <= noise * bound_of(z, i, row, n, t)[0] + LEFT_OUT * last_terms(
+                z, i, row, n, t
+            ):
                 return t
             step = max(step, without_roots(z, i, row, n, t))
         after = min(t + max(step, LEAST * h), h)

@@ -15,8 +15,8 @@ from ..body.outputs import outputs
 from ..buffer import MAX_SUBSTEPS, MOST_LISTED, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
-from ..integrators import polynomials
-from ..integrators.formula_ends import BEYOND, FARTHER, around_corner, begins_again, ends_at_corner, risen_at
+from ..integrators import formula_ends, polynomials
+from ..integrators.formula_ends import BEYOND, FARTHER
 from ..integrators.substeps import count_substep, tolerance_of_substep
 from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
@@ -115,8 +115,9 @@ def settle_sides(z: Buffer) -> bool:
         if OF_EVENT[i] >= 0:
             side = side_that_counts(z, i)
         else:
-            z[ON + i] = begins_again(z, WATCHED + i, ROW, z[ON + i], z[TIME] - z[STARTS])
-            side = polynomials.side_from(z, WATCHED + i, ROW, 1 if z[ON + i] > 0.0 else 0, int(z[ORDER]))
+            since = z[TIME] - z[STARTS]
+            z[ON + i] = formula_ends.begins_again(z, WATCHED + i, ROW, z[ON + i], since)
+            side = formula_ends.side_after(z, WATCHED + i, ROW, int(z[ORDER]), z[ON + i], since)
             side = 1.0 if side == 0.0 and z[FLIPS + i] == 0.0 else side  # what stays at zero, as formulas have it there
         side = 1.0 if side == 0.0 and z[SIDES + i] == 0.0 else side
         if side not in (0.0, z[SIDES + i]):
@@ -136,10 +137,10 @@ def reach_to_corner(z: Buffer, h: float) -> float:
     for i in range(WATCHED, WATCHED + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING):
         h = polynomials.known_until(z, i, ROW, n, h, polynomials.ROUGHLY)
     for i in range(NUMBER_OF_SIDES):
-        h = around_corner(z, WATCHED + i, ROW, z[ON + i], h)
+        h = formula_ends.around_corner(z, WATCHED + i, ROW, z[ON + i], h)
     rising = WATCHED + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING
     for i in range(rising, rising + NUMBER_RISING):
-        h = risen_at(z, i, ROW, n, h)
+        h = formula_ends.risen_at(z, i, ROW, n, h)
     reach = h
     for i in range(NUMBER_OF_SIDES):
         at = WATCHED + i
@@ -161,7 +162,7 @@ def reach_to_corner(z: Buffer, h: float) -> float:
     if NUMBER_OF_EVENTS:
         reach = reach_to_touches(z, h, reach)
     for i in range(NUMBER_OF_SIDES):
-        ends_there = reach < h and ends_at_corner(z, WATCHED + i, ROW, n, z[ON + i], reach, h)
+        ends_there = reach < h and formula_ends.ends_at_corner(z, WATCHED + i, ROW, n, z[ON + i], reach, h)
         z[NEXT + i] = 1.0 - min(z[ON + i], 0.0) if ends_there else 0.0
     return reach
 

@@ -106,5 +106,6 @@ def test_what_a_step_raises_later_is_told_with_the_methods_name():
 def test_a_command_refuses_a_bad_file_before_it_writes(tmp_path: Path):
     done = call("stability", "--quick", "--method", tmp_path / "absent.py", "-o", tmp_path / "found")
     assert done.exit_code == 2
-    assert "absent.py" in done.stderr and "does not exist" in done.stderr
+    assert "absent.py" in done.stderr
+    assert "does not exist" in done.stderr
     assert not (tmp_path / "found").exists()
