@@ -123,13 +123,13 @@ def _longest(equations: Equations, sizes: Array, s: Array) -> float:
 
 
 @kernel(inline=False)
-def _settled(equations: Equations, s: Array, unit: float, done: float) -> bool:
+def _settled(equations: Equations, s: Array, unit: float, done: float, again: bool) -> bool:
     """Expand until all sides are those to which the series lead; return whether there are any such.
 
-    done: the time that has passed, in units.
+    done: the time that has passed, in units; again: whether the series is the same in another unit.
     """
     operations, sides = equations.operations, equations.sides
-    for i in range(sides.shape[0]):
+    for i in range(0 if again else sides.shape[0]):
         sides[i, 1], sides[i, 2] = sides[i, 2], 0.0
     last = 0
     for _ in range(3 * sides.shape[0] + 1):
@@ -269,16 +269,17 @@ def formula_motion(
     operations, states, sides, wanted = equations.operations, equations.states, equations.sides, equations.wanted
     now, steps, k, end, stalled = (times[0, 0], times[1, 0]), 0, 0, times.shape[1], 0
     step, half, span, tenth, shortened = 0.0, now[0], times[0, end - 1] - times[0, 0], 0.0, 0
-    unit = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
+    usual = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
+    unit = usual
     sides[:, 1:] = 0.0
     for n in range(operations.shape[0]):
         dd.put(s, n * LENGTH, dd.at(here, n))
     while k < end:
-        if not _settled(equations, s, unit, now[0] / unit):
+        if not _settled(equations, s, unit, now[0] / unit, shortened > 0 and sides.shape[0] > 0):
             return NOWHERE, now[0]
         longest = min(_longest(equations, sizes, s), 2.0 * span / unit)
-        if math.isnan(longest) and sides.shape[0] == 0 and shortened < MOST_SHORTENED:
-            unit, shortened = SHORTER * unit, shortened + 1
+        if math.isnan(longest) and shortened < MOST_SHORTENED:
+            unit, step, shortened = SHORTER * unit, step / SHORTER, shortened + 1
             continue
         last, step, longest = step, longest, _to_corner(equations, s, longest)
         for _ in range(MOST_HALVED):
@@ -312,4 +313,6 @@ def formula_motion(
             now = dd.add(now, dd.scale(unit, (longest, 0.0)))
             for m in range(states.shape[0]):
                 dd.put(s, states[m, 0] * LENGTH, dd.at(here, states[m, 0]))
+            if sides.shape[0] > 0:  # a root beside its corner is over soon
+                unit, step, shortened = usual, step * (unit / usual), 0
     return steps, now[0] - half
