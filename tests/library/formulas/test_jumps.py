@@ -268,10 +268,10 @@ def test_dry_friction_with_a_slope_at_rest_brakes_a_body_as_it_says():
     ("text", "since", "power"), [("max(t - 0.3, 0)**1.5", 0.7, 2.5), ("sqrt(max(0.3 - t, 0))", 0.3, 1.5)]
 )
 def test_a_root_may_begin_and_end_beside_its_zero(text, since, power):
-    """At 5.6e-17 coefficients of order 26 leave the range of numbers: it was refused, but not for t - 0.7, which is zero."""
+    """At 5.6e-17 coefficients of order 26 leave the range of numbers: refused; t - 0.7, which comes to 0, was not."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]},
-              "loads": {"gravity_a": [0, 0, 0], "force_a": f"({text})*[1, 0, 0]"}, "outputs": {"quantities": ["velocity"]},
-              "run": {"stop": 1.0, "step": 0.5, "accuracy": 1e-9}}  # fmt: skip
+              "loads": {"gravity_a": [0, 0, 0], "force_a": f"{text}*[1, 0, 0]"},
+              "outputs": {"quantities": ["velocity"]}, "run": {"stop": 1.0, "step": 0.5, "accuracy": 1e-9}}  # fmt: skip
     found = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).velocity[-1, 0]
     assert found == pytest.approx(since**power / power, rel=0, abs=1e-9)
 
