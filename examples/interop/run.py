@@ -41,6 +41,8 @@ FMUS: dict[str, dict[str, Any]] = {
 }
 """Arguments of `rbfmu_fmu.build` for what is tried, by its name in the figures."""
 COLUMNS = ("importer", "version", "FMU", "result")
+INSTALLED = ("fmpy", "libcosimpy", "ecospy")
+"""Packages of importers that rbfmu with its extra brings along."""
 PATIENCE = 60.0
 """Seconds that an importer gets."""
 
@@ -156,7 +158,11 @@ def rows_of(scene: rbfmu.Scene, folder: Path) -> list[dict[str, str]]:
 
 def absent(importer: Importer) -> str:
     """Return what an importer that is not here needs."""
-    return f"not installed: {remedy('interop')}" if importer.package else f"no {importer.program} on PATH"
+    if importer.package is None:
+        return f"no {importer.program} on PATH"
+    if importer.package in INSTALLED:
+        return f"not installed: {remedy('interop')}"
+    return f"not installed: no extra has {importer.package}, which may have a Python of its own (RBFMU_INTEROP_PYTHONS)"
 
 
 def markdown(rows: list[dict[str, str]]) -> str:

@@ -61,6 +61,13 @@ def test_importers_that_are_absent_name_the_extra_or_the_program():
     assert interop.absent(program) == "no fmuCheck.linux64 on PATH"
 
 
+@pytest.mark.parametrize("name", ["FMPy", "libcosimpy", "ecospy", "PyFMI", "CoFMuPy", "CasADi"])
+def test_an_extra_is_named_only_for_an_importer_that_it_installs(name):
+    importer = importers.IMPORTERS[name]
+    provided = any(line.startswith(str(importer.package)) for line in PROJECT["dependencies"] + EXTRAS["interop"])
+    assert (remedy("interop") in interop.absent(importer)) == provided
+
+
 def test_a_view_without_viser_is_one_message(tmp_path):
     scene = str(SCENES / "tumbling_brick.toml")
     done = without(["viser"], f"from rbfmu.cli import main\nmain(['view', {scene!r}, '-o', '{tmp_path}/it.html'])")
