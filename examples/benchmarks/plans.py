@@ -10,6 +10,7 @@ import math
 import sys
 from collections.abc import Sequence
 
+from examples.benchmarks.support.goals import known
 from rbfmu.studies.chart import Chart, Verdict, plans_text, verdicts
 from rbfmu.studies.chart.cases import CASES
 from rbfmu.studies.chart.measure import Extent, charts_of, machine
@@ -43,7 +44,7 @@ def rows(found: Sequence[Verdict]) -> list[dict[str, object]]:
 
 def main(arguments: list[str]) -> int:
     """0 where every plan is as it should be."""
-    keys, peers_alone = [a for a in arguments if a != "--peers"], "--peers" in arguments
+    keys, peers_alone = known([a for a in arguments if a != "--peers"], CASES), "--peers" in arguments
     chosen = [key for key, case in CASES.items() if (key in keys if keys else not case.torque_free)]
     judged = verdicts(collected(chosen, FASTEST if peers_alone else ()))
     print("\r" + plans_text(judged, machine()))

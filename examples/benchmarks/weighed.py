@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import rbfmu
+from examples.benchmarks.support.goals import known
 from rbfmu.models.registry import MODELS
 from rbfmu.runs.plan import filled_buffer, initialize
 from rbfmu.studies.chart.cases import CASES, Case
@@ -155,7 +156,7 @@ PARTS: dict[str, Callable[[], dict[str, float]]] = {
 
 def main(names: list[str]) -> None:
     """Print the figures of the parts named, or of all."""
-    for name in names or PARTS:
+    for name in known(names, PARTS) or PARTS:
         print(f"{name}: {(PARTS[name].__doc__ or '').splitlines()[0]}")
         for what, figure in PARTS[name]().items():
             print(f"  {what:80}{figure:12.3g}", flush=True)

@@ -52,6 +52,12 @@ def test_the_status_is_1_where_any_goal_is_missed(capsys):
     assert capsys.readouterr().out == "MISSED start: 0.2, goal at least 0.5 and at most 1\n1 of 2 goals kept\n"
 
 
+@pytest.mark.parametrize(("name", "words"), [("plans", ["--peers", "d", "tops"]), ("weighed", ["rates", "tops"])])
+def test_a_word_that_names_nothing_is_one_message(name, words):
+    with pytest.raises(SystemExit, match=r"^tops: expected of .*(\bd, |rates, )"):
+        bench(name).main(words)
+
+
 KERNELS = {"SciPy": 100.0, "rbfmu": 1.0, "copy": 1.0}
 FREE_ROTATION = {"an evaluation / an RK4 step": 4.0, "with its setup / an RK4 step": 50.0}
 NATIVE = {"numba loop": 1.1, "pythonfmu": 0.1}

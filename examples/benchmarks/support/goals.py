@@ -1,7 +1,7 @@
-"""A benchmark's verdict: its figures against the goals that it states."""
+"""A benchmark's verdict: its figures against the goals that it states; and the words that a command takes."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 
@@ -32,3 +32,10 @@ def status(goals: Sequence[Goal]) -> int:
         print(f"MISSED {goal}")
     print(f"{len(goals) - len(missed)} of {len(goals)} goals kept")
     return int(bool(missed))
+
+
+def known(words: Sequence[str], names: Collection[str]) -> Sequence[str]:
+    """Return the words of a command. Raises SystemExit where one of them is none of these names."""
+    if wrong := [word for word in words if word not in names]:
+        raise SystemExit(f"{', '.join(wrong)}: expected of {', '.join(names)}")
+    return words
