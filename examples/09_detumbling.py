@@ -9,7 +9,7 @@ from numba import njit
 import rbfmu
 
 SCENE = Path(__file__).with_name("b_dot.toml")
-PICTURE = Path("b_dot.png")
+PICTURE = Path("releases.png")
 STEP, NOISE, MOST, GAIN = 3.0, 3e-7, 0.1, 1.1e4
 """The step, s; the magnetometer's noise, T; the coils' largest dipole, A m2; dipole over dB/dt, A m2 s/T."""
 SLOW = 0.5

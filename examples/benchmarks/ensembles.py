@@ -174,8 +174,9 @@ def draw(found: list[Cost], path: Path) -> None:
     figure.savefig(path, dpi=130)
 
 
-def main(folder: Path = Path("."), counts: tuple[int, ...] = (), **few: int) -> dict[str, Any]:
+def main(folder: Path, counts: tuple[int, ...] = (), **few: int) -> dict[str, Any]:
     """Print and return all figures."""
+    folder.mkdir(parents=True, exist_ok=True)
     found = costs(counts)
     draw(found, folder / "ensembles.png")
     return {"costs": found, "example": example(), **executors(**few)}
@@ -205,4 +206,4 @@ if __name__ == "__main__":
     if sys.argv[1:2] == ["--one"]:
         print(*cost_here(sys.argv[2], int(sys.argv[3])))
     else:
-        raise SystemExit(status(goals(main(Path(sys.argv[1] if len(sys.argv) > 1 else ".")))))
+        raise SystemExit(status(goals(main(Path(sys.argv[1] if len(sys.argv) > 1 else "bench")))))

@@ -197,6 +197,15 @@ def test_ensembles_are_measured_and_drawn(tmp_path, capsys):
     assert "the example with its picture" in capsys.readouterr().out
 
 
+def test_ensembles_are_drawn_in_a_folder_that_need_not_be_there(tmp_path, monkeypatch):
+    ensembles = bench("ensembles")
+    rows = _ensembles()["costs"]
+    for name, figures in {"costs": rows, "example": 1.0, "executors": {"threads": 1.0}}.items():
+        monkeypatch.setattr(ensembles, name, lambda *_, figures=figures, **__: figures)
+    assert ensembles.main(tmp_path / "new") == {"costs": rows, "example": 1.0, "threads": 1.0}
+    assert (tmp_path / "new" / "ensembles.png").is_file()
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of Dask's own
 def test_executors_of_ensembles_are_measured():

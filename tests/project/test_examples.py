@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from examples.figures import record
 from examples.renew_notebook import CHAPTERS, NOTEBOOK, executed
 from tests.support.paths import ROOT
 
@@ -107,7 +108,7 @@ def test_coils_brake_releases_until_a_leftover_magnet_turns_them_with_the_field(
     # Over the equator, where the run ends, a dipole's field turns at three times the orbital rate of 0.063 deg/s.
     assert 0.189 < float(rates[1]) < float(rates[2]) < 0.6  # type: ignore[index]
     assert re.search(r"with constants.left_b\[\d\]: 0\.[2-9]\d\n", text)
-    assert (tmp_path / "b_dot.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "releases.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
@@ -118,6 +119,14 @@ def test_held_inputs_are_of_first_order_half_a_step_earlier_of_second_and_with_s
     assert held / held_in_half == pytest.approx(2.0, rel=0.05)
     assert earlier / earlier_in_half == pytest.approx(4.0, rel=0.1)
     assert given < 1e-6
+
+
+def test_what_the_examples_write_is_no_picture_of_the_repository() -> None:
+    page = (EXAMPLES / "README.md").read_text(encoding="utf-8")
+    example = (EXAMPLES / "09_detumbling.py").read_text(encoding="utf-8")
+    written = re.findall(r" --plot (\S+)", page) + re.findall(r'Path\("(\S+)"\)', example)
+    assert len(written) == 2
+    assert not {f"{name}.png" for name in record.PICTURES}.intersection(written)
 
 
 # The notebook
