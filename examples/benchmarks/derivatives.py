@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import rbfmu
-from rbfmu.extras import needed
+from rbfmu.extras import needed_of
 from rbfmu.runs.inputs import HOLD, drive_of
 from rbfmu.sensitivities import Varied
 from rbfmu.studies.chart.cases import Case
@@ -34,7 +34,8 @@ def seconds(run: Callable[[], Any]) -> float:
 
 def of_heyoka(scene: rbfmu.Scene) -> Callable[[], Any]:
     """Return a run of the motion with its variational equations at heyoka's tolerance of the same size."""
-    heyoka = needed("heyoka", "bench")
+    with needed_of("bench"):
+        import heyoka
     case = Case(scene)
     system = equations(case)
     series = heyoka.taylor_adaptive(

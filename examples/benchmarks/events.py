@@ -9,10 +9,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 import rbfmu
-from rbfmu.extras import needed
+from rbfmu.extras import needed_of
+
+with needed_of("bench"):
+    from scipy.integrate import solve_ivp
 
 STOP, ACCURACY = 50.0, 1e-9
 INERTIA, OMEGA = (1.0, 1.5, 2.2), (0.4, 2.0, 0.3)
@@ -54,7 +56,8 @@ def of_scipy(watched: Watched) -> int:
 
 def of_heyoka(watched: Watched) -> int:
     """Return how many roots heyoka.py finds."""
-    heyoka = needed("heyoka", "bench")
+    with needed_of("bench"):
+        import heyoka
     x, y, z = heyoka.make_vars("x", "y", "z")
     a, b, c = INERTIA
     system = [(x, (b - c) / a * y * z), (y, (c - a) / b * z * x), (z, (a - b) / c * x * y)]

@@ -10,6 +10,7 @@ from examples.benchmarks.support import array_tasks
 from examples.interop import importers, run as interop
 from rbfmu.extras import remedy
 from tests.support.ensembles.satellite import FILE as ENSEMBLE
+from tests.support.fmu.fmus import bench
 from tests.support.paths import ROOT, SCENES
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -18,6 +19,7 @@ NEEDED = {
     ("examples.benchmarks.costs", "scipy"): "bench",
     ("examples.benchmarks.kernels", "scipy"): "bench",
     ("examples.benchmarks.gallery", "mpmath"): "bench",
+    ("examples.benchmarks.events", "scipy"): "bench",
     ("examples.references.reference_motions", "mpmath"): "bench",
     ("examples.05_system", "libcosimpy"): "interop",
     ("examples.06_joined_satellites", "libcosimpy"): "interop",
@@ -53,6 +55,13 @@ def test_a_program_without_its_package_ends_with_the_extra_s_name(program, packa
 def test_the_kernels_benchmark_names_peers_that_are_absent(monkeypatch):
     monkeypatch.setattr(array_tasks, "PEERS", {"Nobody's": ("no_such_module", None)})
     assert array_tasks.absent() == ['Nobody\'s: not installed (pip install "rbfmu[bench]")\n']
+
+
+@pytest.mark.parametrize("name", ["derivatives", "events"])
+def test_a_benchmark_without_heyoka_ends_with_the_extra_s_name(name, monkeypatch):
+    monkeypatch.setitem(sys.modules, "heyoka", None)
+    with pytest.raises(SystemExit, match=r'^heyoka is not installed: pip install "rbfmu\[bench\]"$'):
+        bench(name).of_heyoka(None)
 
 
 def test_importers_that_are_absent_name_the_extra_or_the_program():
