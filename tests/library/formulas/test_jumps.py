@@ -1,4 +1,4 @@
-"""Where formulas jump: the angle of atan2 at half a turn, comparisons of equal numbers, inputs that jump."""
+"""Where formulas jump: the angle of atan2 at half a turn, friction, roots beside their zero, inputs that jump."""
 
 import math
 
@@ -264,16 +264,17 @@ def test_dry_friction_with_a_slope_at_rest_brakes_a_body_as_it_says():
     np.testing.assert_allclose(found.omega_b[:, 2], expected, rtol=0, atol=2e-9)
 
 
-@pytest.mark.parametrize(
-    ("text", "since", "power"), [("max(t - 0.3, 0)**1.5", 0.7, 2.5), ("sqrt(max(0.3 - t, 0))", 0.3, 1.5)]
-)
-def test_a_root_may_begin_and_end_beside_its_zero(text, since, power):
+@pytest.mark.parametrize(("text", "gained"), [
+    ("max(t - 0.3, 0)**1.5", 0.7**2.5 / 2.5), ("sqrt(max(0.3 - t, 0))", 0.3**1.5 / 1.5),
+    ("abs(t - 0.4)**0.5", (0.4**1.5 + 0.6**1.5) / 1.5),
+])  # fmt: skip
+def test_a_root_may_begin_and_end_beside_its_zero(text, gained):
     """At 5.6e-17 coefficients of order 26 leave the range of numbers: refused; t - 0.7, which comes to 0, was not."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]},
               "loads": {"gravity_a": [0, 0, 0], "force_a": f"{text}*[1, 0, 0]"},
               "outputs": {"quantities": ["velocity"]}, "run": {"stop": 1.0, "step": 0.5, "accuracy": 1e-9}}  # fmt: skip
     found = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).velocity[-1, 0]
-    assert found == pytest.approx(since**power / power, rel=0, abs=1e-9)
+    assert found == pytest.approx(gained, rel=0, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -312,51 +313,6 @@ def test_an_input_that_jumps_where_a_formula_is_at_its_corner_counts_by_what_it_
     t = found.time
     distance = np.where(t <= 1.0, t - t * t / 2.0, 0.5 + 3.0 * (t - 1.0) - (t * t - 1.0) / 2.0)
     np.testing.assert_allclose(found.velocity[:, 0], distance if "abs" in text else -t, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize(("condition", "before", "rise"), [
-    ("u > 0", 1.0, 1.2), ("u >= 0", -1.0, 1.2), ("u < 0", -1.0, 1.2), ("u <= 0", 1.0, 1.2), ("u >= 0", 1.0, 2.0),
-    ("max(1 - t, 0) > 0", 0.0, 1.2), ("min(t - 1, 0) < 0", 0.0, 1.2),
-])  # fmt: skip
-def test_what_comes_to_zero_and_stays_there_is_zero(condition, before, rise):
-    """2026-11-28: it counted as what it had been before, so that a thruster went on after its port came to zero."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "inputs": {"ports": [{"name": "u", "size": 1}]},
-              "loads": {"torque_b": f"[0, 0, where({condition}, 1, 0.2)]"},
-              "run": {"stop": 2.0, "step": 0.5, "accuracy": 1e-8}}  # fmt: skip
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables), inputs={"u": ([0.0, 1.0], [before, 0.0])})
-    assert found.omega_b[-1, 2] == pytest.approx(rise, abs=1e-8)
-
-
-@pytest.mark.parametrize(("condition", "accuracy", "rise"), [
-    ("(t - p)**2 >= 0", 1e-10, 2.0), ("(t - p)**3 > 0", 1e-11, 0.6), ("(t - p)**6 > 0", 1e-5, 2.0),
-    pytest.param("(t - p)**9 > 0", 1e-8, 0.6, marks=pytest.mark.thorough),
-])  # fmt: skip
-def test_a_condition_on_a_power_turns_where_that_is_zero(condition, accuracy, rise):
-    """2026-11-28: a series finds the zero of (t - 0.7)**4 1e-4 s early, from where on the condition was wrong."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "constants": {"p": 0.7}, "loads": {"torque_b": f"[0, 0, where({condition}, 1, -1)]"},
-              "run": {"stop": 2.0, "step": 0.5, "accuracy": accuracy}}  # fmt: skip
-    scene = rbfmu.Scene.from_dict(tables)
-    assert rbfmu.simulate(scene).omega_b[-1, 2] == pytest.approx(rise, abs=accuracy)
-    derivative = rbfmu.sensitivity(scene, ["constants.p"]).of["omega_b"][-1, 2, 0]
-    assert derivative == pytest.approx(0.0 if rise == 2.0 else -2.0, abs=1e-9)
-
-
-@pytest.mark.parametrize(("load", "accuracy", "rise"), [
-    # what a series leaves out beside two multiple roots moves them by more than round-off, or has one passed over
-    ("where((t - 1.8503929448194252)**5*sin(1.8933640991148937*t + 2.9387523423419806)**5*(t - 2)**2 < 0, 1, -0.5)",
-     2.65e-6, -0.7133079810778495),
-    ("max((t - 1.4605841684185181)**2*(t - 2.1401306842357575)**5, 0)", 6e-8, 0.0),  # which touches zero from below
-    pytest.param("where((exp(-t) - 0.8817941922895439)**4 <= 0, cos(t), omega_b[3])", 7e-8, 0.0,
-                 marks=pytest.mark.thorough),
-])  # fmt: skip
-def test_conditions_on_products_of_powers_turn_where_these_are_zero(load, accuracy, rise):
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "loads": {"torque_b": f"[0, 0, {load}]"},
-              "run": {"stop": 2.0, "step": 0.5, "accuracy": accuracy}}  # fmt: skip
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).omega_b[-1, 2]
-    assert found == pytest.approx(rise, rel=1e-9, abs=0.0)
 
 
 def test_an_input_that_comes_back_to_what_it_was_holds_from_there_on():
