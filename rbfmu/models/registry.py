@@ -244,7 +244,7 @@ def _standing(asked: Question) -> str:
 
 
 NO_ROTATION = closed_form(
-    "no rotation", "unturned.NO_ROTATION", states=0, rate_states=0, costs={"": 10.0, "changing": 5.0},
+    "no rotation", "unturned.NO_ROTATION", states=0, rate_states=0, costs={"": 10.0, "changing": 8.0},
     holds=lambda start: not (start.needs_rate and start.begins_to_turn), rests_on=_no_rotation_rests_on,
     may_be_unstable=True, reason=_standing,
 )  # fmt: skip
@@ -347,8 +347,8 @@ LOADED_SPLITTING = ModelSpec(
 )  # fmt: skip
 
 LOADED_TAYLOR = ModelSpec(
-    "body under loads, by series", "loaded.LOADED_TAYLOR", rate_states=3,
-    costs={"": 60.0, "evaluated": 40.0, "loads that turn": 68.0}, substep_without_attitude=0.72, integrates_path=True,
+    "body under loads, by series", "loaded.LOADED_TAYLOR", rate_states=3, integrates_path=True,
+    costs={"": 60.0, "evaluated path": 38.0, "loads that turn": 68.0}, substep_without_attitude=0.72,
 )  # fmt: skip
 
 FORMULAS = ModelSpec("formulas", "", integrates_path=True)

@@ -196,7 +196,7 @@ def work_of(substeps: float, steps: float) -> float:
 
 MACHINE = "an Intel Xeon of 2026"
 """The machine whose ns all costs are, in a compiled loop over the library's own models on one idle core."""
-ATTITUDE, CHANGING, TURNING_LOADS, EVALUATED = "attitude", "changing", "loads that turn", "evaluated"
+ATTITUDE, CHANGING, TURNING_LOADS, EVALUATED_PATH = "attitude", "changing", "loads that turn", "evaluated path"
 """The terms of a model's own costs besides what each step costs; see `ModelSpec.costs`."""
 
 
@@ -207,7 +207,7 @@ def term(model: str, name: str) -> str:
 
 NS = {
     **{term(spec.key, name): ns for spec in MODELS.values() for name, ns in spec.costs.items()},
-    "path": 18.0,
+    "path": 23.0,
     "accelerations": 18.0,
     "rpy": 37.0,
     "omega_a": 8.0,
@@ -244,9 +244,9 @@ def terms(asked: Question, plan: Plan) -> list[str]:
         term(spec.key, CHANGING): changing,
         term(spec.key, ATTITUDE): start.needs_attitude,
         term(spec.key, TURNING_LOADS): any(shares) and not evaluated,
+        term(spec.key, EVALUATED_PATH): shares[1] > 0.0 and evaluated,
         "path": start.needs_translation and not start.has_pivot and not spec.integrates_path,
         "accelerations": start.shows_loads,
         **{name: name in asked.quantities for name in OUTPUT},
     }
-    own = term(spec.key, EVALUATED) if evaluated else spec.key
-    return [own, *(name for name, asked in parts.items() if asked and name in NS)]
+    return [spec.key, *(name for name, asked in parts.items() if asked and name in NS)]
