@@ -1,14 +1,15 @@
 """The motion of a scene far more accurately than any plan's, in all that is judged: what plans are judged by.
 
-The equations of motion, with a scene's formulas among them, are a list of operations, which one compiled function walks
-in double-double arithmetic.
+The equations of motion, with a scene's formulas among them, are a list of operations, which compiled functions walk in
+double-double arithmetic. Steps are of their own, independent of the communication step: the series are evaluated
+wherever an output is asked for.
 """
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal, localcontext
 from itertools import accumulate
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from rbfmu.scene.scene import Body, Scene, SceneError
 from rbfmu.types import Array, Indices, Motion
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.integrators import formula_reference as kernels
+from rbfmu_kernels.integrators.formula_ends import FARTHER
 from rbfmu_kernels.integrators.formula_operations import KINDS
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
@@ -35,6 +37,19 @@ MOST_WORK = 20_000_000
 """Operations in all steps of a reference, each with its coefficients: some 20 s."""
 MOST_SERIES = 3e5
 """The number of its steps up to which a longer motion of formulas is followed in doubles: some 20 s."""
+ENOUGH, STEADY = 0.15, 2.1
+"""In a hurry a motion is given up after a fifth of the steps where these have done less than this part of the run, and
+have not grown longer: they have done less than so many times what the first half of them did."""
+SHORTER, MOST_SHORTENED = 2.0**-40, 10
+"""By how much, and how often, the unit of time is made shorter where coefficients leave the range of doubles."""
+MOST_HALVED, FAR_PARTS, PARTS = 60, 64, 16
+"""How often a series is halved for its defect at most; and the parts of one that goes far, and of others, between which
+it is looked at: more than of what is judged.
+"""
+FINEST, MOST_STALLED = 2.0**-52, 500
+"""How many series on end may reach no farther than this part of the time since the start, which doubles tell as one: 13
+where a force grows from 1e-300, ever more where a motion ends in a pole."""
+NOWHERE, SLIDES = -2, math.inf
 
 
 class ReferenceTooLongError(ArithmeticError):
@@ -63,10 +78,9 @@ def reference_motion(
     equations = kernels.Equations(*walked, listed.time)
     for first in range(0, times.shape[1], CHUNK):
         chunk = slice(max(first - 1, 0), first + CHUNK)
-        taken, lately = kernels.formula_motion(
-            equations, times[:, chunk], rows[chunk], most, work, here, sizes, not scene.has_formulas
-        )
-        if taken == kernels.NOWHERE and scene.has_formulas:
+        room = Room(equations, np.ascontiguousarray(times[:, chunk]), rows[chunk], work, here, sizes)
+        taken, lately = follow(room, most, not scene.has_formulas)
+        if taken == NOWHERE and scene.has_formulas:
             raise _leads_nowhere(scene, lately, listed.keys_at_fault(work, sides))
         starts = scene.has_formulas and np.isfinite(rows[0]).all()  # else a start in doubles says what is wrong
         if taken >= 0 and starts and not np.isfinite(rows[chunk]).all():
@@ -83,8 +97,90 @@ def reference_motion(
     return listed.named(rows)
 
 
+class Room(NamedTuple):
+    """What a motion is followed in: its equations, and arrays.
+
+    times: increasing, s after the start, pairs; rows: of what is wanted at these; s: the series, (2, n LENGTH); here:
+    (2, n) values at the start, of numbers and leaves; sizes: one for each group.
+    """
+
+    equations: kernels.Equations
+    times: Array
+    rows: Array
+    s: Array
+    here: Array
+    sizes: Array
+
+
+def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float]:
+    """Set the rows; return the steps, and how far the last of them went: those after half of `most`.
+
+    The steps are -1 beyond `most`, and NOWHERE with the time where numbers are not finite or slide along a corner; in a
+    hurry -1 after a fifth of them as well, where these did too little, and the later ones no more than those before.
+    """
+    equations, times, rows, s, here, sizes = room
+    begin, span = float(times[0, 0]), float(times[0, -1] - times[0, 0])
+    now, half, tenth = (begin, float(times[1, 0])), begin, 0.0
+    usual = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
+    unit, step, shortened, steps, stalled, k = usual, 0.0, 0, 0, 0, 0
+    equations.sides[:, 1:], s[:, :: kernels.LENGTH] = 0.0, here
+    while k < times.shape[1]:
+        if not _settled(room, unit, now[0], shortened > 0):
+            return NOWHERE, now[0]
+        last, step = step, min(kernels.longest_step(equations, sizes, s), 2.0 * span / unit)
+        if math.isnan(step) and shortened < MOST_SHORTENED:
+            unit, step, shortened = SHORTER * unit, last / SHORTER, shortened + 1
+            continue
+        reach, step = _reach(room, unit, step, last)
+        steps, done = steps + 1, now[0] - begin
+        stalled = stalled + 1 if unit * reach < FINEST * done else 0
+        if not reach > 0.0 or stalled > MOST_STALLED:
+            return NOWHERE, now[0]
+        half = now[0] if steps == most // 2 else half
+        tenth = done if steps == most // 10 else tenth
+        if steps > most or (in_a_hurry and steps == most // 5 and done < min(ENOUGH * span, STEADY * tenth)):
+            return -1, now[0] - half
+        k = kernels.put_rows(equations, s, unit, reach, now, times, here, rows, k)
+        if k < times.shape[1]:
+            now = kernels.begin_at(equations.states, s, unit, reach, now, here)
+            if len(equations.sides):  # a root beside its corner is over soon
+                unit, step, shortened = usual, step * (unit / usual), 0
+    return steps, now[0] - half
+
+
+def _settled(room: Room, unit: float, now: float, again: bool) -> bool:
+    """Make series until all sides are those to which these lead; return whether there are any such.
+
+    again: whether the series is the same in another unit.
+    """
+    equations, sides, turned = room.equations, room.equations.sides, -1
+    if not again:
+        sides[:, 1], sides[:, 2] = sides[:, 2], 0.0
+    for _ in range(3 * len(sides) + 1):
+        kernels.expand(equations, room.s, unit)
+        turned = kernels.turn_side(equations, room.s, now / unit) if len(sides) else -1
+        if turned < 0:
+            return True
+    sides[turned, 1] = SLIDES
+    return False
+
+
+def _reach(room: Room, unit: float, step: float, last: float) -> tuple[float, float]:
+    """Return how far series reach, and the step, halved until their defect is small; last: the step before."""
+    equations, _, _, s, here, sizes = room
+    reach, has_corners = step, any(map(len, (equations.sides, equations.touching, equations.rising)))
+    for _ in range(MOST_HALVED):
+        reach = kernels.to_corner(equations, s, step) if has_corners else step
+        parts = FAR_PARTS if step > FARTHER * last else PARTS
+        fault = kernels.first_fault(equations, sizes, s, unit, reach - 2.0 * kernels.BEYOND * step, here, parts)
+        if fault == 0.0:
+            break
+        step = 0.5 * fault
+    return reach, step
+
+
 class Listed:
-    """What is asked for, as a list of operations that `kernels.formula_motion` walks.
+    """What is asked for, as a list of operations that `follow` walks.
 
     operations: a row for each; states: a row for each, its operation, that of its rate, its group; least: the least
     size of each group; wanted: the operations that are asked for; sides: those that tell on which side of zero
@@ -157,7 +253,7 @@ class Listed:
         return motion
 
     def keys_at_fault(self, work: Array, sides: Array) -> str:
-        """Return what is wrong where a motion ends; work, sides: of `kernels.formula_motion` there."""
+        """Return what is wrong where a motion ends; work, sides: of `follow` there."""
         lost = ~np.isfinite(work[0].reshape(-1, kernels.LENGTH))
         lost[[self.graph.operations[i].kind == "state" for i in self.found]] = False
         if lost.any():
@@ -169,7 +265,7 @@ class Listed:
                 x = work[0, self.found.index(of[0]) * kernels.LENGTH]
                 said += f": exp({x:.6g}) is too large for a number"
             return said
-        sliding = [int(n) for n, begun, _ in sides if begun == kernels.SLIDES]
+        sliding = [int(n) for n, begun, _ in sides if begun == SLIDES]
         if not sliding:
             return "the motion changes ever faster"
         named = " or ".join(key for n in sliding for key in self.formulas.keys_of(self.found[n]))

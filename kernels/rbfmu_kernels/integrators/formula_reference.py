@@ -1,10 +1,10 @@
-"""The motion of a scene by Taylor series in double-double arithmetic, by which plans are judged.
+"""The steps of a motion by Taylor series in double-double arithmetic, by which plans are judged.
 
-Far more accurate than what it judges and independent of the communication step: steps of its own, the series evaluated
-wherever an output is asked for. The step is chosen by the last two terms: A. Jorba & M. Zou, Experimental Mathematics
-14 (2005). It walks a list of operations for each order, so that one compiled function serves every scene. The
-recurrences are those of `rbfmu.formulas.program`; a number of the work space has its coefficients side by side, high
-parts in s[0], low ones in s[1].
+Each walks a list of operations for each order, so that one compiled function serves every scene. The step is chosen by
+the last two terms: A. Jorba & M. Zou, Experimental Mathematics 14 (2005). The recurrences are those of
+`rbfmu.formulas.program`; a number of the work space has its coefficients side by side, high parts in s[0], low ones in
+s[1]. `rbfmu.planning.reference` takes step after step, and calls for corners only where there are any: what is called
+together is compiled together, which takes seconds.
 """
 
 import math
@@ -14,7 +14,7 @@ from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..types import Array, Indices
 from . import polynomials
-from .formula_ends import FARTHER, around_corner, begins_again, ends_at_corner, risen_at, side_after
+from .formula_ends import around_corner, begins_again, ends_at_corner, risen_at, side_after
 from .formula_operations import SIDE, STATE, coefficient_of, value_of
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
@@ -22,21 +22,10 @@ ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
 there is 1 - ln(1e-22) / 2 (Jorba & Zou 2005, 3.2). How far beyond a touch a series ends, and how far it goes from where
 the number under a root begins at zero: parts of its reach."""
 LENGTH = ORDER + 1
-ENOUGH, STEADY = 0.15, 2.1
-"""In a hurry a motion is given up after a fifth of the steps where these have done less than this part of the run, and
-have not grown longer: they have done less than so many times what the first half of them did."""
-SHORTER, MOST_SHORTENED = 2.0**-40, 10
-"""By how much, and how often, the unit of time is made shorter where coefficients leave the range of doubles."""
 CORNER_KNOWN = 1e-17
 """The part of its size to which what has a corner is known there."""
-MOST_DEFECT, MOST_HALVED, FAR_PARTS, PARTS = 1e-11, 60, 64, 16
-"""The defect within a series, which is known in doubles, with which it is halved, and how often at most; and the parts
-of one that goes far, and of others, between which it is looked at: more than of what is judged.
-"""
-FINEST, MOST_STALLED = 2.0**-52, 500
-"""How many series on end may reach no farther than this part of the time since the start, which doubles tell as one: 13
-where a force grows from 1e-300, ever more where a motion ends in a pole."""
-NOWHERE, SLIDES = -2, math.inf
+MOST_DEFECT = 1e-11
+"""The defect within a series, which is known in doubles, with which it is halved."""
 
 
 class Equations(NamedTuple):
@@ -72,7 +61,7 @@ def evaluate(operations: Indices, s: Array, stride: int, with_sides: bool) -> No
 
 
 @kernel(inline=False)
-def _expand(equations: Equations, s: Array, unit: float) -> None:
+def expand(equations: Equations, s: Array, unit: float) -> None:
     """Set the coefficients of all operations from the states' first; unit: that of time, s, a power of two."""
     operations, states = equations.operations, equations.states
     evaluate(operations, s, LENGTH, False)
@@ -88,7 +77,7 @@ def _expand(equations: Equations, s: Array, unit: float) -> None:
 
 
 @kernel(inline=False)
-def _longest(equations: Equations, sizes: Array, s: Array) -> float:
+def longest_step(equations: Equations, sizes: Array, s: Array) -> float:
     """Return the step, in units of time, whose last two terms are within the tolerance; NaN where one is not finite.
 
     sizes: the largest that each group of states has been.
@@ -123,36 +112,26 @@ def _longest(equations: Equations, sizes: Array, s: Array) -> float:
 
 
 @kernel(inline=False)
-def _settled(equations: Equations, s: Array, unit: float, done: float, again: bool) -> bool:
-    """Expand until all sides are those to which the series lead; return whether there are any such.
+def turn_side(equations: Equations, s: Array, done: float) -> int:
+    """Turn the first side that is not the one to which the series lead, and return which; -1 where all are.
 
-    done: the time that has passed, in units; again: whether the series is the same in another unit.
+    done: the time that has passed, in units.
     """
     operations, sides = equations.operations, equations.sides
-    for i in range(0 if again else sides.shape[0]):
-        sides[i, 1], sides[i, 2] = sides[i, 2], 0.0
-    last = 0
-    for _ in range(3 * sides.shape[0] + 1):
-        _expand(equations, s, unit)
-        changed = False
-        for i in range(sides.shape[0]):
-            n = int(sides[i, 0])
-            at = operations[n, 1] * LENGTH
-            sides[i, 1] = begins_again(s[0], at, 1, sides[i, 1], done)
-            side = side_after(s[0], at, 1, ORDER, sides[i, 1], done)
-            side = 1.0 if side == 0.0 and (sides[i, 2] == 0.0 or s[0, n * LENGTH] == 0.0) else side
-            if side != 0.0 and side != s[0, n * LENGTH]:
-                s[0, n * LENGTH], sides[i, 2] = side, 1.0  # which says until `_to_corner` that it has turned already
-                changed, last = True, i
-                break
-        if not changed:
-            return True
-    sides[last, 1] = SLIDES
-    return False
+    for i in range(sides.shape[0]):
+        n = int(sides[i, 0])
+        at = operations[n, 1] * LENGTH
+        sides[i, 1] = begins_again(s[0], at, 1, sides[i, 1], done)
+        side = side_after(s[0], at, 1, ORDER, sides[i, 1], done)
+        side = 1.0 if side == 0.0 and (sides[i, 2] == 0.0 or s[0, n * LENGTH] == 0.0) else side
+        if side != 0.0 and side != s[0, n * LENGTH]:
+            s[0, n * LENGTH], sides[i, 2] = side, 1.0  # which says until `to_corner` that it has turned already
+            return i
+    return -1
 
 
 @kernel(inline=False)
-def _to_corner(equations: Equations, s: Array, longest: float) -> float:
+def to_corner(equations: Equations, s: Array, longest: float) -> float:
     """Return how far the series reach, at most `longest`, and note at whose corner they end."""
     operations, sides, touching, corner = equations.operations, equations.sides, equations.touching, -1
     for i in range(sides.shape[0]):
@@ -229,7 +208,7 @@ def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float,
 
 
 @kernel(inline=False)
-def _first_fault(equations: Equations, sizes: Array, s: Array, unit: float, t: float, here: Array, parts: int) -> float:
+def first_fault(equations: Equations, sizes: Array, s: Array, unit: float, t: float, here: Array, parts: int) -> float:
     """Return the first end of so many equal parts of [0, t] at which the defect is too large, or 0."""
     for k in range(1, parts + 1):
         at = t * k / parts
@@ -254,65 +233,30 @@ def _evaluate_at_row(operations: Indices, time: int, here: Array) -> None:
 
 
 @kernel(inline=False)
-def formula_motion(
-    equations: Equations, times: Array, rows: Array, most: int, s: Array, here: Array, sizes: Array, in_a_hurry: bool
-) -> tuple[int, float]:
-    """Set rows of what is wanted at increasing times (s, pairs) after the start; return the steps, and how far the
-    last of them went: those after half of `most`.
+def put_rows(
+    equations: Equations, s: Array, unit: float, reach: float, now: dd.DoubleDouble, times: Array, here: Array,
+    rows: Array, k: int,
+) -> int:  # fmt: skip
+    """Set the rows of what is wanted, from the k-th on, that series from `now` reach; return the first they do not."""
+    states, wanted = equations.states, equations.wanted
+    while k < times.shape[1]:
+        at = dd.scale(1.0 / unit, dd.subtract(dd.at(times, k), now))
+        if at[0] > reach:
+            break
+        _put_states(states, s, at, here)
+        _evaluate_at_row(equations.operations, equations.time, here)
+        for m in range(wanted.shape[0]):
+            rows[k, m] = here[0, wanted[m]]
+        k += 1
+    return k
 
-    The steps are -1 beyond `most`, and NOWHERE with the time where numbers are not finite or slide along a corner; in a
-    hurry -1 after a fifth of them as well, where these did too little, and the later ones no more than those before.
 
-    here: (2, n) values at the start, of numbers and leaves; s: room for their series, (2, n LENGTH); sizes: one for
-    each group.
-    """
-    operations, states, sides, wanted = equations.operations, equations.states, equations.sides, equations.wanted
-    now, steps, k, end, stalled = (times[0, 0], times[1, 0]), 0, 0, times.shape[1], 0
-    step, half, span, tenth, shortened = 0.0, now[0], times[0, end - 1] - times[0, 0], 0.0, 0
-    usual = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
-    unit = usual
-    sides[:, 1:] = 0.0
-    for n in range(operations.shape[0]):
-        dd.put(s, n * LENGTH, dd.at(here, n))
-    while k < end:
-        if not _settled(equations, s, unit, now[0] / unit, shortened > 0 and sides.shape[0] > 0):
-            return NOWHERE, now[0]
-        longest = min(_longest(equations, sizes, s), 2.0 * span / unit)
-        if math.isnan(longest) and shortened < MOST_SHORTENED:
-            unit, step, shortened = SHORTER * unit, step / SHORTER, shortened + 1
-            continue
-        last, step, longest = step, longest, _to_corner(equations, s, longest)
-        for _ in range(MOST_HALVED):
-            before = longest - 2.0 * BEYOND * step
-            parts = FAR_PARTS if step > FARTHER * last else PARTS
-            fault = _first_fault(equations, sizes, s, unit, before, here, parts)
-            if fault == 0.0:
-                break
-            step = 0.5 * fault
-            longest = _to_corner(equations, s, step)
-        steps += 1
-        done = now[0] - times[0, 0]
-        stalled = stalled + 1 if unit * longest < FINEST * done else 0
-        if not longest > 0.0 or stalled > MOST_STALLED:
-            return NOWHERE, now[0]
-        half = now[0] if steps == most // 2 else half
-        tenth = done if steps == most // 10 else tenth
-        if steps > most or (in_a_hurry and steps == most // 5 and done < min(ENOUGH * span, STEADY * tenth)):
-            return -1, now[0] - half
-        while k < end:
-            at = dd.scale(1.0 / unit, dd.subtract(dd.at(times, k), now))
-            if at[0] > longest:
-                break
-            _put_states(states, s, at, here)
-            _evaluate_at_row(operations, equations.time, here)
-            for m in range(wanted.shape[0]):
-                rows[k, m] = here[0, wanted[m]]
-            k += 1
-        if k < end:
-            _put_states(states, s, (longest, 0.0), here)
-            now = dd.add(now, dd.scale(unit, (longest, 0.0)))
-            for m in range(states.shape[0]):
-                dd.put(s, states[m, 0] * LENGTH, dd.at(here, states[m, 0]))
-            if sides.shape[0] > 0:  # a root beside its corner is over soon
-                unit, step, shortened = usual, step * (unit / usual), 0
-    return steps, now[0] - half
+@kernel(inline=False)
+def begin_at(
+    states: Indices, s: Array, unit: float, reach: float, now: dd.DoubleDouble, here: Array
+) -> dd.DoubleDouble:
+    """Let the next series begin where those from `now` end; return the time there."""
+    _put_states(states, s, (reach, 0.0), here)
+    for m in range(states.shape[0]):
+        dd.put(s, states[m, 0] * LENGTH, dd.at(here, states[m, 0]))
+    return dd.add(now, dd.scale(unit, (reach, 0.0)))

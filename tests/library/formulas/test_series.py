@@ -122,7 +122,7 @@ def double_doubles(text, t, n=N):
     for k, i in enumerate(found):
         if graph.operations[i].kind == "side":
             s[0, k * reference.LENGTH] = float(truth_of(graph, Symbol(graph, i), t))
-    interpreted(reference._expand)(equations(operations, states), s, 1.0)
+    interpreted(reference.expand)(equations(operations, states), s, 1.0)
     at = place[y.index] * reference.LENGTH
     return [mpmath.mpf(s[0, at + k]) + mpmath.mpf(s[1, at + k]) for k in range(n + 1)]
 
@@ -190,20 +190,20 @@ def test_steps_of_the_reference_keep_the_last_terms_small_beside_the_size_of_a_s
     """The state is 3 now and has been `largest`; the size is negative where it alone counts, and not the state."""
     s, order, sizes = np.zeros((2, reference.LENGTH)), reference.ORDER, np.array([largest])
     s[0, 0], s[0, order] = 3.0, 0.5
-    longest = interpreted(reference._longest)(equations(least=[least]), sizes, s)
+    longest = interpreted(reference.longest_step)(equations(least=[least]), sizes, s)
     assert longest == pytest.approx((reference.TOLERANCE * size / 0.5) ** (1.0 / order), rel=1e-14)
     s[0, order - 1] = 40.0  # the last term but one counts as well
-    longest = interpreted(reference._longest)(equations(least=[least]), sizes, s)
+    longest = interpreted(reference.longest_step)(equations(least=[least]), sizes, s)
     assert longest == pytest.approx((reference.TOLERANCE * size / 40.0) ** (1.0 / (order - 1)), rel=1e-14)
     s[0, 4] = math.nan
-    assert math.isnan(interpreted(reference._longest)(equations(least=[least]), sizes, s))
+    assert math.isnan(interpreted(reference.longest_step)(equations(least=[least]), sizes, s))
 
 
 @pytest.mark.parametrize("first", [1, 2, 3, 9, reference.ORDER - 2])
 def test_a_state_that_begins_at_zero_has_the_size_that_its_first_terms_make(first):
     s, order = np.zeros((2, reference.LENGTH)), reference.ORDER
     s[0, first], s[0, order] = 0.5, 0.25
-    longest = interpreted(reference._longest)(equations(), np.zeros(1), s)
+    longest = interpreted(reference.longest_step)(equations(), np.zeros(1), s)
     assert longest == pytest.approx((reference.TOLERANCE * 0.5 / 0.25) ** (1.0 / (order - first)), rel=1e-14)
 
 

@@ -149,9 +149,9 @@ def test_a_term_that_is_no_number_gives_no_step(place):
     equations = kernels.Equations(
         states, states, np.ones(1), np.zeros((0, 3)), states[:, :2], states[0, :0], states[0], -1
     )
-    assert interpreted(kernels._longest)(equations, sizes, s) > 0.0
+    assert interpreted(kernels.longest_step)(equations, sizes, s) > 0.0
     s[0, place] = np.nan
-    assert math.isnan(interpreted(kernels._longest)(equations, sizes, s))
+    assert math.isnan(interpreted(kernels.longest_step)(equations, sizes, s))
 
 
 @compiled
