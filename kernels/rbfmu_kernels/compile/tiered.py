@@ -1,13 +1,17 @@
 """Kernels as the plain Python functions that they are written as, until compiling them pays: the bits are the same.
 
 Compiling a model's step takes seconds, and a thousand steps in plain Python take a tenth of that. A kernel is compiled
-once its calls have taken the time that compiling takes, or after its first where those to come will take it. Code that
-is kept on disk from an earlier run serves from the first call.
+once its calls have taken the time that compiling takes, those of earlier processes too, or after its first where those
+to come will take it: so at most twice what is needed is spent (ski rental; Karlin, Manasse, Rudolph and Sleator 1988).
+Code that is kept on disk from an earlier run serves from the first call.
 """
 
+import atexit
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
 from threading import Lock
 from time import process_time
 from types import FunctionType, ModuleType
@@ -180,13 +184,18 @@ def _type_of(value: object) -> types.Type:
     return float64[::1] if is_buffer(value) and value.flags.carray else typeof(value)
 
 
+def _file_of_time(kernel: Any) -> Path:
+    """Return where it is kept, beside a kernel's code, what its calls in plain Python have taken, s."""
+    return Path(f"{kernel._cache._cache_file._index_path}.time")
+
+
 class Tiered:
     """A kernel that is called in plain Python first, and compiled later; calls: how many are known to come."""
 
     def __init__(self, kernel: Any, plain: Function) -> None:
         self._kernel, self._plain, self.calls = kernel, plain, 1
         self._patience = PATIENCE + PATIENCE_PER_BYTE * size_of_code(kernel)
-        self._taken, self._done = 0.0, 0
+        self._before, self._taken, self._done = 0.0, 0.0, 0
         self._call = self._first
 
     def __call__(self, *args: Any) -> Any:
@@ -200,7 +209,17 @@ class Tiered:
 
     def _first(self, *args: Any) -> Any:
         self._call = self._kernel if is_kept(self._kernel, *args) else self._interpreted
+        if not self.is_compiled:
+            with suppress(OSError, AttributeError, ValueError):  # there is no such file, or no cache at all
+                self._before = float(_file_of_time(self._kernel).read_text())
+            atexit.register(self._remember)
         return self._call(*args)
+
+    def _remember(self) -> None:
+        """Keep what calls have taken, so that who runs scene after scene compiles at last; not what is little."""
+        if self._taken > TYPICAL * self._patience and not self.is_compiled:
+            with suppress(OSError, AttributeError):
+                _file_of_time(self._kernel).write_text(str(self._before + self._taken))
 
     def _interpreted(self, *args: Any) -> Any:
         begin = process_time()
@@ -208,6 +227,8 @@ class Tiered:
         taken = process_time() - begin
         self._taken, self._done, self.calls = self._taken + taken, self._done + 1, max(self.calls - 1, 0)
         to_come = self.calls * self._taken / self._done if self._taken > TYPICAL * self._patience else 0.0
-        if self._taken + to_come > self._patience or self._kernel.overloads:  # others may have compiled it
+        if (
+            self._before + self._taken + to_come > self._patience or self._kernel.overloads
+        ):  # others may have compiled it
             self._call = self._kernel
         return found

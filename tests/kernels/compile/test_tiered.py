@@ -87,6 +87,21 @@ def test_a_kernel_is_compiled_once_python_takes_the_time_for_that(patience, call
     assert (tier._call is tier._kernel) == is_compiled
 
 
+def test_what_plain_python_took_in_earlier_processes_counts(monkeypatch, tmp_path):
+    monkeypatch.setattr(tiered, "PATIENCE", 0.0015)
+    monkeypatch.setattr(tiered, "PATIENCE_PER_BYTE", 0.0)
+    monkeypatch.setattr(tiered, "process_time", iter((0.0, 0.001, 0.001, 0.002)).__next__)
+    monkeypatch.setattr(tiered.atexit, "register", (ends := []).append)
+    kept = SimpleNamespace(_cache_file=SimpleNamespace(_index_path=tmp_path / "kernel.nbi"))
+    kernel, found = SimpleNamespace(py_func=plain, overloads={}, _cache=kept), []
+    for _ in range(2):
+        tier = tiered.Tiered(kernel, plain)
+        assert tier(1) == ("plain", 1)
+        found.append(tier.is_compiled)
+        ends.pop()()
+    assert found == [False, True]
+
+
 def test_a_long_kernel_is_waited_for_longer():
     short, long = (tiered.size_of_code(kernel) for kernel in (quaternion_from_euler, LOADED_TAYLOR.step))
     assert 0 < 5 * short < long
