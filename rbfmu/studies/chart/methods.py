@@ -173,7 +173,8 @@ def _steps_repeated(
     Return 1 where a fault ends them: each further step could take as long to fail.
     """
     for _ in range(k):
-        z[: len(start)] = start
+        for i in range(len(start)):  # a slice would compile the words of an error, for 2 s
+            z[i] = start[i]
         for i in range(len(out)):
             if step(z, interval):
                 return 1
