@@ -145,7 +145,8 @@ class Texts:
         try:
             found = self.motion.value(text)
             if shape is not None and shape_of(found) != shape:
-                raise FormulaError(text, 0, "a scalar" if shape == () else "a vector of 3 numbers, such as [0, 0, t]")
+                vector = "a vector of 3 numbers in one text, such as [0, 0, t]; texts of a list add up"
+                raise FormulaError(text, 0, "a scalar" if shape == () else vector)
             if shape is None and not key.startswith("formulas") and shape_of(found) not in ((), (3,)):
                 raise FormulaError(text, 0, "a scalar or a vector of 3 numbers")
         except FormulaError as error:
