@@ -172,7 +172,7 @@ def ensemble(
         running.check_store(output, resume)
         if plot:
             needed("scipy.stats", "ensemble")  # known to be there before anything runs
-        scene = members.with_runs(loaded, runs)
+        scene = members.for_ends(members.with_runs(loaded, runs))
         with running.dask_client(scheduler) if scheduler else nullcontext(workers) as executor:
             with bar(f"planning {scene.name}") as tell:
                 planned = planning.plan_ensemble(scene, tell)

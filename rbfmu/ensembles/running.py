@@ -67,6 +67,7 @@ def run_ensemble(
     """
     check_store(store, resume)
     scene = members.with_runs(scene, runs)
+    scene = scene if planned else members.for_ends(scene)
     plan = (given(planned) or planning.plan_once(scene)).of_scene(scene)
     control = control_of(scene, plan, inputs, controller, interpolate)
     work = Work(scene, plan, members_of_a_chunk(scene, plan, control), control)

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 import rbfmu
-from rbfmu.ensembles.members import draw, impossible_rows, member, refusals, thin_rows
+from rbfmu.ensembles.members import draw, for_ends, impossible_rows, member, refusals, thin_rows
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.scene.keys import scene_keys
 from rbfmu.scene.scene import Scene
@@ -262,3 +262,27 @@ def is_refused(M):
     except ValueError:
         return True
     return False
+
+
+def brick(**changes):
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "initial": {"omega_b": [0.1, 3.0, 0.2]},
+              "loads": {"gravity_a": [0.0] * 3}, "run": {"stop": 20.0, "step": 0.1},
+              "ensemble": {"runs": 4, "keep": ["final"], "vary": {"initial.omega_b": {"relative": 0.1}}}}  # fmt: skip
+    return rbfmu.Scene.from_dict(tables, "brick").replace(changes)
+
+
+def test_members_of_which_ends_alone_are_kept_take_one_step():
+    found = rbfmu.run_ensemble(brick(), progress=False)
+    assert found.time.tolist() == [0.0, 20.0]
+    alone = rbfmu.simulate(found.member(2), planned=plan_ensemble(for_ends(brick())))
+    assert alone.quaternion[-1].tobytes() == found.final["quaternion"][2].tobytes()
+    every = rbfmu.run_ensemble(brick(**{"ensemble.keep": ["all"]}), progress=False)
+    np.testing.assert_allclose(every.all["quaternion"][:, -1], found.final["quaternion"], rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("change", [
+    {"ensemble.keep": ["final", "statistics"]}, {"inputs.ports": ["torque_b"]}, {"events.turned": "omega_b[1]"},
+])  # fmt: skip
+def test_members_of_which_more_is_looked_at_take_the_steps_of_the_scene(change):
+    scene = brick(**change)
+    assert for_ends(scene) == scene
