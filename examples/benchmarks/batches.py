@@ -294,7 +294,6 @@ class Call:
 def call_of(case: Case, mark: float, runs: int, rounds: int, keep: Sequence[str] = ("final",)) -> Call:
     """Measure a motion whose rates vary by 0.02 rad/s."""
     tables, rates = case.asking(mark).to_dict(), case.scene.initial.omega_b
-    tables["run"]["step"] = case.span
     vary = {"initial.omega_b": {"normal": [list(rates), [0.02] * 3]}}
     scene = Scene.from_dict(tables | {"ensemble": {"runs": runs, "keep": list(keep), "vary": vary}}, case.scene.name)
     if compiling := compile_lanes(plan_ensemble(scene).kernels):
@@ -349,7 +348,7 @@ def random_motion(seed: int) -> Case:
     return Case(Scene.from_dict(tables, f"seed {seed}, {'a top' if top else 'under a torque'}"))
 
 
-def random_calls(seed: int, count: int) -> list[Call]:
+def random_calls(seed: int, count: int = 20) -> list[Call]:
     """Print and return whole calls of random motions at random accuracies, with what is kept by default."""
     found = []
     warnings.simplefilter("ignore", rbfmu.SceneWarning)  # of steps in which a body turns more than once
