@@ -21,7 +21,6 @@ from rbfmu.scene.scene import Body, Scene, SceneError
 from rbfmu.types import Array, Indices, Motion
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.integrators import formula_reference as kernels
-from rbfmu_kernels.integrators.formula_ends import FARTHER
 from rbfmu_kernels.integrators.formula_operations import KINDS
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
@@ -171,7 +170,7 @@ def _reach(room: Room, unit: float, step: float, last: float) -> tuple[float, fl
     reach, has_corners = step, any(map(len, (equations.sides, equations.touching, equations.rising)))
     for _ in range(MOST_HALVED):
         reach = kernels.to_corner(equations, s, step) if has_corners else step
-        parts = FAR_PARTS if step > FARTHER * last else PARTS
+        parts = FAR_PARTS if step > kernels.FARTHER * last else PARTS
         fault = kernels.first_fault(equations, sizes, s, unit, reach - 2.0 * kernels.BEYOND * step, here, parts)
         if fault == 0.0:
             break

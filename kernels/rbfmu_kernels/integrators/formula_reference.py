@@ -14,7 +14,7 @@ from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..types import Array, Indices
 from . import polynomials
-from .formula_ends import around_corner, begins_again, ends_at_corner, risen_at, side_after
+from .formula_ends import FARTHER as FARTHER, around_corner, begins_again, ends_at_corner, risen_at, side_after
 from .formula_operations import SIDE, STATE, coefficient_of, value_of
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
