@@ -138,7 +138,9 @@ def note_events(z: Buffer, ended: bool) -> None:
         least = round_off_of(z, e)
         middle, near, touch = abs(polynomial(z, at, ROW, n, 0.5 * reach)), z[AWAY + e] < least, z[LAST_TOUCHES + e]
         if before == 0.0:
-            happens, origin = z[at] == 0.0, side if slope == 0.0 else -side
+            happens = 2.0 * abs(z[at]) <= TOUCHED * abs(z[TIME] * slope)  # as sin(pi*t) at t = 1
+            t = leaves_band(z, at, ROW, n, reach, least)
+            origin = -side if t <= reach and side * polynomial(z, at, ROW, n, -t) < 0.0 else side
         else:
             happens = side != before or (ended and (touch > 0.0 or abs(z[at]) <= least))
             origin = z[ORIGINS + e] if near else before

@@ -91,6 +91,16 @@ def test_what_touches_zero_is_said_to_touch_it(step):
     assert not len(found.touches["beside"])
 
 
+def test_a_root_at_the_start_counts_in_spite_of_round_off():
+    """2026-11-28: sin(pi*t), 1.2e-16 at t = 1, did not count in a run that begins there, nor did a threefold root;
+    a touch with a slope of 2e-15 did."""
+    one = scene(root="sin(pi*t)", down={"when": "sin(pi*t)", "direction": "falling"},
+                threefold="(t - 1)**3", touch="cos(2*pi*t) - 1")  # fmt: skip
+    found = rbfmu.simulate(one.replace({"run": {"start": 1.0, "stop": 2.5, "step": 1.5, "accuracy": 1e-4}})).events
+    counts = {name: np.round(times, 6).tolist() for name, times in found.items()}
+    assert counts == {"root": [1.0, 2.0], "down": [1.0], "threefold": [1.0], "touch": []}
+
+
 def test_events_of_the_motion_are_where_it_comes_to_zero():
     one = scene(a="omega_b[1]", up={"when": "omega_b[1]", "direction": "rising"},
                 down={"when": "omega_b[1]", "direction": "falling"})  # fmt: skip
