@@ -33,8 +33,9 @@ def read_columns(
             file = given if given.seekable() else StringIO(given.read(), newline="")  # a pipe is read once
             names = [x.strip() for x in next(filter(None, csv.reader(file, skipinitialspace=True)), [])]
             if needed and needed not in names:
-                said = f"column {needed!r} is missing: expected it in the header, not {', '.join(names) or 'nothing'}"
-                raise SceneError(said, source)
+                apart = ", with commas between columns" if len(names) == 1 and set(names[0]) & set(";\t") else ""
+                said = f"column {needed!r} is missing: expected it in the header{apart}, not "
+                raise SceneError(said + (", ".join(names) or "nothing"), source)
             rows = list[list[str]]()
             if (plain := _plain_numbers(file, len(names))) is None:
                 file.seek(0)

@@ -228,6 +228,10 @@ FILES = {
         r'column "torque_x": .*\n.*\'force_a\[3\]\' is missing: .*\n.*force_a\[2\] = "x" .*\n.*row 2 has 2 cells.*\Z',
     ),
     "no time": ("force_a[1],force_a[2],force_a[3]\n1,1,1\n", "column 'time' is missing"),
+    "semicolons": (
+        "time;force_a[1]\n1;1,5\n",
+        "expected it in the header, with commas between columns, not time;force",
+    ),
     "twice": ("time,time,force_a[1],force_a[2],force_a[3]\n0,0,1,1,1\n", "column 'time' stands twice"),
     "text": (
         "time,force_a[1],force_a[2],force_a[3]\n0,1,x,1\n",
