@@ -37,7 +37,7 @@ def main(runs: int | None = None) -> None:
     print(f"rates at the end: median {np.median(rates):.4f} deg/s, 99 % below {np.quantile(rates, 0.99):.4f} deg/s")
     print(f"slower than {SLOW} deg/s: {100.0 * np.mean(rates < SLOW):.1f} %")
     drivers = found.drivers()
-    ranks = drivers.correlations[:, drivers.ends.index("rate")]
+    ranks = drivers.correlations[:, drivers.ends.index("rate")] if "rate" in drivers.ends else np.empty(0)
     for k in np.argsort(-np.abs(ranks))[:3]:
         print(f"rank correlation of the rate with {drivers.varied[k]}: {ranks[k]:.2f}")
     found.plot(PICTURE)

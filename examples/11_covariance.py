@@ -33,6 +33,8 @@ def scene_of(omega_b: list[float], runs: int) -> rbfmu.Scene:
 
 def main(runs: int = 100_000) -> None:
     """Print the standard deviation of the attitude over time, rad, by both ways."""
+    if runs < 2:
+        sys.exit(f"{runs} runs: expected at least 2, as one alone has no standard deviation")
     for name, omega_b in SPINS.items():
         scene = scene_of(omega_b, runs)
         covariance = np.diag(np.append([RATE] * 3, MOMENT * MOMENTS) ** 2)
