@@ -186,7 +186,7 @@ def print_ensemble(planned: "rbfmu.Plan", result: "rbfmu.EnsembleResult") -> Non
     for name in result.counts:
         times = result.first_of(name)
         deviation = times.std(ddof=1) if len(times) > 1 else math.nan  # as of all others
-        first = f", first at {times.mean():.6g} s, standard deviation {deviation:.3g} s" if len(times) else ""
+        first = f"; first times: mean {times.mean():.6g} s, standard deviation {deviation:.3g} s" if len(times) else ""
         click.echo(f"{name}: in {len(times):,} of {len(result.good):,} runs{first}")
 
 
