@@ -211,7 +211,7 @@ def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
             reverse = {one: samples.applied[one][::-1] for one in swapped}
             other = replace(samples, applied={**samples.applied, **reverse})
             found = _quietly(members.member(scene, other, 0).replace(step), chosen)
-            moved = any(variables.differ(np.stack([own[name].ravel(), found[name].ravel()])).any() for name in own)
+            moved = any(_differs(own[name].ravel(), found[name].ravel()) for name in own)
             if not moved and (name := _named(scene, key)):
                 yield f"ensemble.vary: {name} varies without effect on any output"
 
@@ -225,10 +225,15 @@ def _named(scene: Scene, key: str) -> str:
     return "" if key.startswith(f"{SHAPE}.") else key
 
 
+def _differs(a: Array, b: Array) -> bool:
+    return len(a) != len(b) or bool(variables.differ(np.stack([a, b])).any())  # an event may happen more often
+
+
 def _quietly(scene: Scene, chosen: Plan) -> dict[str, Array]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)  # of steps that are not the scene's
-        return simulate(scene, planned=chosen).quantities
+        found = simulate(scene, planned=chosen)
+    return {**found.quantities, **{f"events.{name}": times for name, times in found.events.items()}}
 
 
 # Pilots

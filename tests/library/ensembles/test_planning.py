@@ -215,6 +215,15 @@ def test_a_key_without_effect_is_said(recwarn):
     assert said == ("it: ensemble.vary: body.mass varies without effect on any output", __file__)
 
 
+def test_a_key_that_moves_an_event_alone_has_an_effect(recwarn):
+    """2026-11-28: the warning said that it does nothing, while the times of the event followed it."""
+    tables = FREE | {"constants": {"late": 0.3, "idle": 1.0}, "events": {"passed": "t - late"}}
+    vary = {"constants.late": {"uniform": [0.1, 0.5]}, "constants.idle": {"uniform": [0.1, 0.5]}}
+    plan_ensemble(Scene.from_dict(tables | {"name": "it", "ensemble": {"vary": vary}}))
+    said = [str(w.message) for w in recwarn if issubclass(w.category, rbfmu.SceneWarning)]
+    assert said == ["it: ensemble.vary: constants.idle varies without effect on any output"]
+
+
 def test_a_scene_that_was_run_is_planned_once_and_its_warnings_are_said_each_time(recwarn, monkeypatch):
     warnings.simplefilter("always")
     planned, as_it_is = [], planning.plan_ensemble
