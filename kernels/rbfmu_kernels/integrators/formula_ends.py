@@ -5,7 +5,7 @@ import math
 from ..compile.decorator import kernel
 from ..types import Buffer
 from . import polynomials
-from .polynomials import AT_CORNER, LEAST, NOTHING, ROUGHLY, bound_of, first_root, is_at_corner, known_until, polynomial
+from .polynomials import AT_CORNER, LEAST, NOTHING, ROUGHLY, bound_of, first_root, known_until, polynomial
 
 BEYOND = 1e-7
 """How far beyond a touch a series goes on, as a part of its reach."""
@@ -93,8 +93,9 @@ def ends_at_corner(z: Buffer, i: int, row: int, n: int, begun: float, t: float, 
     after the beginning is known to a part of h alone. What is zero all along ends nowhere.
     """
     if begun <= 0.0:
-        size, _ = bound_of(z, i, row, n, t)
-        return bool(size > 0.0) and is_at_corner(z, i, row, n, t)
+        size, slope = bound_of(z, i, row, n, t)
+        at_end = abs(polynomial(z, i, row, n, t))
+        return bool(size > 0.0) and bool(at_end <= max(AT_CORNER * size, LAST_HALF * h * slope))
     size, slope = bound_of(z, i + row, row, n - 1, t)
     at_end = abs(polynomial(z, i + row, row, n - 1, t))
     return bool(size > 0.0) and bool(at_end <= max(AT_CORNER * size, LAST_HALF * h * slope))

@@ -103,13 +103,6 @@ AT_CORNER = 1e-13
 
 
 @kernel
-def is_at_corner(z: Buffer, i: int, row: int, n: int, t: float) -> bool:
-    """Return whether a polynomial is zero at t, to round-off of its terms."""
-    size, _ = bound_of(z, i, row, n, t)
-    return abs(polynomial(z, i, row, n, t)) <= AT_CORNER * size
-
-
-@kernel
 def side_from(z: Buffer, i: int, row: int, first: int, n: int) -> float:
     """Return the sign of the first coefficient that is not zero, from the one of degree `first` on; 0 if all are."""
     for k in range(first, n + 1):

@@ -165,6 +165,21 @@ def test_a_corner_beyond_the_first_rows_of_the_reference_stays_where_it_is():
     assert rbfmu.plan(scene).error <= 1e-12
 
 
+def test_a_corner_that_round_off_puts_just_after_the_start_is_passed():
+    """2026-11-28: o is at rest while the body turns, so that v is 1e-18 for round-off: planning took a minute, or the
+    accuracy was refused as one that cannot be met. The end is that of SciPy's DOP853 at 1e-12."""
+    drag = "-[abs(v[1])*v[1], abs(v[2])*v[2], abs(v[3])*v[3]]"
+    one = rbfmu.Scene.from_dict({
+        "body": {"mass": 2.0, "inertia": [1.7, 2.2, 3.0], "r_oc_b": [0.0, 0.0, 0.5]},
+        "initial": {"omega_b": [0.1, -0.1, 0.1], "attitude": {"euler": "ZYX", "angles_deg": [4.0, 2.0, 8.0]}},
+        "loads": {"gravity_a": [0, 0, 0], "force_a": "[0.3, -0.2, 1]", "force_b": drag},
+        "formulas": {"v": "to_b(velocity)"}, "outputs": {"quantities": ["position"]},
+        "run": {"stop": 2.0, "step": 0.5, "accuracy": 1e-6},
+    })  # fmt: skip
+    end = rbfmu.simulate(one).position[-1]
+    np.testing.assert_allclose(end, [0.33013686, -0.16037668, 0.90281363], rtol=0, atol=1e-6)
+
+
 def test_what_has_decayed_to_nothing_at_its_corner_keeps_nobody():
     """2026-11-27: refused, as steps came to 1e-7 s: below 1e-300 no number is known as well as what has corners."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
