@@ -161,7 +161,7 @@ class _Writer:
     def _value(self, i: int, in_row: bool) -> str:
         kind, of, value = self._graph.operations[i]
         if in_row and i in self._sides:
-            return f"z[{self._place('sides') + self._sides[i]}]"
+            return f"z[{self._place('series.sides') + self._sides[i]}]"
         if in_row and kind == "state":
             return f"z[r + {self._columns[str(value)]}]"
         return f"z[{self._place(value)}]" if kind in LEAVES else VALUES[kind].format(*map(self._name, of))

@@ -257,7 +257,8 @@ class FormulaModel:
         blocks, groups, program = self.blocks.blocks, self.groups, self.program
         ends = [*accumulate(len(group.states) for group in groups)]
         own = [f"{STATE}{n}" for n in self.given.states]
-        where = {name.removeprefix("series."): block.start for name, block in blocks.items()}
+        known = sorted(blocks, key=lambda name: name.startswith("series."))  # whatever outputs and ports are called
+        where = {name.removeprefix("series."): blocks[name].start for name in known}
         work = where["work"]
         ports = [element for name, size in self.given.ports.items() for element in elements(name, size)]
         inputs = [tuple(self.place(element, end) for element in ports) for end in _ENDS]

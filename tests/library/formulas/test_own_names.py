@@ -184,6 +184,17 @@ def test_an_output_that_is_no_number_from_some_time_on_is_named(text):
         rbfmu.plan(one)
 
 
+@pytest.mark.parametrize("name", ["reach", "begun"])
+def test_an_output_may_be_called_as_what_series_keep(name):
+    """Its value stood for theirs: a motion with corners was refused."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "run": {"stop": 1.0, "step": 0.1, "accuracy": 1e-8},
+              "loads": {"torque_b": "[0, 0, where(t > 1/3, 1, -1)]"},
+              "outputs": {"quantities": ["omega_b"], name: "2 + 3*t"}}  # fmt: skip
+    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+    np.testing.assert_allclose(getattr(found, name), 2.0 + 3.0 * found.time, rtol=1e-14)
+    assert found.omega_b[-1, 2] == pytest.approx(1.0 / 3.0, rel=0, abs=1e-8)
+
+
 def test_other_keys_of_a_row_stay_when_one_is_replaced():
     tables = {
         "states": {"u": {"start": 1.0, "rate": "-c*u", "unit": "m"}},

@@ -53,7 +53,7 @@ CASES = {
 POINTS = (0.4, 0.9)
 N = 12
 NOTHING = np.zeros((1, 3), np.int64)
-PLACES = ("c", "t", "y", "slope", "sides")
+PLACES = ("c", "t", "y", "slope", "series.sides")
 """What stands in the buffer of these tests."""
 
 
@@ -79,7 +79,7 @@ def doubles(text, t, n=N):
     z[0] = 0.7
     rows = z[work + made.start :].reshape(-1, made.row)
     rows[0, 1] = t
-    for at, i in enumerate(made.sides, PLACES.index("sides")):
+    for at, i in enumerate(made.sides, PLACES.index("series.sides")):
         z[at] = float(truth_of(graph, Symbol(graph, i), t))
     interpreted(kernels["constants"])(z, work)
     interpreted(kernels["first"])(z, work)
