@@ -92,10 +92,7 @@ def ends_at_corner(z: Buffer, i: int, row: int, n: int, begun: float, t: float, 
     Of one that began at its corner the first coefficient is left out, as where its root is looked for: one 2e-16 s
     after the beginning is known to a part of h alone. What is zero all along ends nowhere.
     """
-    if begun <= 0.0:
-        size, slope = bound_of(z, i, row, n, t)
-        at_end = abs(polynomial(z, i, row, n, t))
-        return bool(size > 0.0) and bool(at_end <= max(AT_CORNER * size, LAST_HALF * h * slope))
-    size, slope = bound_of(z, i + row, row, n - 1, t)
-    at_end = abs(polynomial(z, i + row, row, n - 1, t))
+    first = 1 if begun > 0.0 else 0
+    size, slope = bound_of(z, i + first * row, row, n - first, t)
+    at_end = abs(polynomial(z, i + first * row, row, n - first, t))
     return bool(size > 0.0) and bool(at_end <= max(AT_CORNER * size, LAST_HALF * h * slope))
