@@ -40,6 +40,8 @@ class Graph:
         self.operations: list[Operation] = []
         self.varies: list[bool] = []
         """Of each operation whether it comes of states or inputs."""
+        self.powers: dict[int, tuple[int, float]] = {}
+        """Powers of roots, by which number to which power they are: finite slopes where that is zero."""
         self._at: dict[Operation, int] = {}
 
     def add(self, kind: str, *of: "Number", value: float | str = 0.0) -> "Symbol":
@@ -252,6 +254,8 @@ def power(x: Number, exponent: Number) -> Number:
     if not isinstance(exponent, Symbol):
         if exponent == int(exponent) and abs(exponent) <= 1024.0:
             whole = _whole_power(x, abs(int(exponent)))
+            if isinstance(whole, Symbol) and isinstance(x, Symbol) and x.operation.kind == "sqrt" and whole != x:
+                whole.graph.powers[whole.index] = x.operation.of[0], 0.5 * abs(exponent)
             return whole if exponent >= 0.0 else 1.0 / whole
         if 2.0 * exponent == int(2.0 * exponent) and abs(exponent) <= 32.0:
             return power(square_root(x), 2.0 * exponent)
@@ -307,7 +311,7 @@ def gradient(y: Number, variables: Sequence[Symbol]) -> list[Number]:
         slope = slopes.get(i, 0.0)
         if isinstance(slope, Symbol) or slope != 0.0:
             here = Symbol(graph, i)
-            for of, partial in zip(here.operation.of, _partials(here), strict=True):
+            for of, partial in _partials(here):
                 slopes[of] = slopes.get(of, 0.0) + slope * partial
     return [slopes.get(x.index, 0.0) for x in variables]
 
@@ -319,8 +323,7 @@ def changes_of(numbers: Sequence[Number], of_leaves: Mapping[Symbol, Number]) ->
         for i in x.graph.reached([x]):
             if i not in changes:
                 here = Symbol(x.graph, i)
-                parts = (changes[j] * slope for j, slope in zip(here.operation.of, _partials(here), strict=True))
-                changes[i] = sum(parts, 0.0)
+                changes[i] = sum((changes[j] * slope for j, slope in _partials(here)), 0.0)
     return [changes[x.index] if isinstance(x, Symbol) else 0.0 for x in numbers]
 
 
@@ -342,7 +345,12 @@ _PARTIALS: Mapping[str, Callable[[Symbol, Symbol, Symbol, Symbol], Sequence[Numb
 """The derivatives of an operation y by each of the numbers that it is of; those of a side are zero."""
 
 
-def _partials(y: Symbol) -> Sequence[Number]:
+def _partials(y: Symbol) -> list[tuple[int, Number]]:
+    """Return what an operation changes with, and the derivatives by that."""
     kind, of, _ = y.operation
+    if y.index in y.graph.powers:
+        under, exponent = y.graph.powers[y.index]
+        return [(under, exponent * power(Symbol(y.graph, under), exponent - 1.0))]
     a, b, c = (*(Symbol(y.graph, i) for i in of), y, y, y)[:3]
-    return _PARTIALS[kind](y, a, b, c) if kind in _PARTIALS else (0.0,) * len(of)
+    slopes = _PARTIALS[kind](y, a, b, c) if kind in _PARTIALS else (0.0,) * len(of)
+    return [*zip(of, slopes, strict=True)]

@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from rbfmu.formulas.functions import Table
-from rbfmu.formulas.graph import Graph, Symbol, gradient
+from rbfmu.formulas.graph import Graph, Symbol, gradient, numbers_of
 from rbfmu.formulas.program import PAIRS, Program, pair_of, with_pairs
 from rbfmu.formulas.source import source_of
 from rbfmu.formulas.text import value_of
@@ -158,6 +158,17 @@ def test_gradients_are_first_coefficients(name):
         z = np.array([0.7, t, 0.0, 0.0])
         assert interpreted(kernels["values"])(z) == 0
         assert z[3] == pytest.approx(float(truth(function, t, 1)[1]), rel=1e-13, abs=1e-14)
+
+
+@pytest.mark.parametrize(("text", "slopes"), [
+    ("t**1.5", (0.0, 1.5)), ("max(t, 0)**2.5", (0.0, 2.5)), ("3*sqrt(4*t)**3", (0.0, 36.0)), ("sqrt(t)**2", (1.0, 1.0)),
+])  # fmt: skip
+def test_a_half_power_has_a_slope_where_it_is_zero(text, slopes):
+    """By products and root it was 0/0 there."""
+    graph, y = graph_of(text)
+    (slope,) = gradient(y, [graph.leaf("state", "t")])
+    found = [numbers_of(graph, [slope], {"t": t})[0] for t in (0.0, 1.0)]
+    assert found == pytest.approx(slopes, rel=1e-15)
 
 
 @pytest.mark.parametrize("text", ["sqrt(t)", "norm([t, 0, t*t])", "log(t)", "1/t", "t**0.5", "t**1.3", "atan2(t, t)"])
