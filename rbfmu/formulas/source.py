@@ -98,6 +98,8 @@ class _Writer:
         self._sides = {i: n for n, i in enumerate(program.sides)}
         self._columns = {name: at for at, name in enumerate(program.rates)}
         self._factors = [one for g in range(len(program.groups)) for one in self._factors_of(g)]
+        roots = enumerate(program.touching if program.sides else ())
+        self._resting = {i: n for n, i in roots if program.graph.operations[i].kind == "sqrt"}
         self._sums = {i: [one.name for one in own] for i, own in groupby(program.sums, lambda one: one.of)}
 
     def series(self) -> Iterator[str]:
@@ -164,7 +166,10 @@ class _Writer:
             return f"z[{self._place('series.sides') + self._sides[i]}]"
         if in_row and kind == "state":
             return f"z[r + {self._columns[str(value)]}]"
-        return f"z[{self._place(value)}]" if kind in LEAVES else VALUES[kind].format(*map(self._name, of))
+        text = f"z[{self._place(value)}]" if kind in LEAVES else VALUES[kind].format(*map(self._name, of))
+        if in_row and i in self._resting:
+            return f"choose(z[{self._place('series.resting') + self._resting[i]}] != 0.0, 0.0, {text})"
+        return text
 
     def _put(self, text: Callable[[Number], str], divided: str = "") -> Iterator[str]:
         """Yield the lines that store what is watched, numbers beside, and the states' next coefficients."""

@@ -166,7 +166,7 @@ class FormulaModel:
             **{f"{n}{end}": given.ports[n] for end in _ENDS for n in given.ports if n not in memory.INPUTS},
             **{f"{CONSTANT}{n}": s for n, s in given.constants.items()},
             **{f"{STATE}{n}_0": s for n, s in given.states.items()},
-            **{f"{STATE}{n}": s for n, s in given.states.items()},
+            **{f"{STATE}{n}": s for n, s in given.states.items()}, "series.resting": len(self.program.touching),
             **templates.SERIES, **dict.fromkeys(templates.CORNERS, len(self.program.sides)),
             "series.sizes": max(len(self.groups), 1), "series.held_inputs": max(sum(given.ports.values()), 1),
             **self.own_outputs, **{f"{EVENT}{n}": 1 for n in self.events}, **self.more_blocks,
@@ -264,7 +264,7 @@ class FormulaModel:
         inputs = [tuple(self.place(element, end) for element in ports) for end in _ENDS]
         numbers = (
             *("order", "tolerance", "span", "time", "longest", "sizes", "stands", "reach", "since", "begun"),
-            *("rest", "crept", "tried", "sides", "on", "flips", "kept", "last", "spare", "work"),
+            *("rest", "crept", "tried", "resting", "sides", "on", "flips", "kept", "last", "spare", "work"),
         )
         return {name.upper(): where[name] for name in numbers} | {
             "STATES": tuple(map(self.place, self.rates)),

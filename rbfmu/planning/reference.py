@@ -21,7 +21,8 @@ from rbfmu.scene.scene import Body, Scene, SceneError
 from rbfmu.types import Array, Indices, Motion
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.integrators import formula_reference as kernels
-from rbfmu_kernels.integrators.formula_operations import KINDS
+from rbfmu_kernels.integrators.formula_ends import FARTHER
+from rbfmu_kernels.integrators.formula_operations import KINDS, SQRT
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
 
@@ -40,7 +41,8 @@ ENOUGH, STEADY = 0.15, 2.1
 """In a hurry a motion is given up after a fifth of the steps where these have done less than this part of the run, and
 have not grown longer: they have done less than so many times what the first half of them did."""
 SHORTER, MOST_SHORTENED = 2.0**-40, 10
-"""By how much, and how often, the unit of time is made shorter where coefficients leave the range of doubles."""
+"""By how much, and how often, the unit of time is made shorter where coefficients come near the end of the range of
+doubles."""
 MOST_HALVED, FAR_PARTS, PARTS = 60, 64, 16
 """How often a series is halved for its defect at most; and the parts of one that goes far, and of others, between which
 it is looked at: more than of what is judged.
@@ -124,13 +126,13 @@ def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float]:
     unit, step, shortened, steps, stalled, k = usual, 0.0, 0, 0, 0, 0
     equations.sides[:, 1:], s[:, :: kernels.LENGTH] = 0.0, here
     while k < times.shape[1]:
-        if not _settled(room, unit, now[0], shortened > 0):
+        if not _settled(room, unit, now[0] / unit, shortened > 0):
             return NOWHERE, now[0]
         last, step = step, min(kernels.longest_step(equations, sizes, s), 2.0 * span / unit)
         if math.isnan(step) and shortened < MOST_SHORTENED:
             unit, step, shortened = SHORTER * unit, last / SHORTER, shortened + 1
             continue
-        reach, step = _reach(room, unit, step, last)
+        reach, step = _reach(room, now[0] / unit, unit, step, last)
         steps, done = steps + 1, now[0] - begin
         stalled = stalled + 1 if unit * reach < FINEST * done else 0
         if not reach > 0.0 or stalled > MOST_STALLED:
@@ -147,30 +149,34 @@ def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float]:
     return steps, now[0] - half
 
 
-def _settled(room: Room, unit: float, now: float, again: bool) -> bool:
+def _settled(room: Room, unit: float, done: float, again: bool) -> bool:
     """Make series until all sides are those to which these lead; return whether there are any such.
 
-    again: whether the series is the same in another unit.
+    done: the time that has passed, in units; again: whether the series is the same in another unit.
     """
     equations, sides, turned = room.equations, room.equations.sides, -1
+    roots = [n for n in equations.touching[:, 1] if equations.operations[n, 0] == SQRT] if len(sides) else []
+    equations.operations[roots, 2] = 0
     if not again:
         sides[:, 1], sides[:, 2] = sides[:, 2], 0.0
-    for _ in range(3 * len(sides) + 1):
+    for _ in range(3 * len(sides) + len(roots) + 1):
         kernels.expand(equations, room.s, unit)
-        turned = kernels.turn_side(equations, room.s, now / unit) if len(sides) else -1
+        if roots and kernels.rest_roots(equations, room.s, done):
+            continue
+        turned = kernels.turn_side(equations, room.s, done) if len(sides) else -1
         if turned < 0:
             return True
     sides[turned, 1] = SLIDES
     return False
 
 
-def _reach(room: Room, unit: float, step: float, last: float) -> tuple[float, float]:
+def _reach(room: Room, done: float, unit: float, step: float, last: float) -> tuple[float, float]:
     """Return how far series reach, and the step, halved until their defect is small; last: the step before."""
     equations, _, _, s, here, sizes = room
     reach, has_corners = step, any(map(len, (equations.sides, equations.touching, equations.rising)))
     for _ in range(MOST_HALVED):
-        reach = kernels.to_corner(equations, s, step) if has_corners else step
-        parts = FAR_PARTS if step > kernels.FARTHER * last else PARTS
+        reach = kernels.to_corner(equations, s, step, done) if has_corners else step
+        parts = FAR_PARTS if step > FARTHER * last else PARTS
         fault = kernels.first_fault(equations, sizes, s, unit, reach - 2.0 * kernels.BEYOND * step, here, parts)
         if fault == 0.0:
             break

@@ -66,6 +66,22 @@ def test_a_switch_moves_in_time():
     np.testing.assert_allclose(found.of["attitude"][:, 2, 0], turned, rtol=0, atol=1e-13)
 
 
+def test_a_contact_by_the_law_of_hertz_has_derivatives():
+    """As a potential it was refused as well: the derivative of a half power is 0/0 by those of root and products.
+
+    A ball is back after tau = 2 d/v times the integral of dx/sqrt(1 - x**2.5) over [0, 1], with d**2.5 = 1.25 v**2/k.
+    """
+    k, v, z, stop = 400.0, 2.0, 0.3, 0.8
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["position"]},
+              "initial": {"position": [0.0, 0.0, z], "velocity": [0.0, 0.0, -v]}, "constants": {"k": k},
+              "loads": {"gravity_a": [0, 0, 0], "potential": "0.4*k*max(-position[3], 0)**2.5"},
+              "run": {"stop": stop, "step": 0.4, "accuracy": 1e-9}}  # fmt: skip
+    found = rbfmu.sensitivity(rbfmu.Scene.from_dict(tables), ["constants.k", "initial.position"])
+    tau = 2.0 / v * (1.25 * v**2 / k) ** 0.4 * math.sqrt(math.pi) * math.gamma(1.4) / math.gamma(0.9)
+    assert found.values["position"][-1, 2] == pytest.approx(v * (stop - tau) - z, rel=0, abs=1e-9)
+    np.testing.assert_allclose(found.of["position"][-1, 2, [0, 3]], [0.4 * v * tau / k, -1.0], rtol=1e-7)
+
+
 def test_a_corner_without_a_jump_leaves_derivatives_as_they_are():
     one = scene({"torque_b": "abs(t - k)*[0, 0, 3]"}, constants={"k": 0.9})
     found = rbfmu.sensitivity(one, ["constants.k"])

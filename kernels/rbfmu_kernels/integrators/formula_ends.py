@@ -29,8 +29,8 @@ power 64, the highest that is multiplied out, comes to 1e-10 in 40 of them, and 
 """
 LAST_HALF = LEAST * 2.0**-63
 """The part of [0, h] to which 64 halvings of the least step of a search find a root."""
-LATER = 8.0
-"""How many times what is round-off of a time has passed where the side after a corner is looked at."""
+SOON_AFTER = 8.0 * AT_CORNER
+"""The part of the time that has passed after which the side after a corner is looked at: some of its round-off."""
 AROUND = 100.0
 """How far such a series goes at most, in times in which its first two terms come to zero: of (t - 1)^n the zero is at n
 of them. In a longer one the zero is passed by 1e-9 of it, and searched for in steps as small.
@@ -68,13 +68,35 @@ def begins_again(z: Buffer, i: int, row: int, begun: float, t: float) -> float:
 
 
 @kernel
+def at_zero(z: Buffer, i: int, row: int, t: float) -> bool:
+    """Return whether a polynomial comes to zero, or came there, in a time that is round-off of t."""
+    return t * z[i + row] != 0.0 and abs(z[i]) <= AT_CORNER * abs(t * z[i + row])
+
+
+@kernel(inline=False)
+def rest_roots(z: Buffer, at: int, row: int, sides: int, touching: int, to: int, t: float) -> bool:
+    """Let roots count as zero beside it where a corner is; return whether any does that did not before.
+
+    at: where the polynomials stand of so many sides and of what roots are of; to: what says of each root whether it
+    counts as zero. A root has no series there, only ever shorter ones beside it.
+    """
+    corner, changed = False, False
+    for i in range(sides):
+        corner |= at_zero(z, at + i, row, t)
+    for i in range(sides, sides + touching):
+        if corner and z[to + i - sides] == 0.0 and at_zero(z, at + i, row, t):
+            z[to + i - sides], changed = 1.0, True
+    return changed
+
+
+@kernel
 def side_after(z: Buffer, i: int, row: int, n: int, begun: float, t: float) -> float:
     """Return the side to which a series leads, 0 where all is zero; begun: of `begins_again`.
 
     At a corner it is the one after a time that is round-off of t: -(t - 1)^2 rises for as long as that at most.
     """
     if begun > 0.0:
-        later = polynomial(z, i + row, row, n - 1, LATER * AT_CORNER * t)
+        later = polynomial(z, i + row, row, n - 1, SOON_AFTER * t)
         return math.copysign(1.0, later) if later != 0.0 else polynomials.side_from(z, i, row, 1, n)
     return polynomials.side_from(z, i, row, 0, n)
 

@@ -17,7 +17,7 @@ KINDS = (
 )  # fmt: skip
 """The last is a product with what stays as it is, its second factor: of that a coefficient needs the first alone."""
 (
-    _NUMBER, _PLACE, _INPUT, STATE, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, _SQRT, _EXP, _LOG, _SIN, _COS, _ATAN2, _POWER,
+    _NUMBER, _PLACE, _INPUT, STATE, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, SQRT, _EXP, _LOG, _SIN, _COS, _ATAN2, _POWER,
     _LOGISTIC, SIDE, _SELECT, _SCALE,
 ) = range(len(KINDS))  # fmt: skip
 
@@ -52,7 +52,7 @@ def value_of(kind: int, i: int, a: int, b: int, c: int, s: Array) -> dd.DoubleDo
         return dd.multiply(x, y)
     if kind == _DIVIDE:
         return dd.divide(x, y) if y[0] != 0.0 else (math.nan, 0.0)
-    if kind == _SQRT:
+    if kind == SQRT:
         return dd.root(x) if x[0] >= 0.0 else (math.nan, 0.0)
     if kind == _EXP:
         return exponential(x)
@@ -89,7 +89,7 @@ def coefficient_of(kind: int, i: int, a: int, b: int, c: int, s: Array, k: int) 
         return dd.multiply(dd.at(s, a + k), dd.at(s, b))
     if kind == _DIVIDE:
         return dd.divide(dd.subtract(dd.at(s, a + k), _sum(s, b, i, k, 1, k)), dd.at(s, b))
-    if kind == _SQRT:
+    if kind == SQRT:
         rest = dd.subtract(dd.at(s, a + k), _sum(s, i, i, k, 1, k - 1))
         return dd.divide(rest, dd.scale(2.0, dd.at(s, i))) if s[0, i] != 0.0 else (0.0, 0.0)
     if kind == _EXP:

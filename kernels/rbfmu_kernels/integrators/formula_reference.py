@@ -13,9 +13,8 @@ from typing import NamedTuple
 from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..types import Array, Indices
-from . import polynomials
-from .formula_ends import FARTHER as FARTHER, around_corner, begins_again, ends_at_corner, risen_at, side_after
-from .formula_operations import SIDE, STATE, coefficient_of, value_of
+from . import formula_ends as ends, polynomials
+from .formula_operations import SIDE, SQRT, STATE, coefficient_of, value_of
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
 """The order of series, and the error of a step, relative to sizes: far below what doubles have. The order of least work
@@ -24,8 +23,14 @@ the number under a root begins at zero: parts of its reach."""
 LENGTH = ORDER + 1
 CORNER_KNOWN = 1e-17
 """The part of its size to which what has a corner is known there."""
+LARGEST = 1e290
+"""The largest coefficients: near the end of the range of doubles products of double-double numbers are none."""
 MOST_DEFECT = 1e-11
 """The defect within a series, which is known in doubles, with which it is halved."""
+FINER = 0.01
+"""The part of the round-off of a time beside which a root counts as zero where plans have it so: they are judged by
+what they leave out there, which is much more. A corner is found to an ulp of the last series' reach.
+"""
 
 
 class Equations(NamedTuple):
@@ -56,7 +61,9 @@ def evaluate(operations: Indices, s: Array, stride: int, with_sides: bool) -> No
     """
     for n in range(operations.shape[0]):
         kind, a, b, c = operations[n, 0], operations[n, 1], operations[n, 2], operations[n, 3]
-        if kind > STATE and (with_sides or kind != SIDE):
+        if kind == SQRT and b != 0 and stride == LENGTH:
+            dd.put(s, n * stride, (0.0, 0.0))
+        elif kind > STATE and (with_sides or kind != SIDE):
             dd.put(s, n * stride, value_of(kind, n * stride, a * stride, b * stride, c * stride, s))
 
 
@@ -90,7 +97,7 @@ def longest_step(equations: Equations, sizes: Array, s: Array) -> float:
             if states[m, 2] == g:
                 i = states[m, 0] * LENGTH
                 for k in range(LENGTH):
-                    if not abs(s[0, i + k]) < math.inf:
+                    if not abs(s[0, i + k]) + abs(s[1, i + k]) < LARGEST:
                         return math.nan
                 sizes[g] = max(sizes[g], abs(s[0, i]))
                 slope, bend = max(slope, abs(s[0, i + 1])), max(bend, abs(s[0, i + 2]))
@@ -112,6 +119,20 @@ def longest_step(equations: Equations, sizes: Array, s: Array) -> float:
 
 
 @kernel(inline=False)
+def rest_roots(equations: Equations, s: Array, done: float) -> bool:
+    """Let roots count as zero as `formula_ends.rest_roots` does, but FINER of the time done."""
+    operations, sides, touching = equations.operations, equations.sides, equations.touching
+    corner, changed = False, False
+    for i in range(sides.shape[0]):
+        corner |= ends.at_zero(s[0], operations[int(sides[i, 0]), 1] * LENGTH, 1, FINER * done)
+    for m in range(touching.shape[0]):
+        n, is_beside = touching[m, 1], ends.at_zero(s[0], touching[m, 0] * LENGTH, 1, FINER * done)
+        if corner and is_beside and operations[n, 0] == SQRT and operations[n, 2] == 0:
+            operations[n, 2], changed = 1, True
+    return changed
+
+
+@kernel(inline=False)
 def turn_side(equations: Equations, s: Array, done: float) -> int:
     """Turn the first side that is not the one to which the series lead, and return which; -1 where all are.
 
@@ -121,8 +142,8 @@ def turn_side(equations: Equations, s: Array, done: float) -> int:
     for i in range(sides.shape[0]):
         n = int(sides[i, 0])
         at = operations[n, 1] * LENGTH
-        sides[i, 1] = begins_again(s[0], at, 1, sides[i, 1], done)
-        side = side_after(s[0], at, 1, ORDER, sides[i, 1], done)
+        sides[i, 1] = ends.begins_again(s[0], at, 1, sides[i, 1], done)
+        side = ends.side_after(s[0], at, 1, ORDER, sides[i, 1], done)
         side = 1.0 if side == 0.0 and (sides[i, 2] == 0.0 or s[0, n * LENGTH] == 0.0) else side
         if side != 0.0 and side != s[0, n * LENGTH]:
             s[0, n * LENGTH], sides[i, 2] = side, 1.0  # which says until `to_corner` that it has turned already
@@ -131,18 +152,18 @@ def turn_side(equations: Equations, s: Array, done: float) -> int:
 
 
 @kernel(inline=False)
-def to_corner(equations: Equations, s: Array, longest: float) -> float:
-    """Return how far the series reach, at most `longest`, and note at whose corner they end."""
+def to_corner(equations: Equations, s: Array, longest: float, done: float) -> float:
+    """Return how far the series reach, at most `longest`, and note at whose corner they end; done: of `turn_side`."""
     operations, sides, touching, corner = equations.operations, equations.sides, equations.touching, -1
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
         longest = polynomials.known_until(s[0], at, 1, ORDER, longest, polynomials.ROUGHLY)
-        longest = around_corner(s[0], at, 1, sides[i, 1], longest)
+        longest = ends.around_corner(s[0], at, 1, sides[i, 1], longest)
     for m in range(touching.shape[0]):
         for of in range(2):
             longest = polynomials.known_until(s[0], touching[m, of] * LENGTH, 1, ORDER, longest, polynomials.ROUGHLY)
     for i in equations.rising:
-        longest = risen_at(s[0], i * LENGTH, 1, ORDER, longest)
+        longest = ends.risen_at(s[0], i * LENGTH, 1, ORDER, longest)
     reach = longest
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
@@ -151,7 +172,9 @@ def to_corner(equations: Equations, s: Array, longest: float) -> float:
             reach, corner = root, at
     for m in range(touching.shape[0]):
         at = touching[m, 0] * LENGTH
-        if polynomials.begins_at_zero(s[0], at, 1, ORDER):
+        if operations[touching[m, 1], 0] == SQRT and operations[touching[m, 1], 2] != 0:
+            reach, corner = min(reach, ends.SOON_AFTER * FINER * done), -1
+        elif polynomials.begins_at_zero(s[0], at, 1, ORDER):
             reach, corner = min(reach, AT_REST * longest), -1
         else:
             touch = polynomials.first_touch(s[0], at, 1, ORDER, 0.0, longest, 1.0, polynomials.OF_ROOTS)
@@ -161,7 +184,7 @@ def to_corner(equations: Equations, s: Array, longest: float) -> float:
         reach = polynomials.known_until(s[0], corner, 1, ORDER, reach, CORNER_KNOWN)
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
-        ends_there = reach < longest and ends_at_corner(s[0], at, 1, ORDER, sides[i, 1], reach, longest)
+        ends_there = reach < longest and ends.ends_at_corner(s[0], at, 1, ORDER, sides[i, 1], reach, longest)
         sides[i, 2] = 1.0 - min(sides[i, 1], 0.0) if ends_there else 0.0
     return reach
 

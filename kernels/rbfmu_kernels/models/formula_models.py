@@ -36,7 +36,7 @@ _places: tuple[int, ...] = ()
 INPUTS = RATES = RATES_2 = STATES = _places
 SHOWN: tuple[float, ...] = ()
 NUMBER_OF_INPUTS = NUMBER_OF_SIDES = NUMBER_TOUCHING = NUMBER_RISING = SIDES = ORDER = WORK = ROWS = ROW = 0
-WIDE_ROW = TIME = STARTS = ACTIVE = KEPT = MEMORY = MEMORY_SIZE = 0
+WIDE_ROW = RESTING = TIME = STARTS = ACTIVE = KEPT = MEMORY = MEMORY_SIZE = 0
 
 
 def put_head_in_lane(z: Buffer, c: Buffer, lane: int) -> None:
@@ -46,7 +46,7 @@ def put_head_in_lane(z: Buffer, c: Buffer, lane: int) -> None:
 
 
 def put_starts_in_lane(z: Buffer, c: Buffer, lane: int) -> None:
-    """Give a lane what changes from series to series: states, inputs, sides."""
+    """Give a lane what changes from series to series: states, inputs, sides, roots that count as zero."""
     for i in range(len(STATES)):
         put_lane_at(c, ROWS + i, lane, z[ROWS + i])
     for i in range(NUMBER_OF_INPUTS):
@@ -55,6 +55,8 @@ def put_starts_in_lane(z: Buffer, c: Buffer, lane: int) -> None:
         put_lane_at(c, RATES_2[i], lane, z[RATES_2[i]])
     for i in range(NUMBER_OF_SIDES):
         put_lane_at(c, SIDES + i, lane, z[SIDES + i])
+    for i in range(NUMBER_TOUCHING):
+        put_lane_at(c, RESTING + i, lane, z[RESTING + i])
 
 
 def take_series_of_lane(z: Buffer, c: Buffer, lane: int) -> None:
@@ -74,7 +76,7 @@ def make_series_of_lanes(c: Buffer, buffers: Array, marks: Array) -> None:
             n = int(z[ORDER])
             prepare_series(z)
             marks[lane, SETTLED] = 0.0
-    for _ in range(3 * NUMBER_OF_SIDES + 1):
+    for _ in range(3 * NUMBER_OF_SIDES + NUMBER_TOUCHING + 1):
         for lane in range(width_of(c)):
             if marks[lane, SETTLED] == 0.0:
                 put_starts_in_lane(buffers[lane], c, lane)

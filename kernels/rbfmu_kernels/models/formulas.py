@@ -16,7 +16,7 @@ from ..buffer import MAX_SUBSTEPS, MOST_LISTED, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
 from ..integrators import formula_ends, polynomials
-from ..integrators.formula_ends import BEYOND, FARTHER
+from ..integrators.formula_ends import BEYOND, FARTHER, SOON_AFTER, rest_roots
 from ..integrators.substeps import count_substep, tolerance_of_substep
 from ..numerics import double_double as dd
 from ..numerics.elementary import exponential, logarithm
@@ -47,7 +47,8 @@ AT_REST = 1e-8
 
 The root of what touches zero is smooth there but for its sign: the series has it negative beyond, and the next one,
 which begins beyond, positive. A root that begins at zero counts as zero for the first of its series. What either
-misses is the square of these parts.
+misses is the square of these parts. At a corner, as that of max(x, 0)**1.5, a root counts as zero also where round-off
+has it beside its zero (`formula_ends.rest_roots`), and series beside it reach 0.8 of the time to there, or from there.
 """
 PENDING = -1
 """The status of a step that needs a series to go on."""
@@ -72,7 +73,7 @@ RELATIVE: tuple[bool, ...] = ()
 INPUTS = RATES = RATES_2 = STATES = FIRSTS = ENDS = OF_EVENT = _places
 ORDER = TOLERANCE = SPAN = TIME = STARTS = LONGEST = SIZES = HELD = STANDS = REACH = SINCE = BEGUN = 0
 NUMBER_OF_INPUTS = NUMBER_TOUCHING = NUMBER_RISING = NUMBER_OF_SIDES = WATCHED = SIDES = ON = NEXT = FLIPS = 0
-NUMBER_OF_EVENTS = LISTED = NUMBER_OF_ERRORS = BOUNDED = REST = CREPT = TRIED = 0
+NUMBER_OF_EVENTS = LISTED = NUMBER_OF_ERRORS = BOUNDED = REST = CREPT = TRIED = RESTING = 0
 KEPT = MEMORY = MEMORY_SIZE = LAST = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_SIZE = ATTITUDE = 0
 
 
@@ -111,6 +112,8 @@ def reach_of_truth(z: Buffer, h: float) -> tuple[float, float]:
 
 def settle_sides(z: Buffer) -> bool:
     """Return whether all sides are those to which the series lead; else change one, for which they are made again."""
+    if rest_roots(z, WATCHED, ROW, NUMBER_OF_SIDES, NUMBER_TOUCHING, RESTING, z[TIME] - z[STARTS]):
+        return False
     for i in range(NUMBER_OF_SIDES):
         if OF_EVENT[i] >= 0:
             side = side_that_counts(z, i)
@@ -151,7 +154,9 @@ def reach_to_corner(z: Buffer, h: float) -> float:
         if root < reach:
             reach, corner = root, at
     for i in range(WATCHED + NUMBER_OF_SIDES, WATCHED + NUMBER_OF_SIDES + NUMBER_TOUCHING):
-        if polynomials.begins_at_zero(z, i, ROW, n):
+        if z[RESTING + i - WATCHED - NUMBER_OF_SIDES] != 0.0:
+            reach, corner = min(reach, SOON_AFTER * (z[TIME] - z[STARTS])), -1
+        elif polynomials.begins_at_zero(z, i, ROW, n):
             reach, corner = min(reach, AT_REST * h), -1
         else:
             touch = polynomials.first_touch(z, i, ROW, n, 0.0, h, 1.0, polynomials.OF_ROOTS)
@@ -180,11 +185,13 @@ def prepare_series(z: Buffer) -> None:
                 z[SIZES + g] = max(z[SIZES + g], abs(z[ROWS + i]))
     for i in range(NUMBER_OF_SIDES):
         z[ON + i], z[FLIPS + i] = z[NEXT + i] if ended else 0.0, 0.0
+    for i in range(NUMBER_TOUCHING):
+        z[RESTING + i] = 0.0
 
 
 def make_series(z: Buffer) -> bool:
     """Make the series, again where sides change; return whether they are settled."""
-    for _ in range(3 * NUMBER_OF_SIDES + 1):
+    for _ in range(3 * NUMBER_OF_SIDES + NUMBER_TOUCHING + 1):
         constants(z, WORK)
         first(z, WORK)
         for k in range(1, int(z[ORDER])):

@@ -53,7 +53,7 @@ CASES = {
 POINTS = (0.4, 0.9)
 N = 12
 NOTHING = np.zeros((1, 3), np.int64)
-PLACES = ("c", "t", "y", "slope", "series.sides")
+PLACES = ("c", "t", "y", "slope", "series.resting", "series.sides")
 """What stands in the buffer of these tests."""
 
 
