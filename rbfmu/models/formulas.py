@@ -259,7 +259,6 @@ class FormulaModel:
         own = [f"{STATE}{n}" for n in self.given.states]
         known = sorted(blocks, key=lambda name: name.startswith("series."))  # whatever outputs and ports are called
         where = {name.removeprefix("series."): blocks[name].start for name in known}
-        work = where["work"]
         ports = [element for name, size in self.given.ports.items() for element in elements(name, size)]
         inputs = [tuple(self.place(element, end) for element in ports) for end in _ENDS]
         numbers = (
@@ -273,10 +272,10 @@ class FormulaModel:
             "INPUTS": inputs[0] or (0,), "RATES": inputs[1] or (0,), "RATES_2": inputs[2] or (0,),
             "NUMBER_OF_INPUTS": len(inputs[0]), "HELD": where["held_inputs"], "STARTS": where["start_time"],
             "OF_EVENT": self._event_of_side, "NUMBER_OF_SIDES": len(program.sides),
-            "WATCHED": work + program.start + len(self.rates),
+            "WATCHED": where["work"] + program.start + len(self.rates),
             "NUMBER_TOUCHING": len(program.touching), "NUMBER_RISING": len(program.rising), "NEXT": where["next_on"],
             "MEMORY": memory.STATE_START, "MEMORY_SIZE": size_of_block(blocks["series.kept"]),
-            "ROWS": work + program.start, "ROW": program.row,
+            "ROWS": where["work"] + program.start, "ROW": program.row,
             **self._event_places,
             "OWN": where[own[0]] if own else 0, "OWN_STARTS": where[f"{own[0]}_0"] if own else 0,
             "OWN_SIZE": sum(self.given.states.values()),
