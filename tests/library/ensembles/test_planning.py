@@ -215,6 +215,7 @@ def test_a_key_without_effect_is_said(recwarn):
     assert said == ("it: ensemble.vary: body.mass varies without effect on any output", __file__)
 
 
+@pytest.mark.thorough
 def test_a_key_that_moves_an_event_alone_has_an_effect(recwarn):
     """2026-11-28: the warning said that it does nothing, while the times of the event followed it."""
     tables = FREE | {"constants": {"late": 0.3, "idle": 1.0}, "events": {"passed": "t - late"}}

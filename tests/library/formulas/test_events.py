@@ -91,6 +91,7 @@ def test_what_touches_zero_is_said_to_touch_it(step):
     assert not len(found.touches["beside"])
 
 
+@pytest.mark.thorough
 def test_a_root_at_the_start_counts_in_spite_of_round_off():
     """2026-11-28: sin(pi*t), 1.2e-16 at t = 1, did not count in a run that begins there, nor did a threefold root;
     a touch with a slope of 2e-15 did."""
