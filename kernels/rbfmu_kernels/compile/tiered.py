@@ -227,8 +227,7 @@ class Tiered:
         taken = process_time() - begin
         self._taken, self._done, self.calls = self._taken + taken, self._done + 1, max(self.calls - 1, 0)
         to_come = self.calls * self._taken / self._done if self._taken > TYPICAL * self._patience else 0.0
-        if (
-            self._before + self._taken + to_come > self._patience or self._kernel.overloads
-        ):  # others may have compiled it
+        taken = self._before + self._taken + to_come
+        if taken > self._patience or self._kernel.overloads:  # others may have compiled it
             self._call = self._kernel
         return found

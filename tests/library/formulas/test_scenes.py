@@ -229,8 +229,7 @@ def test_time_may_begin_at_any_date():
     late = one.replace({"run.start": 1.7e9, "run.stop": 1.7e9 + 5.0, "run.accuracy": 1e-6})
     shifted = one.replace({"formulas.u_b": "to_b([cos(n*(t - 1.7e9)), sin(n*(t - 1.7e9)), 0])"})
     assert shifted.formulas["u_b"] != one.formulas["u_b"]
-    late = late.replace({"formulas.u_b": shifted.formulas["u_b"]})
-    found, expected = rbfmu.simulate(late), rbfmu.simulate(one)
+    found, expected = rbfmu.simulate(late.replace({"formulas.u_b": shifted.formulas["u_b"]})), rbfmu.simulate(one)
     np.testing.assert_allclose(found.omega_b, expected.omega_b, rtol=0.0, atol=2e-6)
 
 
@@ -242,6 +241,7 @@ def test_time_may_begin_at_any_date():
     ({"loads.torque_b": "[table(wind, t), 0, 0]"}, r"a table in \[tables\] in place of wind: it has none\n.*\n {11}\^"),
     ({"tables": {"w": {"x": [0, 1], "y": [1, 2]}}, "loads.torque_b": "[table(v, t), 0, 0]"}, "one of w in place of v"),
     ({"tables": {"w": {"x": [0, 1], "y": [1, 2]}}, "loads.torque_b": "[w(t), 0, 0]"}, r"expected table\(w, x\)"),
+    ({"loads.torque_b": "n"}, r"loads\.torque_b: expected a vector of 3 numbers in one text, such as \[0, 0, t\]"),
     ({"loads.torque_b": ["0.02", "-t", "n"]}, r"such as \[0, 0, t\]; texts of a list add up\n +\(0\.02\) \+ \(-t\)"),
     ({"loads.torque_b": [0, 0, "n"]}, r'loads\.torque_b = \[0, 0, "n"\]: expected a formula in one text, such as'),
     ({"loads.force_a": 3.0}, r"loads\.force_a = 3\.0"),
