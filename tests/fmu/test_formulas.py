@@ -4,6 +4,8 @@ import os
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -48,18 +50,19 @@ SCENE = {
     },
     "run": {"stop": 4.0, "step": 0.25, "accuracy": 1e-9},
 }
+Built = Callable[[str], Path]
 KINDS = {"native": {"kind": "native"}, "fmi3": {"kind": "native", "fmi": 3, "scalars": True}, "python": {}}
 
 
 @pytest.fixture(scope="module")
-def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> Built:
     folder, scene = tmp_path_factory.mktemp("fmus"), rbfmu.Scene.from_dict(SCENE, "orbit")
-    return {name: rbfmu_fmu.build(scene, folder / f"{name}.fmu", **options) for name, options in KINDS.items()}
+    return cache(lambda kind: rbfmu_fmu.build(scene, folder / f"{kind}.fmu", **KINDS[kind]))
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
-def test_bits_are_those_of_simulate_with_other_parameters_and_start(fmus: dict[str, Path], kind: str) -> None:
+def test_bits_are_those_of_simulate_with_other_parameters_and_start(fmus: Built, kind: str) -> None:
     scene = rbfmu.Scene.from_dict(SCENE)
     tables = scene.to_dict()
     tables["states"]["h"]["start"] = [0.2, 0.1, 0.3]
@@ -67,7 +70,7 @@ def test_bits_are_those_of_simulate_with_other_parameters_and_start(fmus: dict[s
     expected = rbfmu.simulate(other, planned=rbfmu.plan(scene))
     start = {"n": 0.5, "h_0[1]": 0.2, "h_0[2]": 0.1, "h_0[3]": 0.3}
     found = fmpy.simulate_fmu(
-        str(fmus[kind]), start_time=3.0, stop_time=7.0, step_size=0.25, output_interval=0.25, start_values=start
+        str(fmus(kind)), start_time=3.0, stop_time=7.0, step_size=0.25, output_interval=0.25, start_values=start
     )
     np.testing.assert_array_equal(np.array([found[f"omega_b[{k}]"] for k in (1, 2, 3)]).T, expected.omega_b)
     assert [found[f"h[{k}]"][0] for k in (1, 2, 3)] == [0.2, 0.1, 0.3]
@@ -84,9 +87,9 @@ def test_bits_are_those_of_simulate_with_other_parameters_and_start(fmus: dict[s
 @pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_counts_are_integers_that_a_saved_state_has(
-    fmus: dict[str, Path], kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fmus: Built, kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    fmpy.extract(str(fmus[kind]), str(tmp_path))
+    fmpy.extract(str(fmus(kind)), str(tmp_path))
     model = fmpy.read_model_description(str(tmp_path))
     at = {v.name: v.valueReference for v in model.modelVariables}
     types = {v.type for v in model.modelVariables if v.name.endswith("_count")}
@@ -122,8 +125,8 @@ def test_counts_are_integers_that_a_saved_state_has(
     unit.freeInstance()
 
 
-def test_counts_can_be_read_in_intermediate_updates(fmus: dict[str, Path], tmp_path: Path) -> None:
-    fmpy.extract(str(fmus["fmi3"]), str(tmp_path))
+def test_counts_can_be_read_in_intermediate_updates(fmus: Built, tmp_path: Path) -> None:
+    fmpy.extract(str(fmus("fmi3")), str(tmp_path))
     model = fmpy.read_model_description(str(tmp_path))
     at = {v.name: v.valueReference for v in model.modelVariables}
     counts, read = [at["wave_count"], at["late_count"], at["status"]], []
@@ -158,8 +161,8 @@ def test_an_event_that_ends_a_run_shortens_no_step_of_an_fmu(tmp_path: Path) -> 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["native", "python"])
-def test_it_verifies_with_random_inputs(fmus: dict[str, Path], kind: str) -> None:
-    found = rbfmu_fmu.verify(fmus[kind])
+def test_it_verifies_with_random_inputs(fmus: Built, kind: str) -> None:
+    found = rbfmu_fmu.verify(fmus(kind))
     assert found.passed, found.problems
     assert found.units["pull"] == "N m"
 
@@ -185,14 +188,14 @@ def test_own_outputs_over_a_closed_form_have_the_bits_of_simulate(kind: str, tmp
 
 
 @pytest.mark.thorough
-def test_without_shipped_code_the_text_of_the_formulas_is_compiled(fmus: dict[str, Path]) -> None:
-    command = [sys.executable, "-m", "rbfmu", "verify", str(fmus["python"])]
+def test_without_shipped_code_the_text_of_the_formulas_is_compiled(fmus: Built) -> None:
+    command = [sys.executable, "-m", "rbfmu", "verify", str(fmus("python"))]
     done = subprocess.run(command, env=os.environ | {"RBFMU_COMPILE": "1"}, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_variables_say_what_they_are_and_depend_on(fmus: dict[str, Path]) -> None:
-    with zipfile.ZipFile(fmus["native"]) as archive:
+def test_variables_say_what_they_are_and_depend_on(fmus: Built) -> None:
+    with zipfile.ZipFile(fmus("native")) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
         page = archive.read("documentation/index.html").decode()
     names = [v.attrib["name"] for v in root.iter("ScalarVariable")]
@@ -257,9 +260,9 @@ def test_own_outputs_over_a_closed_form_read_every_number_of_a_parameter() -> No
     np.testing.assert_allclose(shown, [kinetic, kinetic - 12.0 * 2.0 * 1.0], rtol=1e-14)
 
 
-def test_outputs_follow_the_time_that_stands_in_their_formulas(fmus: dict[str, Path]) -> None:
+def test_outputs_follow_the_time_that_stands_in_their_formulas(fmus: Built) -> None:
     """FMI 3 has the time as a variable, which dependencies name."""
-    model = fmpy.read_model_description(str(fmus["fmi3"]))
+    model = fmpy.read_model_description(str(fmus("fmi3")))
     for listed in (model.outputs, model.initialUnknowns):
         timed = {u.variable.name for u in listed if "time" in {d.name for d in u.dependencies}}
         assert timed == {f"alpha_b[{k}]" for k in (1, 2, 3)}
@@ -268,14 +271,13 @@ def test_outputs_follow_the_time_that_stands_in_their_formulas(fmus: dict[str, P
 @pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_outputs_that_are_not_finite_at_the_start_are_called_so(
-    fmus: dict[str, Path], kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fmus: Built, kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """No parameter is at fault where the formula or the value of an input is."""
-    fmpy.extract(str(fmus[kind]), str(tmp_path))
+    fmpy.extract(str(fmus(kind)), str(tmp_path))
     model = fmpy.read_model_description(str(tmp_path))
     said: list[str] = []
-    log = lambda *message: said.append(message[-1].decode())  # noqa: E731
-    one = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=log)
+    one = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=lambda *m: said.append(m[-1].decode()))
     at = {v.name: v.valueReference for v in model.modelVariables}
     if kind == "fmi3":
         one.enterInitializationMode(startTime=0.0)
@@ -295,9 +297,9 @@ def test_outputs_that_are_not_finite_at_the_start_are_called_so(
 
 
 @pytest.mark.parametrize("kind", ["native", "python"])
-def test_a_run_ends_also_where_an_output_is_not_finite(fmus: dict[str, Path], kind: str, tmp_path: Path) -> None:
+def test_a_run_ends_also_where_an_output_is_not_finite(fmus: Built, kind: str, tmp_path: Path) -> None:
     """2026-11-27: the pythonfmu kind answered fmi2Fatal, and that of the next unit ended the process."""
-    model = fmpy.read_model_description(fmpy.extract(str(fmus[kind]), str(tmp_path)))
+    model = fmpy.read_model_description(fmpy.extract(str(fmus(kind)), str(tmp_path)))
     one = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=lambda *_: None)
     at = {v.name: [v.valueReference] for v in model.modelVariables}
     for begin in (one.setupExperiment, one.enterInitializationMode, one.exitInitializationMode):
@@ -310,12 +312,10 @@ def test_a_run_ends_also_where_an_output_is_not_finite(fmus: dict[str, Path], ki
     one.freeInstance()
 
 
-def test_derivatives_refusals_and_what_is_not_finite(fmus: dict[str, Path], tmp_path: Path) -> None:
-    fmpy.extract(str(fmus["native"]), str(tmp_path))
-    model = fmpy.read_model_description(str(tmp_path))
+def test_derivatives_refusals_and_what_is_not_finite(fmus: Built, tmp_path: Path) -> None:
+    model = fmpy.read_model_description(fmpy.extract(str(fmus("native")), str(tmp_path)))
     said: list[str] = []
-    log = lambda *message: said.append(message[-1].decode())  # noqa: E731
-    one = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=log)
+    one = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=lambda *m: said.append(m[-1].decode()))
     reference = {v.name: v.valueReference for v in model.modelVariables}
     ports = [reference[f"torque_b[{k}]"] for k in (1, 2, 3)]
     one.setupExperiment(startTime=0.0)

@@ -3,6 +3,7 @@
 Compiling a model's step takes seconds, and a thousand steps in plain Python take a tenth of that. A kernel is compiled
 once its calls have taken the time that compiling takes, those of earlier processes too, or after its first where those
 to come will take it: so at most twice what is needed is spent (ski rental; Karlin, Manasse, Rudolph and Sleator 1988).
+A call that alone takes longer is given up, and done again by compiled code.
 Code that is kept on disk from an earlier run serves from the first call.
 """
 
@@ -12,7 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from threading import Lock
+from threading import Lock, local
 from time import process_time
 from types import FunctionType, ModuleType
 from typing import Any, ParamSpec, TypeGuard, TypeVar, cast
@@ -61,14 +62,38 @@ def _plain_function(value: Any) -> Any:
     function = cast(FunctionType, python_function(value))
     names, used = dict(function.__globals__), function.__code__.co_names
     names |= {name: _plain(names[name]) for name in used if name in names}
-    return FunctionType(function.__code__, names, function.__name__, function.__defaults__)
+    plain = FunctionType(function.__code__, names, function.__name__, function.__defaults__)
+    merged = getattr(value, "targetoptions", {}).get("forceinline", True)  # into its caller: there are many such calls
+    return plain if merged else _given_up_in_time(plain)
+
+
+class _TooLongError(Exception):
+    """A call in plain Python takes longer than compiling it."""
+
+
+class _Limit(local):
+    """The CPU time of the process, s, at which this thread's call is given up."""
+
+    at = math.inf
+
+
+_LIMIT = _Limit()
+
+
+def _given_up_in_time(function: Function) -> Function:
+    def call(*args: Any) -> Any:
+        if process_time() > _LIMIT.at:
+            raise _TooLongError
+        return function(*args)
+
+    return call
 
 
 def on_buffer(function: Callable[P, R], kernel: Callable[P, R]) -> Callable[P, R]:
     """Return a kernel as a Python function that takes its buffers' numbers for Python's: twice as fast as NumPy's.
 
     Where these are divided by zero, what was done is undone, and done again with NumPy's; where a number that is no
-    buffer's is, as one of `where`, by the kernel itself.
+    buffer's is, as one of `where`, and where it takes too long, by the kernel itself.
     """
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -77,7 +102,7 @@ def on_buffer(function: Callable[P, R], kernel: Callable[P, R]) -> Callable[P, R
         for numbers in (python, args):
             try:
                 return function(*numbers, **kwargs)
-            except ZeroDivisionError:
+            except (ZeroDivisionError, _TooLongError):
                 for one, kept in before:
                     one[:] = kept
         return kernel(*args, **kwargs)
@@ -212,6 +237,8 @@ class Tiered:
         if not self.is_compiled:
             with suppress(OSError, AttributeError, ValueError):  # there is no such file, or no cache at all
                 self._before = float(_file_of_time(self._kernel).read_text())
+            if self._before > self._patience:
+                self._call = self._kernel
             atexit.register(self._remember)
         return self._call(*args)
 
@@ -223,7 +250,11 @@ class Tiered:
 
     def _interpreted(self, *args: Any) -> Any:
         begin = process_time()
-        found = self._plain(*args)
+        _LIMIT.at = begin + self._patience
+        try:
+            found = self._plain(*args)
+        finally:
+            _LIMIT.at = math.inf
         taken = process_time() - begin
         self._taken, self._done, self.calls = self._taken + taken, self._done + 1, max(self.calls - 1, 0)
         to_come = self.calls * self._taken / self._done if self._taken > TYPICAL * self._patience else 0.0

@@ -70,6 +70,10 @@ def plain(x):
     return ("plain", x)
 
 
+def machine(x):
+    return ("machine code", x)
+
+
 def tier_of(monkeypatch, patience, calls=1):
     monkeypatch.setattr(tiered, "PATIENCE", patience)
     tier = tiered.Tiered(SimpleNamespace(py_func=plain, overloads={}), plain)
@@ -93,13 +97,15 @@ def test_what_plain_python_took_in_earlier_processes_counts(monkeypatch, tmp_pat
     monkeypatch.setattr(tiered, "process_time", iter((0.0, 0.001, 0.001, 0.002)).__next__)
     monkeypatch.setattr(tiered.atexit, "register", (ends := []).append)
     kept = SimpleNamespace(_cache_file=SimpleNamespace(_index_path=tmp_path / "kernel.nbi"))
-    kernel, found = SimpleNamespace(py_func=plain, overloads={}, _cache=kept), []
+    machine.py_func, machine.overloads, machine._cache, found = plain, {}, kept, []
     for _ in range(2):
-        tier = tiered.Tiered(kernel, plain)
+        tier = tiered.Tiered(machine, plain)
         assert tier(1) == ("plain", 1)
         found.append(tier.is_compiled)
         ends.pop()()
     assert found == [False, True]
+    (tmp_path / "kernel.nbi.time").write_text("0.002")
+    assert tiered.Tiered(machine, plain)(1) == ("machine code", 1)
 
 
 def test_a_long_kernel_is_waited_for_longer():
@@ -130,6 +136,27 @@ def test_so_is_one_by_a_number_that_is_no_buffers():
     z = np.array([1.0, 0.0])
     assert in_python(_next_quotient_of_none)(z, 1.0) == math.inf
     assert z.tolist() == [2.0, 0.0]
+
+
+@kernel(inline=False)
+def _more(x: float) -> float:
+    return x + 1.0
+
+
+@kernel
+def _add_up(z: Any, count: int) -> float:
+    for _ in range(count):
+        z[0] = _more(z[0])
+    return z[0] + 0.5
+
+
+def test_a_call_that_takes_too_long_is_given_up_undone_and_made_by_machine_code():
+    """2026-11-28: a step that had a hundred thousand pieces took minutes, as only between calls was asked."""
+    python, ended, z = tiered.interpreted(_add_up), [], np.zeros(2)
+    tier = tiered.Tiered(_add_up, tiered.on_buffer(lambda *args: (python(*args), ended.append(1))[0], _add_up))
+    tier._patience = 0.0
+    assert tier(z, 1_000) == 1_000.5
+    assert (z.tolist(), ended) == ([1_000.0, 0.0], [])
 
 
 def test_what_others_have_compiled_meanwhile_is_used():
