@@ -6,17 +6,21 @@ import runpy
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar
 
 from numba import NumbaError, njit
 
 from rbfmu.exceptions import path_of
+from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
 from rbfmu_kernels.rotations.quaternion import normalize
 
 F = TypeVar("F", bound=Callable[..., object])
 compiled: Callable[[F], F] = njit(error_model="numpy", nogil=True)
 """Compiles what takes any state: a method's step, or a loop of such."""
+kept: Callable[[Any], Any] = kernel(inline=False)
+"""Does the same, and keeps the code on disk."""
 
 
 Form = Any
@@ -48,6 +52,7 @@ class OneStepMethod:
     evaluations: float
     start: Callable[[State], Form] = lambda state: state
     state_of: Callable[[Form], State] = _with_unit_quaternion
+    compiler: Callable[[Any], Any] = kept
 
     def run(self, state: State, h: float, n: int, body: Body, loads: Loads) -> State:
         """Return the state after n steps of h."""
@@ -59,16 +64,31 @@ class OneStepMethod:
         return [y := self.steps(y, h, n, body, loads) for n in counts]
 
 
-def compiled_loop(step: Callable[[Form, float, Body, Loads], Form]) -> Steps:
+def named(template: Callable[..., Any], name: str, **names: object) -> Callable[..., Any]:
+    """Return a function in which names stand for others: its code can be kept, where that of a closure cannot."""
+    function = FunctionType(template.__code__, {**template.__globals__, **names}, name)
+    function.__qualname__ = "".join(c if c.isalnum() else "_" for c in name)
+    return function
+
+
+def _step(y: Form, h: float, body: Body, loads: Loads) -> Form:
+    raise NotImplementedError
+
+
+def _loop(y: Form, h: float, n: int, body: Body, loads: Loads) -> Form:
+    for _ in range(n):
+        y = _step(y, h, body, loads)
+    return y
+
+
+def compiled_loop(name: str, step: Callable[[Form, float, Body, Loads], Form], compiler: Any = kept) -> Steps:
     """Return a loop of n steps of a one-step kernel, compiled at the first call."""
+    return compiler(named(_loop, f"steps of {name}", _step=step))  # type: ignore[no-any-return]
 
-    @compiled
-    def loop(y: Form, h: float, n: int, body: Body, loads: Loads) -> Form:
-        for _ in range(n):
-            y = step(y, h, body, loads)
-        return y
 
-    return loop
+def of_step(name: str, step: Callable[..., Form], order: int, evaluations: float, *forms: Any) -> OneStepMethod:
+    """Return the method of a one-step kernel; forms: `start` and `state_of`, where its states have another form."""
+    return OneStepMethod(name, compiled_loop(name, step), order, evaluations, *forms)
 
 
 # A method of the reader's own
@@ -101,12 +121,12 @@ def method_of_file(path: str | Path) -> OneStepMethod:
     except Exception as error:  # whatever a reader's file raises
         kind = "" if type(error) is ValueError else f"{type(error).__name__}: "
         raise ValueError(f"{path}: {kind}{error}") from error
-    name, loop = path.stem, compiled_loop(_step_of(compiled(step)))
+    name, loop = path.stem, compiled_loop(path.stem, _step_of(compiled(step)), compiled)
     try:
         loop(State((0.0,) * 3, (0.0,) * 3, *_TRIED), 0.01, 1, Body(1.0, _I, _I, (0.0,) * 3, (0.0,) * 3, 1.0), NO_LOADS)
     except NumbaError:
         name, loop = f"{path.stem} (as Python)", _interpreted(step)
-    return _Own(name, loop, 0, math.nan)
+    return _Own(name, loop, 0, math.nan, compiler=compiled)
 
 
 def _check(found: Any) -> None:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from rbfmu.studies.one_step import F, Form, OneStepMethod, Steps, compiled, compiled_loop, convert
+from rbfmu.studies.one_step import F, Form, OneStepMethod, Steps, compiled, convert, of_step
 from rbfmu_kernels import ZYX, Matrix, Quaternion, Vec3, add_scaled_matrix, quaternion_from_rotvec
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.integrators.splitting import rkn4_steps, rkn6_steps, strang_steps
@@ -348,15 +348,15 @@ _ANGLES = (
     convert(State, lambda angles: euler.quaternion_from_euler(ZYX, angles)),
 )
 REFERENCE_INTEGRATORS = {method.name: method for method in (
-    OneStepMethod("explicit Euler", compiled_loop(explicit_euler_step), 1, 1),
-    OneStepMethod("semi-implicit Euler", compiled_loop(semi_implicit_euler_step), 1, 1),
-    OneStepMethod("implicit midpoint", compiled_loop(implicit_midpoint_step), 2, 0),
-    OneStepMethod("RK4, quaternion", compiled_loop(rk4_step), 4, 4),
-    OneStepMethod("RK4, quaternion not normalised", compiled_loop(rk4_not_normalised_step), 4, 4),
-    OneStepMethod("RK4, matrix", compiled_loop(rk4(_matrix_rates, _advance_matrix)), 4, 4, *_MATRIX),
-    OneStepMethod("RK4, Euler angles", compiled_loop(rk4(_angle_rates, _advance_vector)), 4, 4, *_ANGLES),
-    OneStepMethod("RKMK4", compiled_loop(rkmk4_step), 4, 4),
-    OneStepMethod("CF4", compiled_loop(cf4_step), 4, 4),
+    of_step("explicit Euler", explicit_euler_step, 1, 1),
+    of_step("semi-implicit Euler", semi_implicit_euler_step, 1, 1),
+    of_step("implicit midpoint", implicit_midpoint_step, 2, 0),
+    of_step("RK4, quaternion", rk4_step, 4, 4),
+    of_step("RK4, quaternion not normalised", rk4_not_normalised_step, 4, 4),
+    of_step("RK4, matrix", rk4(_matrix_rates, _advance_matrix), 4, 4, *_MATRIX),
+    of_step("RK4, Euler angles", rk4(_angle_rates, _advance_vector), 4, 4, *_ANGLES),
+    of_step("RKMK4", rkmk4_step, 4, 4),
+    of_step("CF4", cf4_step, 4, 4),
 )}  # fmt: skip
 """The methods for any body and any loads, by name."""
 TORQUE_FREE_INTEGRATORS = {method.name: method for method in (

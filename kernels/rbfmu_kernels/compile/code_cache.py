@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
 from numba import config, types
@@ -35,10 +36,29 @@ SOURCES = hash_of_sources(_PACKAGE)
 """The hash of this package's sources."""
 
 
+def reached(function: Any) -> set[FunctionType]:
+    """Return a function and those of all kernels that it calls, at any depth."""
+    found, waiting = set[FunctionType](), [function]
+    while waiting:
+        one = waiting.pop()
+        if one in found:
+            continue
+        found.add(one)
+        known, names = one.__globals__, one.__code__.co_names
+        used = [known[name] for name in names if name in known]
+        used += [cell.cell_contents for cell in one.__closure__ or ()]
+        used += [getattr(module, name, None) for module in used if isinstance(module, ModuleType) for name in names]
+        waiting += [kernel.py_func for kernel in used if hasattr(kernel, "py_func")]
+    return found
+
+
 def stamp_of(function: Function) -> str:
-    """Return the stamp of a function's code: the hash of all kernels, and of its own file where that is elsewhere."""
-    file = Path(function.__code__.co_filename)
-    return SOURCES if file.is_relative_to(_PACKAGE) else SOURCES + hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+    """Return the stamp of a function's code: the hash of all kernels, and of the files of what else it calls."""
+    if Path(function.__code__.co_filename).is_relative_to(_PACKAGE):
+        return SOURCES
+    files = sorted({one.__code__.co_filename for one in reached(function)})
+    own = b"".join(Path(file).read_bytes() for file in files if not Path(file).is_relative_to(_PACKAGE))
+    return SOURCES + hashlib.sha256(own).hexdigest()[:16]
 
 
 def kept_on_disk(compiled: Callable[[bool], T]) -> T:

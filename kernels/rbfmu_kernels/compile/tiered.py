@@ -22,6 +22,7 @@ import numpy as np
 from numba import float64, typeof, types
 
 from ..types import Array, Function, python_function
+from .code_cache import reached
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -117,21 +118,7 @@ def is_buffer(value: object) -> TypeGuard[Array]:
 
 def size_of_code(kernel: Function) -> int:
     """Return the number of bytes of a kernel and of all that it calls, as Python's code."""
-    found: set[FunctionType] = set()
-    _reach(kernel, found)
-    return sum(len(function.__code__.co_code) for function in found)
-
-
-def _reach(kernel: object, found: set[FunctionType]) -> None:
-    function = getattr(kernel, "py_func", None)
-    if function is None or function in found:
-        return
-    found.add(function)
-    code, known = function.__code__, function.__globals__
-    used = [known[name] for name in code.co_names if name in known]
-    modules = [one for one in used if isinstance(one, ModuleType)]
-    for one in [*used, *(getattr(module, name, None) for module in modules for name in code.co_names)]:
-        _reach(one, found)
+    return sum(len(function.__code__.co_code) for function in reached(python_function(kernel)))
 
 
 class _PlainModule:

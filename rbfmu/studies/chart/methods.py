@@ -12,6 +12,7 @@ from time import thread_time
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import float64, int64, types
 
 from rbfmu.models import model_buffer, question, registry
 from rbfmu.planning.methods import whole_series
@@ -21,9 +22,10 @@ from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies import dop853, short
 from rbfmu.studies.chart.cases import Case, Found
-from rbfmu.studies.one_step import Form, OneStepMethod, Steps, compiled
+from rbfmu.studies.one_step import Form, OneStepMethod, Steps, named
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
 from rbfmu.types import Array, Indices
+from rbfmu_kernels.compile.decorator import loop
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 MOST_RADIANS = 1e6
@@ -112,25 +114,33 @@ def module(name: str) -> Any:
 # Fixed steps
 
 
-@compiled
-def _repeated(loop: Steps, y: Form, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Form:
+def _steps(y: Form, h: float, n: int, body: Body, loads: Loads) -> Form:
+    raise NotImplementedError
+
+
+def _repeated(y: Form, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Form:
     """Solve k times by n steps to each output; h depends formally (by 0 *) on the last one, so that all are kept."""
     z = y
     for _ in range(k):
         step = h + 0.0 * z.omega_b[0]
         z = y
         for _ in range(outputs):
-            z = loop(z, step, n, body, loads)
+            z = _steps(z, step, n, body, loads)
     return z
 
 
-@compiled
-def _midpoint_rounds(loop: Steps, y: State, h: float, n: int, body: Body, loads: Loads) -> float:
+def _midpoint_rounds(y: State, h: float, n: int, body: Body, loads: Loads) -> float:
     total = 0.0
     for _ in range(n):
         total += midpoint(y, h, body, loads)[1]
-        y = loop(y, h, 1, body, loads)
+        y = _steps(y, h, 1, body, loads)
     return total
+
+
+@cache
+def _around(template: Callable[..., Any], steps: Steps, name: str, compiler: Callable[[Any], Any]) -> Any:
+    """Return a template of the above with a method's steps, compiled."""
+    return compiler(named(template, f"{template.__name__} {name}", _steps=steps))
 
 
 def fixed_steps(method: OneStepMethod, family: str, why_not: Callable[[Case], str], largest: float = 16.0) -> Method:
@@ -151,20 +161,20 @@ def _run_of_steps(method: OneStepMethod, case: Case, h: float) -> Run:
     body, loads, n, outputs = case.body, case.loads, round(case.interval / h), case.outputs
     start = method.start(case.start)
     path = method.path(case.start, h, [n * some for some in case.outputs_between], body, loads)
+    around = partial(_around, steps=method.steps, name=method.name, compiler=method.compiler)
     if hasattr(method.steps, "py_func"):
-        seconds = timer(lambda k: _repeated(method.steps, start, h, n, outputs, body, loads, k))
+        seconds = timer(lambda k: around(_repeated)(start, h, n, outputs, body, loads, k))
     else:  # the loop is not compiled: one long run, of which the calls are a small part
         seconds = timer(lambda k: method.steps(start, h, outputs * n * k, body, loads))
     evaluations = float(method.evaluations * outputs * n)
     if method.name == "implicit midpoint":
-        evaluations = _midpoint_rounds(method.steps, start, h, outputs * n, body, loads)
+        evaluations = around(_midpoint_rounds)(start, h, outputs * n, body, loads)
     return Run([method.state_of(y) for y in path], seconds, evaluations)
 
 
 # The product's models, stepped from output to output
 
 
-@compiled
 def _steps_repeated(
     step: Callable[[Array, float], int], z: Array, start: Array, interval: float, at: Indices, out: Array, k: int
 ) -> int:
@@ -183,6 +193,16 @@ def _steps_repeated(
     return 0
 
 
+_NUMBERS = float64[::1]
+_STEP = types.FunctionType(int64(_NUMBERS, float64))
+
+
+@cache
+def _runs_of_steps() -> Any:
+    """Return the above compiled, for any model's step, which is called by its address; its code is kept on disk."""
+    return loop(_steps_repeated, int64(_STEP, _NUMBERS, _NUMBERS, float64, int64[::1], float64[:, ::1], int64))
+
+
 def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
     """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps if it counts none."""
     kernels, start = chosen.kernels, start_run(scene, chosen)
@@ -190,14 +210,16 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
     z, start = model_buffer.aligned_zeros(len(start)), start[:scratch]
     at = np.concatenate([np.arange(len(z))[kernels.BLOCKS[name]] for name in case.quantities])
     out = np.zeros((case.outputs, len(at)))
-    if _steps_repeated(kernels.step, z, start, case.interval, at, out, 1):
+    if hasattr(kernels.step, "compile"):  # not where the JIT is disabled
+        kernels.step.compile((_NUMBERS, float64))
+    solve = partial(_runs_of_steps(), kernels.step, z, start, case.interval, at, out)
+    if solve(1):
         out[:] = math.nan
     sizes = [model_buffer.size_of_block(kernels.BLOCKS[name]) for name in case.quantities]
     parts = np.split(out[case.checkpoints], np.cumsum(sizes)[:-1], axis=1)
     found = dict(zip(case.quantities, parts, strict=True))
     evaluations = per_substep * (fixed or substeps_counted(kernels, z))
-    seconds = timer(lambda k: _steps_repeated(kernels.step, z, start, case.interval, at, out, k))
-    return Run(found, seconds, evaluations, chosen.method)
+    return Run(found, timer(solve), evaluations, chosen.method)
 
 
 def substeps(order: int, controlled: bool = True) -> Method:

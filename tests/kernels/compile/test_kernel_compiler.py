@@ -207,6 +207,19 @@ def test_a_kernel_of_ones_own_that_was_edited_is_compiled_anew(tmp_path):
     assert found == [2.0, 3.0]
 
 
+def test_so_is_one_that_calls_what_was_edited_in_another_file(tmp_path):
+    other, file, found = tmp_path / "other.py", tmp_path / "mine.py", []
+    file.write_text(
+        "import runpy\nfrom rbfmu_kernels.compile.decorator import kernel\n"
+        f"factor = runpy.run_path({str(other)!r})['factor']\n"
+        "@kernel\ndef product(x: float) -> float:\n    return factor(x) * x\n"
+    )
+    for factor in (2.0, 3.0):
+        other.write_text(f"from numba import njit\n@njit\ndef factor(x):\n    return {factor}\n")
+        found.append(runpy.run_path(str(file))["product"](1.0))
+    assert found == [2.0, 3.0]
+
+
 @pytest.mark.thorough
 def test_loops_over_tiles_are_vectorised_over_items(monkeypatch):
     """LLVM does so only where it sees which memory is which; nothing but the time would tell."""

@@ -160,7 +160,7 @@ def test_a_call_that_takes_too_long_is_given_up_undone_and_made_by_machine_code(
 
 
 def test_what_others_have_compiled_meanwhile_is_used():
-    compiled = SimpleNamespace(overloads={})
+    compiled = SimpleNamespace(py_func=plain, overloads={})
     tier = tiered.Tiered(compiled, abs)
     tier(-1.0)
     assert tier._call == tier._interpreted
