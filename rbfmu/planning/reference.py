@@ -79,7 +79,8 @@ def reference_motion(
     equations = kernels.Equations(*walked, listed.time)
     for first in range(0, times.shape[1], CHUNK):
         chunk = slice(max(first - 1, 0), first + CHUNK)
-        room = Room(equations, np.ascontiguousarray(times[:, chunk]), rows[chunk], work, here, sizes)
+        some = np.ascontiguousarray(times[:, chunk])
+        room = Room(equations, some, rows[chunk], work, here, sizes, scene.has_formulas)
         taken, lately = follow(room, most, not scene.has_formulas)
         if taken == NOWHERE and scene.has_formulas:
             raise _leads_nowhere(scene, lately, listed.keys_at_fault(work, sides))
@@ -102,7 +103,8 @@ class Room(NamedTuple):
     """What a motion is followed in: its equations, and arrays.
 
     times: increasing, s after the start, pairs; rows: of what is wanted at these; s: the series, (2, n LENGTH); here:
-    (2, n) values at the start, of numbers and leaves; sizes: one for each group.
+    (2, n) values at the start, of numbers and leaves; sizes: one for each group; may_hide: whether a load may come and
+    go between the ends of a step, of which its series' terms tell nothing, as formulas may.
     """
 
     equations: kernels.Equations
@@ -111,6 +113,7 @@ class Room(NamedTuple):
     s: Array
     here: Array
     sizes: Array
+    may_hide: bool
 
 
 def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float]:
@@ -119,7 +122,7 @@ def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float]:
     The steps are -1 beyond `most`, and NOWHERE with the time where numbers are not finite or slide along a corner; in a
     hurry -1 after a fifth of them as well, where these did too little, and the later ones no more than those before.
     """
-    equations, times, rows, s, here, sizes = room
+    equations, times, rows, s, here, sizes, _ = room
     begin, span = float(times[0, 0]), float(times[0, -1] - times[0, 0])
     now, half, tenth = (begin, float(times[1, 0])), begin, 0.0
     usual = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
@@ -172,11 +175,11 @@ def _settled(room: Room, unit: float, done: float, again: bool) -> bool:
 
 def _reach(room: Room, done: float, unit: float, step: float, last: float) -> tuple[float, float]:
     """Return how far series reach, and the step, halved until their defect is small; last: the step before."""
-    equations, _, _, s, here, sizes = room
+    equations, _, _, s, here, sizes, may_hide = room
     reach, has_corners = step, any(map(len, (equations.sides, equations.touching, equations.rising)))
     for _ in range(MOST_HALVED):
         reach = kernels.to_corner(equations, s, step, done) if has_corners else step
-        parts = FAR_PARTS if step > FARTHER * last else PARTS
+        parts = (FAR_PARTS if step > FARTHER * last else PARTS) if may_hide else 1
         fault = kernels.first_fault(equations, sizes, s, unit, reach - 2.0 * kernels.BEYOND * step, here, parts)
         if fault == 0.0:
             break

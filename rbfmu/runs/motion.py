@@ -49,8 +49,10 @@ class Steps:
 
     def advance(self, k: int) -> bool:
         """Take step k, counted from 1; return whether none of its parts was refused."""
-        h = self._lengths[k - 1] / self._parts
-        return all(self._step(self.z, h) == OK for _ in range(self._parts))
+        h, parts = self._lengths[k - 1] / self._parts, 0
+        while parts < self._parts and self._step(self.z, h) == OK:
+            parts += 1
+        return parts == self._parts
 
 
 class Driven:
@@ -185,13 +187,14 @@ def record(
 
     most: the number of substeps after which it ends; progress: a function that is told which part of the run is done.
     """
-    blocks = {name: run.z[run.kernels.BLOCKS[name]] for name in names}
+    blocks, taken = {name: run.z[run.kernels.BLOCKS[name]] for name in names}, _substeps_of(run.kernels, run.z)
     motion = {name: np.full((run.count + 1, len(block)), np.nan) for name, block in blocks.items()}
+    shown = [(motion[name], block) for name, block in blocks.items()]
     for k in range(run.count + 1):
-        if k and not (run.advance(k) and substeps_counted(run.kernels, run.z) <= most):
+        if k and not (run.advance(k) and taken[0] <= most):
             break
-        for name, block in blocks.items():
-            motion[name][k] = block
+        for rows, block in shown:
+            rows[k] = block
         if progress is not None:
             progress(k / run.count)
     return motion
@@ -204,7 +207,11 @@ def motion_of(scene: Scene, plan: Plan, steps: Sequence[float], names: Sequence[
 
 def substeps_counted(kernels: Model, z: Buffer) -> float:
     """Return the number of substeps since the start; 0 where the model counts none."""
-    return float(z[kernels.BLOCKS["substeps"]][0]) if "substeps" in kernels.BLOCKS else 0.0
+    return float(_substeps_of(kernels, z)[0])
+
+
+def _substeps_of(kernels: Model, z: Buffer) -> Array:
+    return np.asarray(z[kernels.BLOCKS["substeps"]]) if "substeps" in kernels.BLOCKS else np.zeros(1)
 
 
 # Errors between two motions
@@ -214,8 +221,7 @@ def attitude_error(a: Array, b: Array) -> Array:
     """Return the angles, rad, between attitudes: unit quaternions (..., 4)."""
     if np.ndim(a) != 2 or np.shape(a) != np.shape(b) or len(a) > FEW:
         return arrays.angle_between(a, b)  # type: ignore[no-any-return]
-    angle = tiered(angle_between)
-    return np.array([angle(tuple(p), tuple(q)) for p, q in zip(a, b, strict=True)])
+    return np.array([*map(tiered(angle_between), *(map(tuple, np.asarray(q).tolist()) for q in (a, b)))])
 
 
 def relative_error(a: Array, b: Array, floor: float) -> Array:
