@@ -172,6 +172,7 @@ class EnsembleResult:
     def member(self, number: int) -> Scene:
         """Return the scene of a run, counted from 0, to be simulated alone, which no event ends.
 
+        Where ends alone are kept it has one step, as the run had: `.replace({"run.step": ...})` shows the way there.
         Raises SceneError where it is refused.
         """
         number = whole(0, self.runs - 1).read(number, "number")
