@@ -1,6 +1,5 @@
 """A chunk of an ensemble: its members' numbers drawn, run in compiled code, and summed up; what its bits rest on."""
 
-import math
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -151,7 +150,7 @@ def _same_room(shape: tuple[int, ...]) -> Array:
 
     New memory for each chunk takes as long as filling it.
     """
-    size = math.prod(shape)
+    size = int(np.prod(shape))
     if not hasattr(_ROOM, "numbers") or _ROOM.numbers.size < size:
         _ROOM.numbers = np.empty(size)
     room: Array = _ROOM.numbers[:size]

@@ -7,7 +7,6 @@ scouts, up to a thousand members beside a far tighter tolerance, give the tail o
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from operator import itemgetter
 
 import numpy as np
 
@@ -73,7 +72,7 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, highest: int, part: f
 
     likely = series_plan(looser, min(likely_order(asked.accuracy), highest), asked.accuracy)
     tried = [judge.try_out(likely) for judge in judges]
-    hard = [judges[tried.index(max(tried, key=itemgetter(k)))] for k in (0, 1)]
+    hard = [judges[int(np.argmax(column))] for column in zip(*tried, strict=True)]
     bound = part * asked.accuracy
     best, least = None, math.inf
     for way in (2, -2):

@@ -7,16 +7,15 @@ import platform
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 try:
     import fcntl
 except ImportError:
     fcntl = None  # type: ignore[assignment]
 try:
-    msvcrt: Any = importlib.import_module("msvcrt")  # Windows; a type checker knows it nowhere else
+    msvcrt = importlib.import_module("msvcrt")  # Windows; a type checker knows it nowhere else
 except ImportError:
-    msvcrt = None
+    msvcrt = None  # type: ignore[assignment]
 
 FAR = 1 << 30
 """The byte that is locked on Windows: nobody else can read one that is, and the first ones say who holds the file."""

@@ -1,6 +1,5 @@
 """The variables of an ensemble: columns of a member's outputs; names, dimensions, units and frames of what is kept."""
 
-import math
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ FINAL, STATISTICS, ALL = "final", "statistics", "all"
 """What may be kept of the runs."""
 SIZES = {f"{SHAPE}.{name}": shape._rules[name] for shape in SHAPES.values() for name in shape.sizes()}
 """The rule of each size of a body's shape."""
-_SIZED = {key: Parameter(key.removeprefix(f"{SHAPE}."), math.prod(rule.shape), "m", "size of the body's shape")
+_SIZED = {key: Parameter(key.removeprefix(f"{SHAPE}."), int(np.prod(rule.shape)), "m", "size of the body's shape")
           for key, rule in SIZES.items()}  # fmt: skip
 KEYS: Mapping[str, Parameter | Load] = {**QUANTITY_OF, **_SIZED}
 """The quantity that each key sets which may vary, and each size of a shape."""

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
-from itertools import accumulate
 from types import ModuleType
 from typing import Any
 
@@ -255,7 +254,7 @@ class FormulaModel:
     def _places(self) -> dict[str, Any]:
         """Return what the templates' globals are."""
         blocks, groups, program = self.blocks.blocks, self.groups, self.program
-        ends = [*accumulate(len(group.states) for group in groups)]
+        ends = np.cumsum([len(group.states) for group in groups]).tolist()
         own = [f"{STATE}{n}" for n in self.given.states]
         known = sorted(blocks, key=lambda name: name.startswith("series."))  # whatever outputs and ports are called
         where = {name.removeprefix("series."): blocks[name].start for name in known}

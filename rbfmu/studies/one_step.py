@@ -6,13 +6,12 @@ import runpy
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from types import FunctionType
 from typing import Any, TypeVar
 
 from numba import NumbaError, njit
 
 from rbfmu.exceptions import path_of
-from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.compile.decorator import kernel, named
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, Body, Loads, State
 from rbfmu_kernels.rotations.quaternion import normalize
 
@@ -62,13 +61,6 @@ class OneStepMethod:
         """Return the states in the method's own form after so many steps of h each, one after the other."""
         y = self.start(state)
         return [y := self.steps(y, h, n, body, loads) for n in counts]
-
-
-def named(template: Callable[..., Any], name: str, **names: object) -> Callable[..., Any]:
-    """Return a function in which names stand for others: its code can be kept, where that of a closure cannot."""
-    function = FunctionType(template.__code__, {**template.__globals__, **names}, name)
-    function.__qualname__ = "".join(c if c.isalnum() else "_" for c in name)
-    return function
 
 
 def _step(y: Form, h: float, body: Body, loads: Loads) -> Form:

@@ -52,6 +52,13 @@ def reached(function: Any) -> set[FunctionType]:
     return found
 
 
+def named(template: Function, name: str, **names: object) -> Function:
+    """Return a function in which names stand for others: its code can be kept, where that of a closure cannot."""
+    function = FunctionType(template.__code__, {**template.__globals__, **names}, name)
+    function.__qualname__ = "".join(c if c.isalnum() else "_" for c in name)
+    return function
+
+
 def stamp_of(function: Function) -> str:
     """Return the stamp of a function's code: the hash of all kernels, and of the files of what else it calls."""
     if Path(function.__code__.co_filename).is_relative_to(_PACKAGE):

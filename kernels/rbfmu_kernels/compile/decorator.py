@@ -12,7 +12,7 @@ from numba import njit
 
 from ..types import Function
 from . import numba_private
-from .code_cache import kept_on_disk
+from .code_cache import kept_on_disk, named as named
 from .codegen import Signature
 
 P = ParamSpec("P")

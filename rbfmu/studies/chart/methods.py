@@ -22,10 +22,10 @@ from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies import dop853, short
 from rbfmu.studies.chart.cases import Case, Found
-from rbfmu.studies.one_step import Form, OneStepMethod, Steps, named
+from rbfmu.studies.one_step import Form, OneStepMethod, Steps
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
 from rbfmu.types import Array, Indices
-from rbfmu_kernels.compile.decorator import loop
+from rbfmu_kernels.compile.decorator import loop, named
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 MOST_RADIANS = 1e6
