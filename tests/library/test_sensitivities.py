@@ -66,6 +66,16 @@ def test_a_switch_moves_in_time():
     np.testing.assert_allclose(found.of["attitude"][:, 2, 0], turned, rtol=0, atol=1e-13)
 
 
+@pytest.mark.parametrize("interpolate", ["hold", "linear"])
+def test_a_switch_moves_where_it_comes_at_a_row_of_inputs(interpolate):
+    """2026-11-28: one that came later than the row by round-off was passed over, and the derivative stayed 1."""
+    ports, rows = {"ports": [{"name": "u", "size": 1, "unit": ""}]}, {"u": (np.arange(4) / 10, [[0], [1], [3], [2]])}
+    one = scene({"torque_b": "[0, 0, where(omega_b[3] > 1.9, -3, -9) + 0*u]"}, inputs=ports,
+                initial={"omega_b": [0, 0, 2]}, run={"stop": 0.3, "step": 0.1})  # fmt: skip
+    found = rbfmu.sensitivity(one, ["initial.omega_b[3]"], inputs=rows, interpolate=interpolate)
+    np.testing.assert_allclose(found.of["omega_b"][:, 2, 0], [1.0, 3.0, 3.0, 3.0], rtol=0, atol=1e-12)
+
+
 def test_a_contact_by_the_law_of_hertz_has_derivatives():
     """As a potential it was refused as well: the derivative of a half power is 0/0 by those of root and products.
 

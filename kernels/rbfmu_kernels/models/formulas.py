@@ -280,8 +280,13 @@ def change_inputs(z: Buffer, h: float) -> None:
 def reaches_over(z: Buffer, h: float) -> bool:
     """Return whether the series that stands serves a whole step."""
     serves = bool(z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and holds_inputs(z))
-    # where a step and the series end together there may be a corner, see `follow_series`
-    return serves and not (NUMBER_OF_ERRORS != 0 and z[SINCE] + h == z[REACH])
+    return serves and not end_together(z, z[SINCE] + h)
+
+
+def end_together(z: Buffer, t: float) -> bool:
+    """Return whether series end at t, or later by round-off: at a corner errors jump there, see `follow_series`."""
+    passed = z[BEGUN] + z[REACH] - z[STARTS]
+    return NUMBER_OF_ERRORS != 0 and bool(t >= z[REACH] - polynomials.AT_CORNER * passed)
 
 
 def evaluate_at_end(z: Buffer, h: float) -> int:
@@ -354,7 +359,7 @@ def follow_series(z: Buffer, h: float) -> int:
     since = pair_at(z, SINCE)
     left = (z[REACH] - since[0]) - since[1]
     # errors jump at a corner by the rates of this step: with the next one's, inputs may jump as well
-    jumps = NUMBER_OF_ERRORS != 0 and z[REST] >= left and corner_at_end(z) >= 0
+    jumps = end_together(z, since[0] + z[REST]) and corner_at_end(z) >= 0
     if z[REST] <= left * (1.0 + 1e-9) and not jumps:
         put_pair_at(z, SINCE, dd.add_float(since, z[REST]))
         put_states_at(z, z[SINCE])
@@ -364,7 +369,7 @@ def follow_series(z: Buffer, h: float) -> int:
     change_inputs(z, left)
     put_pair_at(z, TIME, dd.add_float(pair_at(z, BEGUN), z[REACH]))
     z[STANDS] = 0.0
-    z[REST] -= left
+    z[REST] = max(z[REST] - left, 0.0)
     z[CREPT] += 1.0 if z[REACH] < CREEPING * h else 0.0
     too_many = NUMBER_OF_EVENTS > 0 and z[LISTED] > MOST_LISTED
     return STEP_REJECTED if z[CREPT] > MOST_CREPT or too_many else PENDING
