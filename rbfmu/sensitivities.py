@@ -18,7 +18,7 @@ from rbfmu.on_disk import replacing
 from rbfmu.planning import judge, methods, reference
 from rbfmu.result import write_npz
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
-from rbfmu.runs.motion import Driven
+from rbfmu.runs.motion import SAME, Driven
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
 from rbfmu.scene.own import OF_NUMBERS
 from rbfmu.scene.scene import Scene, of_scene_or_path
@@ -35,6 +35,8 @@ accuracy itself for a tolerance by 0.005 to 0.01, with three times as much by 0.
 """
 SHARE = 1e-4
 """What of the tolerance is left for one substep, of a run that has hundreds: what sets the order of least cost."""
+AT_ZERO = 1e-6
+"""The part of its size below which what an event watches is zero: round-off of larger terms is, jumps are not."""
 ATTITUDE = "initial.attitude"
 TAKEN = ("attitude", "errors", "slopes", "numbers")
 """What derivatives call something else than an output of one's own: in `Sensitivity.of`, in a run, in files."""
@@ -131,8 +133,8 @@ def sensitivity(
     substeps serve both, whatever model a plan would choose. At corners of formulas they jump as the motion after them
     shifts in time, and the last row of a run that an event stops is that at the event, which shifts as well.
     Of a motion that begins just where rates jump they are those of changes after which it begins beyond the jump.
-    Raises SceneError, SimulationError, ValueError for a key without a number, where a corner is grazed or where
-    two are met at one time.
+    Raises SceneError, SimulationError, ValueError for a key without a number, where a corner is grazed, two are met at
+    one time, or the event that ends the run is a jump over zero, but by inputs.
     """
     varied, tables = Varied(scene, by), input_tables(scene, inputs, interpolate)
     if scene.has_formulas and planned is None:  # which may lead nowhere, in ever shorter substeps
@@ -265,7 +267,7 @@ class _Run:
         self.sizes = np.array([0.0 if name in TURN else abs(z[self._model.place(name)]) for name in numbers])
         self.time, self.values = run.course((*self._model.shown, "errors", "slopes"), most=judge.MAX_SUBSTEPS)
         self._event = run.events.ended_by if run.events else ""
-        self._inputs = _rates_of_inputs(drive, float(self.time[-1]))
+        self._inputs, self._jumps = _rates_of_inputs(drive, float(self.time[-1])), _jump(drive, float(self.time[-1]))
         self._slopes = self.values.pop("slopes")
         self._errors = self.values.pop("errors").reshape(len(self.time), -1, self._model.columns)
 
@@ -281,9 +283,17 @@ class _Run:
         return found
 
     def _shift(self) -> Array:
-        """Return how the time of the event that ended the run changes."""
+        """Return how the time of the event that ended the run changes; not at all where inputs jump it over zero."""
         when = f"{formulas.EVENT}{self._event}"
-        return np.asarray(-self._slopes_of(when)[-1, 0] / self._model.rates_at(when, self._slopes[-1], self._inputs)[0])
+        rate = self._model.rates_at(when, self._slopes[-1], self._inputs)[0]
+        course = np.abs(self._slopes[:, self._model.wanted[np.ravel(self._model.shown[when])[0]]])
+        size = np.max(course) + abs(rate) * (self.time[-1] - self.time[0])
+        if course[-1] > max(self._scene.run.accuracy, AT_ZERO) * size:
+            if not self._jumps:
+                said = "expected one that comes to zero, as of a jump over it no derivative is known"
+                raise ValueError(f"{self._scene.name}: events.{self._event}: {said}")
+            return np.zeros(self._count)
+        return np.asarray(-self._slopes_of(when)[-1, 0] / rate)
 
     def _slopes_of(self, name: str) -> Array:
         return self._model.slopes_at(name, self._errors, self._slopes, self._count)
@@ -297,6 +307,16 @@ class _Run:
         angles = arrays.euler_from_quaternion("ZYX", self.values["quaternion"])
         rates: Array = arrays.euler_rate_b("ZYX", angles[:, None, :], np.moveaxis(turns, 1, 2))
         return np.moveaxis(rates[..., ::-1], 1, 2)
+
+
+def _jump(drive: Drive, t: float) -> bool:
+    """Return whether inputs jump at a time."""
+    ends = drive.time[0] + np.cumsum(drive.lengths)
+    k = int(np.argmin(np.abs(ends[:-1] - t))) if len(ends) > 1 else 0
+    if k + 1 >= len(ends) or abs(ends[k] - t) > SAME * drive.lengths[k]:
+        return False
+    of = drive.ports.values()
+    return any(np.any(p.values[k + 1] != p.values[k] + drive.lengths[k] * p.slopes[k]) for p in of)
 
 
 def _rates_of_inputs(drive: Drive, t: float) -> dict[str, float]:

@@ -117,8 +117,8 @@ class VariedModel(formulas.FormulaModel):
             self.pattern += [i, of, beside.setdefault(x, len(beside)), float(constant)]
         values = {x: None for slopes in self.shown_slopes.values() for x in slopes.values()}
         if any(event.stop for event in self.scene.events.values()):
-            rates = (self.rates_shown, *self.shown_by_inputs.values())
-            values |= {x: None for named in rates for _, x in by_element(named)}
+            more = (self.shown, self.rates_shown, *self.shown_by_inputs.values())
+            values |= {x: None for named in more for _, x in by_element(named)}
         self.wanted = {x: n for n, x in enumerate(values)}
         wanted = {**self.program.wanted, **dict(zip(elements("slopes", len(values)), values, strict=True))}
         watched = [Symbol(self.motion.graph, i) for i in self._sides]

@@ -76,6 +76,19 @@ def test_a_switch_moves_where_it_comes_at_a_row_of_inputs(interpolate):
     np.testing.assert_allclose(found.of["omega_b"][:, 2, 0], [1.0, 3.0, 3.0, 3.0], rtol=0, atol=1e-12)
 
 
+def test_an_event_that_jumps_over_zero_does_not_shift_as_a_root_does():
+    """2026-11-28: the last row was that of a root at the slopes of what jumps: 0 with the input, 1 without."""
+    ports, rows = {"ports": [{"name": "u", "size": 1, "unit": ""}]}, {"u": ([0.0, 0.3, 2.0], [[0], [1], [1]])}
+    one = scene({"torque_b": [0, 0, -3]}, events={"end": {"when": "omega_b[3] - u", "stop": True}}, inputs=ports)
+    found = rbfmu.sensitivity(one, ["initial.omega_b[3]"], inputs=rows)
+    np.testing.assert_allclose(found.of["attitude"][:, 2, 0], found.time, rtol=0, atol=1e-12)
+    assert found.time[-1] == pytest.approx(0.3, abs=1e-12)
+    text = "where(omega_b[3] > 0.7, 1, -1)*(1 + 0.1*t)"
+    one = scene({"torque_b": [0, 0, -3]}, events={"end": {"when": text, "stop": True}})
+    with pytest.raises(ValueError, match="end: expected one that comes to zero"):
+        rbfmu.sensitivity(one, ["initial.omega_b[3]"])
+
+
 def test_a_contact_by_the_law_of_hertz_has_derivatives():
     """As a potential it was refused as well: the derivative of a half power is 0/0 by those of root and products.
 
