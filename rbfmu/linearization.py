@@ -61,8 +61,9 @@ def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Lineariz
     motion: a body that turns carries u with it.
 
     ports: inputs at t by name, held from the start to t; as at first without. Outputs are the scene's. The matrices are
-    derivatives of the kernels' own equations, and of the scene's formulas, to round-off; at a corner they are those of
-    the side where the motion is. The state at t is as accurate as the scene asks.
+    derivatives of the kernels' own equations, and of the scene's formulas, to round-off; beside a corner they are those
+    of the side where the motion is, and on it of one of both: at u = 0 of max(u, 0) it is the one above, and of
+    max(0, u) the one below. The state at t is as accurate as the scene asks.
     Raises SceneError, SimulationError, ValueError for a time outside the run, a wrong input, rpy at pitch 90 deg, or a
     formula without a finite derivative.
     """
