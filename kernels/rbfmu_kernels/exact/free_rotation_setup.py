@@ -270,8 +270,8 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
         else:
             kind, shift = SEPARATRIX, 0.0
     phase = dd.scale(sign * math.copysign(1.0, m_r_up[0]), polhode.phase)
-    rate_p = dd.divide(dd.scale(unit * sign_p, a_p), i_p)
-    rate_r = dd.divide(dd.scale(unit * sign_r, a_r), i_r)
+    rate_p = dd.scale(unit * sign_p, dd.divide(a_p, i_p))  # a_p itself may be too small for the unit
+    rate_r = dd.scale(unit * sign_r, dd.divide(a_r, i_r))
     rate_s = dd.scale(unit * sign_s, polhode.rate_s)
     q = (q_0[0], sign_p * _at(q_0, p), sign_r * _at(q_0, r), sign_s * _at(q_0, s))
     place = free_rotation_series.place_of(kind, phase, width)

@@ -153,7 +153,7 @@ def test_where_no_digit_is_left_there_is_none(t):
 
 
 @pytest.mark.parametrize("size_i", [1e-300, 1e-150, 1e150, 1e300])
-@pytest.mark.parametrize("size_w", [1e-150, 1.0, 1e150])
+@pytest.mark.parametrize("size_w", [1e-299, 1e-150, 1.0, 1e150])
 def test_tiny_and_huge_bodies(size_i, size_w):
     case = (tuple(size_i * i for i in I_123), Q, tuple(size_w * w for w in OMEGA), 20.0 / size_w)
     assert max(errors(case)) <= 3.0
