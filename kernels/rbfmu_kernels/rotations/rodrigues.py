@@ -23,6 +23,7 @@ def gibbs_from_quaternion(q_ab: Quaternion) -> Vec3:
     Singular: within round-off of half a turn, |eta| < 4 eps |q_ab|, g has no digits left and is NaN.  Source: E&G 6.7.
     """
     eta = math.nan if gibbs_is_singular(q_ab) or q_ab[0] == 0.0 else q_ab[0]  # zero: of NaN and of no attitude
+    eta = eta if abs(eta) < math.inf else math.nan
     return (q_ab[1] / eta, q_ab[2] / eta, q_ab[3] / eta)
 
 
@@ -84,7 +85,7 @@ def mrp_from_quaternion(q_ab: Quaternion) -> Vec3:
     s = scale_for_squares(largest_of(q_ab))
     eta, eps = s * abs(q_ab[0]), vec3.scale(math.copysign(s, q_ab[0]), q_ab[1:])
     total = math.sqrt(square_of((eta, *eps))) + eta
-    total = total if total > 0.0 else math.nan
+    total = total if 0.0 < total < math.inf else math.nan
     return (eps[0] / total, eps[1] / total, eps[2] / total)
 
 

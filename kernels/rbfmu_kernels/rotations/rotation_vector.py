@@ -41,8 +41,8 @@ def rotvec_from_quaternion(q_ab: Quaternion) -> Vec3:
     s = scale_for_squares(largest_of(q_ab))
     eta, eps = s * abs(q_ab[0]), vec3.scale(math.copysign(s, q_ab[0]), q_ab[1:])
     length = math.sqrt(vec3.dot(eps, eps))
-    tiny = 1.0 / eta if eta > 0.0 else math.nan
-    per_length = atan2(length, eta) / length if length > 0.0 else tiny
+    tiny = 1.0 / eta if 0.0 < eta < math.inf else math.nan
+    per_length = atan2(length, eta) / length if length > 0.0 and eta < math.inf else tiny
     return vec3.scale(2.0 * per_length, eps)
 
 
@@ -131,7 +131,7 @@ def axis_angle_from_quaternion(q_ab: Quaternion) -> tuple[Vec3, float]:
     length = math.sqrt(vec3.dot(eps, eps))
     signed = math.copysign(length, q_ab[0])
     x, y, z = vec3.scale(1.0 / signed if length != 0.0 else 0.0, eps)
-    one = math.nan if length == 0.0 and q_ab[0] == 0.0 else 1.0
+    one = math.nan if (length == 0.0 and q_ab[0] == 0.0) or abs(q_ab[0]) == math.inf else 1.0
     return ((x if length != 0.0 else one, one * y, one * z), one * (2.0 * atan2(length / s, abs(q_ab[0]))))
 
 

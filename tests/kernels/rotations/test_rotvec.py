@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
-from rbfmu_kernels.rotations import matrix, quaternion, rotation_vector, vec3
+from rbfmu_kernels.rotations import matrix, quaternion, rodrigues, rotation_vector, vec3
 from tests.support.references import exact
 from tests.support.references.exact import EPS, mp
 from tests.support.references.hard_cases import (
@@ -238,3 +238,12 @@ def test_scipy_agrees():
     random = random_quaternions(100, 59)
     back = np.array([rotation_vector.rotvec_from_quaternion(q) for q in random])
     assert np.abs(back - Rotation.from_quat(np.roll(random, -1, axis=1)).as_rotvec()).max() <= 16.0 * EPS
+
+
+@pytest.mark.parametrize("q", [(np.inf, 0.1, 0.2, 0.3), (-np.inf, 0.0, 0.0, 0.0), (1.0, np.inf, 0.0, 0.0)])
+def test_of_infinite_numbers_nothing_is_known(q):
+    """2026-11-28: of an infinite first one "no rotation" was."""
+    axis, angle = rotation_vector.axis_angle_from_quaternion(q)
+    others = rotation_vector.rotvec_from_quaternion, rodrigues.mrp_from_quaternion, rodrigues.gibbs_from_quaternion
+    assert np.isnan([*axis, angle]).any()
+    assert np.isnan([other(q) for other in others]).any(axis=1).all()
