@@ -109,11 +109,11 @@ def longest_step(equations: Equations, sizes: Array, s: Array) -> float:
                 lead = max(lead, abs(s[0, states[m, 0] * LENGTH + first]) if states[m, 2] == g else 0.0)
         for k, term in ((ORDER - 1, before), (ORDER, last)):
             if term > 0.0:
-                reach = (TOLERANCE * size / term) ** (1.0 / k)
+                reach = (TOLERANCE * (size / term)) ** (1.0 / k)
                 if least[g] >= 0.0:  # a state that begins at zero is soon as large as its first terms make it
-                    reach = max(reach, (TOLERANCE * slope / term) ** (1.0 / (k - 1)))
-                    reach = max(reach, (TOLERANCE * bend / term) ** (1.0 / (k - 2)))
-                    reach = max(reach, (TOLERANCE * lead / term) ** (1.0 / (k - first)))
+                    reach = max(reach, (TOLERANCE * (slope / term)) ** (1.0 / (k - 1)))
+                    reach = max(reach, (TOLERANCE * (bend / term)) ** (1.0 / (k - 2)))
+                    reach = max(reach, (TOLERANCE * (lead / term)) ** (1.0 / (k - first)))
                 longest = min(longest, reach)
     return longest
 
@@ -219,7 +219,7 @@ def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float,
         size = max(abs(least[g]), max(sizes[g], begun) if least[g] >= 0.0 else 0.0)
         size = polynomials.bound_of(s[0], states[m, 0] * LENGTH, 1, ORDER, t)[0] if size == 0.0 else size
         error = abs(unit * here[0, states[m, 1]] - slope) * t
-        if error > 0.0 or math.isnan(error):
+        if error > (0.0 if size > 0.0 else polynomials.NOTHING) or math.isnan(error):  # e^x begins with e^-700
             worst = max(worst, error / size) if error < math.inf and size > 0.0 else math.inf
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1]
