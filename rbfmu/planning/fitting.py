@@ -11,7 +11,7 @@ whose estimates hold less well, so that what was fitted in the scene's own steps
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -167,12 +167,7 @@ class _Search:
             found = self._cheapest_over(tolerance).plan
             if found.error <= REACHED * self.accuracy:
                 break
-        magnified, reasons = magnified_round_off(growth), why_held_whatever(self.asked, found, self.judge.arithmetic)
-        if magnified > self.accuracy and (self.asked.scene.inputs.ports or found.error <= AT_REST * self.accuracy):
-            grown = f"with {self.asked.scene.inputs.at_start} the motion magnifies an error {growth:.1e} times"
-            reasons += (f"{grown}, round-off beyond the accuracy: only the errors of substeps are held to it",)
-        elif max(found.error, magnified) > self.accuracy:
-            raise refuse_accuracy(self.asked, max(found.error, magnified))
+        reasons = why_held_whatever(self.asked, found, growth, self.judge.arithmetic)
         return replace(found, reasons=reasons)
 
     # What is accurate enough whatever the communication step
@@ -376,7 +371,21 @@ def held_over_a_run(plan: Plan) -> str:
     return f"{plan.method}: estimated errors of a run add up to at most {plan.tolerance:.1e}"
 
 
-def why_held_whatever(asked: Question, plan: Plan, arithmetic: str) -> tuple[str, ...]:
-    """Return how a plan serves inputs and parameters that no pilot run has seen."""
+def why_held_whatever(
+    asked: Question, plan: Plan, growth: float, arithmetic: str, missed: Callable[[], str] = str
+) -> tuple[str, ...]:
+    """Return how a plan serves inputs and parameters that no pilot run has seen.
+
+    Raises SceneError where it misses the accuracy; missed: as `why` of `refuse_accuracy`.
+    """
     held = f"{held_over_a_run(plan)}, whatever {' and '.join(sorted(asked.varying))} may be"
-    return held, f"error {plan.error:.1e} in a pilot run with {asked.scene.inputs.at_start}, judged in {arithmetic}"
+    start, magnified = asked.scene.inputs.at_start, magnified_round_off(growth)
+    reasons = (held, f"error {plan.error:.1e} in a pilot run with {start}, judged in {arithmetic}")
+    by_some = missed() if plan.error > asked.accuracy else ""
+    taken = asked.scene.inputs.ports or plan.error <= AT_REST * asked.accuracy
+    if magnified > asked.accuracy and taken and not by_some:
+        grown = f"with {start} the motion magnifies an error {growth:.1e} times"
+        return (*reasons, f"{grown}, round-off beyond the accuracy: only the errors of substeps are held to it")
+    if (worst := max(plan.error, magnified)) > asked.accuracy:
+        raise refuse_accuracy(asked, worst, by_some)
+    return reasons

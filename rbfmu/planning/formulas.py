@@ -151,9 +151,8 @@ def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
         plan = _tried(asked, judge, plan)
         if plan.error <= asked.accuracy or magnified > asked.accuracy:
             break
-    if (worst := max(plan.error, magnified)) > asked.accuracy:
-        raise fitting.refuse_accuracy(asked, worst, _missed_by_own_outputs(asked, judge, plan))
-    why = fitting.why_held_whatever(asked, plan, judge.arithmetic)
+    missed = partial(_missed_by_own_outputs, asked, judge, plan)
+    why = fitting.why_held_whatever(asked, plan, growth, judge.arithmetic, missed)
     return replace(plan, reasons=(*what_formulas_read(asked, plan), *why))
 
 
