@@ -23,8 +23,10 @@ the number under a root begins at zero: parts of its reach."""
 LENGTH = ORDER + 1
 CORNER_KNOWN = 1e-17
 """The part of its size to which what has a corner is known there."""
-LARGEST = 1e290
-"""The largest coefficients: near the end of the range of doubles products of double-double numbers are none."""
+LARGEST, LIFT = 1e290, 2.0**60
+"""The largest coefficients: near the end of the range of doubles products of double-double numbers are none. And what
+both sides of an error are multiplied by, as TOLERANCE of what begins with e^-700 is none either.
+"""
 MOST_DEFECT = 1e-11
 """The defect within a series, which is known in doubles, with which it is halved."""
 FINER = 0.01
@@ -107,13 +109,13 @@ def longest_step(equations: Equations, sizes: Array, s: Array) -> float:
             first += 1
             for m in range(states.shape[0]):
                 lead = max(lead, abs(s[0, states[m, 0] * LENGTH + first]) if states[m, 2] == g else 0.0)
-        for k, term in ((ORDER - 1, before), (ORDER, last)):
+        for k, term in ((ORDER - 1, LIFT * before), (ORDER, LIFT * last)):
             if term > 0.0:
-                reach = (TOLERANCE * (size / term)) ** (1.0 / k)
+                reach = (LIFT * TOLERANCE * size / term) ** (1.0 / k)
                 if least[g] >= 0.0:  # a state that begins at zero is soon as large as its first terms make it
-                    reach = max(reach, (TOLERANCE * (slope / term)) ** (1.0 / (k - 1)))
-                    reach = max(reach, (TOLERANCE * (bend / term)) ** (1.0 / (k - 2)))
-                    reach = max(reach, (TOLERANCE * (lead / term)) ** (1.0 / (k - first)))
+                    reach = max(reach, (LIFT * TOLERANCE * slope / term) ** (1.0 / (k - 1)))
+                    reach = max(reach, (LIFT * TOLERANCE * bend / term) ** (1.0 / (k - 2)))
+                    reach = max(reach, (LIFT * TOLERANCE * lead / term) ** (1.0 / (k - first)))
                 longest = min(longest, reach)
     return longest
 
