@@ -9,7 +9,6 @@ import pytest
 import rbfmu
 from examples.benchmarks import events
 from tests.support.command_line import call
-from tests.support.covering import some_of
 from tests.support.paths import ROOT
 from tests.support.references.events_mp import judged, right
 
@@ -139,12 +138,13 @@ def test_an_angle_passes_zero_once_a_turn_and_jumps_once():
     np.testing.assert_allclose(found["any"], np.pi * np.arange(16), rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("text", some_of(["tan(t)", "tan(t) - 1", "1/(t - 1.05)", "omega_b[2]/omega_b[1]"], 1))
-def test_what_has_poles_is_refused(text):
+@pytest.mark.thorough
+def test_what_has_poles_is_refused():
     """Beyond a pole round-off of the largest was as large as the rest: zeros were missed, and others made up."""
     said = r"events\.e\.when comes to (inf|\d\.\de\+1\d), and is at most .* elsewhere: expected a formula without poles"
-    with pytest.raises(rbfmu.SceneError, match=said):
-        rbfmu.plan(scene(stop=2.0, e=text))
+    for text in ("tan(t)", "tan(t) - 1", "1/(t - 1.05)", "omega_b[2]/omega_b[1]"):
+        with pytest.raises(rbfmu.SceneError, match=said):
+            rbfmu.plan(scene(stop=5.0, e=text))
 
 
 def test_what_is_zero_at_communication_points_has_no_poles():
