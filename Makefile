@@ -20,7 +20,7 @@ check:
 SHARED = -n 2 --dist loadfile
 
 test:
-	@echo "The tests take some ten minutes of a processor's time, half as long on two; six once their code is kept."
+	@echo "The tests take six to seven minutes of a processor's time, half as long on two; four once their code is kept."
 	$(BIN)/pytest $(SHARED) -m "not slow and not thorough"
 
 # The core once more as plain Python: readable tracebacks, and no result may hang on the compiler.
