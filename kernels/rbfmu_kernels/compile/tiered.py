@@ -224,8 +224,7 @@ class Tiered:
         if not self.is_compiled:
             with suppress(OSError, AttributeError, ValueError):  # there is no such file, or no cache at all
                 self._before = float(_file_of_time(self._kernel).read_text())
-            if self._before > self._patience:
-                self._call = self._kernel
+                self._call = self._kernel if self._before > self._patience else self._interpreted
             atexit.register(self._remember)
         return self._call(*args)
 
