@@ -113,10 +113,10 @@ def method_of_file(path: str | Path) -> OneStepMethod:
     except Exception as error:  # whatever a reader's file raises
         kind = "" if type(error) is ValueError else f"{type(error).__name__}: "
         raise ValueError(f"{path}: {kind}{error}") from error
-    name, loop = path.stem, compiled_loop(path.stem, _step_of(compiled(step)), compiled)
     try:
+        name, loop = path.stem, compiled_loop(path.stem, _step_of(compiled(step)), compiled)
         loop(State((0.0,) * 3, (0.0,) * 3, *_TRIED), 0.01, 1, Body(1.0, _I, _I, (0.0,) * 3, (0.0,) * 3, 1.0), NO_LOADS)
-    except NumbaError:
+    except (NumbaError, TypeError):  # the latter of an object that is called as a function
         name, loop = f"{path.stem} (as Python)", _interpreted(step)
     return _Own(name, loop, 0, math.nan, compiler=compiled)
 

@@ -30,6 +30,8 @@ from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 MOST_RADIANS = 1e6
 """The angle beyond which a motion is one of many turns, which takes peers too long."""
+MOST_STEPS = 1e12
+"""The number of steps between two outputs beyond which none are tried: a loop of nothing takes no time at all."""
 PLANNING = 30.0
 """The processor time, s, after which no tighter plans are made."""
 
@@ -90,7 +92,7 @@ def timer(repeat: Callable[[int], object]) -> Callable[[int], float]:
 def step_counts(case: Case, quick: bool, largest: float = 16.0) -> Iterator[float]:
     """Yield step sizes, from `largest` rad per step downwards by factors of 2 (quick: 4)."""
     n, last = max(1.0, case.interval * case.rate / largest), 0
-    while True:
+    while n < MOST_STEPS:
         if round(n) > last:
             last = round(n)
             yield case.interval / last

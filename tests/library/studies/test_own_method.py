@@ -1,12 +1,16 @@
 """A reader's own method, from a file: as theory says of Heun's, as Python, on the chart, and with messages."""
 
 import math
+from itertools import islice
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 import rbfmu
 from rbfmu.studies import one_step, reference_methods
+from rbfmu.studies.chart.methods import step_counts
 from rbfmu.studies.one_step import method_of_file
 from rbfmu.studies.stability import CURVE, method_laws, motions
 from rbfmu.studies.stability.method_laws import largest_stable, order, own_laws
@@ -53,6 +57,19 @@ def test_code_that_numba_does_not_compile_gives_the_same_and_says_so(heun, tmp_p
     assert slow.name == "slow (as Python)"
     start, body = motions.TUMBLING.start, motions.TUMBLING.body
     assert slow.run(start, 0.1, 5, body, NO_LOADS).omega_b == pytest.approx(heun.run(start, 0.1, 5, body, NO_LOADS)[3])
+
+
+def test_an_object_that_is_called_as_a_function_runs_as_python(tmp_path):
+    """2026-11-28: the command ended with Numba's traceback."""
+    path = tmp_path / "thing.py"
+    path.write_text("class Rest:\n    def __call__(self, q, w, h, b, f): return q, w\nstep = Rest()\n")
+    assert method_of_file(path).name == "thing (as Python)"
+
+
+def test_steps_that_take_no_time_come_to_an_end():
+    """2026-11-28: of a method that does nothing "OverflowError: int too big to convert" was told, at h = 2.7e-20 s."""
+    case: Any = SimpleNamespace(interval=1.0, rate=1.0)
+    assert 1e-13 < [*islice(step_counts(case, True), 100)][-1] < 1e-11
 
 
 @pytest.mark.thorough
