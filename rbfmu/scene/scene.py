@@ -140,6 +140,8 @@ class Scene(Section):
             table = as_lists(new.get(name))
             if name == "outputs" and "quantities" not in self.outputs._given:
                 del table["quantities"]
+            if name == "ensemble" and table and isinstance(value, Mapping) and (table | value)["design"] == "grid":
+                del table["runs"]  # which is that of the grid's points
             new[name] = _with_changes(table, value, SECTIONS.get(name))
         return type(self).from_dict({name: table for name, table in new.items() if table is not None}, self.name)
 

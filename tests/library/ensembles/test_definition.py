@@ -100,6 +100,17 @@ def test_runs_and_seed_are_replaced_alone():
     assert other.ensemble.vary == scene().ensemble.vary
 
 
+def test_a_grid_with_other_points_has_as_many_runs():
+    """2026-11-28: "ensemble.runs = 3: expected no such key, or 5", which nobody had written."""
+    grid = {key: value | {"points": 3} for key, value in MASS.items()}
+    finer = {key: value | {"points": 5} for key, value in MASS.items()}
+    coarse = scene(grid, ensemble={"design": "grid"})
+    assert coarse.replace({"run.stop": 3.0}).replace({"ensemble.vary": finer}).ensemble.runs == 5
+    assert scene().replace(ensemble={"design": "grid", "vary": grid}).ensemble.runs == 3
+    with pytest.raises(SceneError, match=r"ensemble\.runs = 4: expected no such key, or 3"):
+        coarse.replace({"ensemble.runs": 4})
+
+
 def test_keys_may_be_written_with_toml_s_own_dots():
     text = """
     body.mass = { normal = [50.0, 0.5] }
