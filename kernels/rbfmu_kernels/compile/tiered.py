@@ -94,7 +94,7 @@ def on_buffer(function: Callable[P, R], kernel: Callable[P, R]) -> Callable[P, R
     """Return a kernel as a Python function that takes its buffers' numbers for Python's: twice as fast as NumPy's.
 
     Where these are divided by zero, what was done is undone, and done again with NumPy's; where a number that is no
-    buffer's is, as one of `where`, and where it takes too long, by the kernel itself.
+    buffer's is, as one of `where`, and where it takes too long, by the kernel itself. What Ctrl-C stops is undone.
     """
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -103,9 +103,11 @@ def on_buffer(function: Callable[P, R], kernel: Callable[P, R]) -> Callable[P, R
         for numbers in (python, args):
             try:
                 return function(*numbers, **kwargs)
-            except (ZeroDivisionError, _TooLongError):
+            except BaseException as error:
                 for one, kept in before:
                     one[:] = kept
+                if not isinstance(error, ZeroDivisionError | _TooLongError):
+                    raise
         return kernel(*args, **kwargs)
 
     return call

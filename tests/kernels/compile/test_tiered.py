@@ -159,6 +159,19 @@ def test_a_call_that_takes_too_long_is_given_up_undone_and_made_by_machine_code(
     assert (z.tolist(), ended) == ([1_000.0, 0.0], [])
 
 
+def test_what_ctrl_c_stops_is_undone():
+    """2026-11-28: a simulator went on from where a step was interrupted, at the time at which that had begun."""
+
+    def stopped(z):
+        z[0] = 7.0
+        raise KeyboardInterrupt
+
+    z = np.zeros(2)
+    with pytest.raises(KeyboardInterrupt):
+        tiered.on_buffer(stopped, stopped)(z)
+    assert z.tolist() == [0.0, 0.0]
+
+
 def test_what_others_have_compiled_meanwhile_is_used():
     compiled = SimpleNamespace(py_func=plain, overloads={})
     tier = tiered.Tiered(compiled, abs)
