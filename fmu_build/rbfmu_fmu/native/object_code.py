@@ -113,7 +113,9 @@ def _entry_module(model: Model, name: str) -> llvm.ModuleRef:
     try:
         source, inner = numba_private.llvm_source(decorator.code_for_callers(entry, signature))
     except AttributeError as error:
-        raise BuildError(f"Numba {numba.__version__} does not give a function's LLVM source: {error}") from error
+        why = f"Numba {numba.__version__} does not give a function's LLVM source: {error}"
+        why = "NUMBA_DISABLE_JIT is set: expected not, as FMUs have compiled code" if numba.config.DISABLE_JIT else why
+        raise BuildError(why) from error
     module = llvm.parse_assembly(source)
     module.link_in(llvm.parse_assembly(_c_signature(name, inner, typed="double*" in source)))
     return module

@@ -185,6 +185,14 @@ def test_object_code_of_other_sources_is_not_taken(module, changed, other, tmp_p
     assert object_code.keep_or_compile("a model", lambda: b"second") == b"second"
 
 
+def test_without_numba_s_compiler_what_is_set_is_named(monkeypatch):
+    """2026-11-28: "Numba 0.68.1 does not give a function's LLVM source", though that version does."""
+    monkeypatch.setattr(object_code.numba.config, "DISABLE_JIT", 1)
+    monkeypatch.setattr(object_code.decorator, "code_for_callers", lambda function, signature: function)
+    with pytest.raises(BuildError, match="NUMBA_DISABLE_JIT is set: expected not, as FMUs have compiled code"):
+        object_code._entry_module(planned("prescribed").kernels, "outputs")
+
+
 def test_where_nothing_can_be_kept_a_model_is_compiled_each_time(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setattr(object_code.numba.config, "CACHE_DIR", str(tmp_path / "file"))
