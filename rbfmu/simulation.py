@@ -210,12 +210,19 @@ class Simulator:
             length = h if type(h) is float else _seconds(h)
             count, end = _UNKNOWN, self.time + length
         before = self._put(ports) if ports else ()
-        if length > 0.0 and math.isfinite(end) and self._step(self._z, length) == OK:
-            self.time, self._count = end, count
-            self._known, self._told = self._told, self._untold
-            return
+        try:
+            if length > 0.0 and math.isfinite(end) and self._step(self._z, length) == OK:
+                self.time, self._count = end, count
+                self._known, self._told = self._told, self._untold
+                return
+        except KeyboardInterrupt:  # compiled code runs to its end, of which nothing tells then
+            self.time, self._count = math.nan, 0
+            raise
         self._put_back(before)
         why = "no finite motion, or none that the accuracy allows" if length > 0.0 else "the step size must be positive"
+        why = (
+            "an interrupt came within the step before: `restore` goes on" if math.isnan(self.time) else why
+        )
         step = f"the step from t = {self.time!r} s by {length!r} s"
         raise SimulationError(f"{self.scene.name}: {step} was refused: {why}")
 

@@ -320,3 +320,26 @@ def test_a_copy_goes_its_own_way_and_is_not_planned_again(monkeypatch):
         assert (sim.time, copied.time) == (time, 2 * time)
     sim.step()
     assert_same(state_of(sim), state_of(copied))
+
+
+def test_after_an_interrupt_within_compiled_code_the_state_is_gone_back_to():
+    """2026-11-28: the state had moved and the time had not, so that what followed was wrong without a word."""
+    one = rbfmu.Simulator(rbfmu.Scene.from_dict({"body": {"mass": 1.0, "inertia": [1.0, 1.5, 2.2]},
+                          "initial": {"omega_b": [0.4, 2.0, 0.3]}, "run": {"stop": 2.0, "step": 0.5}}))  # fmt: skip
+    one.step()
+    saved, step = one.save(), one._step
+
+    def interrupted(*args):
+        step(*args)
+        raise KeyboardInterrupt
+
+    one._step = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        one.step()
+    one._step = step
+    for h in (None, 0.1):
+        with pytest.raises(rbfmu.SimulationError, match=r"an interrupt came within .* `restore` goes on"):
+            one.step(h)
+    one.restore(saved)
+    one.step()
+    assert one.time == 1.0
