@@ -220,9 +220,7 @@ class Simulator:
             raise
         self._put_back(before)
         why = "no finite motion, or none that the accuracy allows" if length > 0.0 else "the step size must be positive"
-        why = (
-            "an interrupt came within the step before: `restore` goes on" if math.isnan(self.time) else why
-        )
+        why = "an interrupt came within the step before: `restore` goes on" if math.isnan(self.time) else why
         step = f"the step from t = {self.time!r} s by {length!r} s"
         raise SimulationError(f"{self.scene.name}: {step} was refused: {why}")
 
