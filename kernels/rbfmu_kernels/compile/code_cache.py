@@ -63,8 +63,8 @@ def stamp_of(function: Function) -> str:
     """Return the stamp of a function's code: the hash of all kernels, and of the files of what else it calls."""
     if Path(function.__code__.co_filename).is_relative_to(_PACKAGE):
         return SOURCES
-    files = sorted({one.__code__.co_filename for one in reached(function)})
-    own = b"".join(Path(file).read_bytes() for file in files if not Path(file).is_relative_to(_PACKAGE))
+    files = sorted({Path(one.__code__.co_filename) for one in reached(function)})
+    own = b"".join(file.read_bytes() for file in files if file.is_file() and not file.is_relative_to(_PACKAGE))
     return SOURCES + hashlib.sha256(own).hexdigest()[:16]
 
 

@@ -12,7 +12,6 @@ from time import thread_time
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import float64, int64, types
 
 from rbfmu.models import model_buffer, question, registry
 from rbfmu.planning.methods import whole_series
@@ -22,10 +21,10 @@ from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies import dop853, short
 from rbfmu.studies.chart.cases import Case, Found
-from rbfmu.studies.one_step import Form, OneStepMethod, Steps
+from rbfmu.studies.one_step import Form, OneStepMethod, Steps, kept
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
 from rbfmu.types import Array, Indices
-from rbfmu_kernels.compile.decorator import loop, named
+from rbfmu_kernels.compile.decorator import named
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 MOST_RADIANS = 1e6
@@ -177,9 +176,11 @@ def _run_of_steps(method: OneStepMethod, case: Case, h: float) -> Run:
 # The product's models, stepped from output to output
 
 
-def _steps_repeated(
-    step: Callable[[Array, float], int], z: Array, start: Array, interval: float, at: Indices, out: Array, k: int
-) -> int:
+def _step(z: Array, interval: float) -> int:
+    raise NotImplementedError
+
+
+def _steps_repeated(z: Array, start: Array, interval: float, at: Indices, out: Array, k: int) -> int:
     """Make k runs, and store the buffer's elements `at` in `out` at every output; start: what a run begins with.
 
     Return 1 where a fault ends them: each further step could take as long to fail.
@@ -188,21 +189,17 @@ def _steps_repeated(
         for i in range(len(start)):  # a slice would compile the words of an error, for 2 s
             z[i] = start[i]
         for i in range(len(out)):
-            if step(z, interval):
+            if _step(z, interval):
                 return 1
             for j in range(len(at)):
                 out[i, j] = z[at[j]]
     return 0
 
 
-_NUMBERS = float64[::1]
-_STEP = types.FunctionType(int64(_NUMBERS, float64))
-
-
 @cache
-def _runs_of_steps() -> Any:
-    """Return the above compiled, for any model's step, which is called by its address; its code is kept on disk."""
-    return loop(_steps_repeated, int64(_STEP, _NUMBERS, _NUMBERS, float64, int64[::1], float64[:, ::1], int64))
+def _runs_of(step: Callable[[Array, float], int], model: str) -> Any:
+    """Return the above with a model's step, compiled."""
+    return kept(named(_steps_repeated, f"runs of {model}", _step=step))
 
 
 def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
@@ -212,9 +209,7 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
     z, start = model_buffer.aligned_zeros(len(start)), start[:scratch]
     at = np.concatenate([np.arange(len(z))[kernels.BLOCKS[name]] for name in case.quantities])
     out = np.zeros((case.outputs, len(at)))
-    if hasattr(kernels.step, "compile"):  # not where the JIT is disabled
-        kernels.step.compile((_NUMBERS, float64))
-    solve = partial(_runs_of_steps(), kernels.step, z, start, case.interval, at, out)
+    solve = partial(_runs_of(kernels.step, kernels.name), z, start, case.interval, at, out)
     if solve(1):
         out[:] = math.nan
     sizes = [model_buffer.size_of_block(kernels.BLOCKS[name]) for name in case.quantities]
