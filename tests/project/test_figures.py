@@ -195,25 +195,23 @@ def test_rows_of_peers_are_quoted_with_every_accuracy() -> None:
 
 
 def test_who_is_ahead_where_is_what_the_readme_says() -> None:
-    """DOP853 with few outputs at 1e-3; with many LSODA at 1e-3 and 1e-6, others with thruster and heavy top."""
+    """DOP853 with few outputs at 1e-3; with many LSODA at 1e-3 and 1e-6, heyoka.py with the thruster."""
     behind = [row for row in record.read("peers")[1] if row["even"] == "False"]
     behind = [row for row in behind if not float(row["seconds"]) < float(row["peer_seconds"])]
     ahead = {(row["case"], row["peer"], float(row["accuracy"]), int(row["outputs"]) > CASES[row["case"]].outputs):
              float(row["peer_seconds"]) / float(row["seconds"]) for row in behind}  # fmt: skip
     few = {key: ratio for key, ratio in ahead.items() if not key[-1]}
     assert {key[1:3] for key in few} == {("numbalsoda DOP853", 1e-3)}
-    assert 0.7 <= min(few.values()) < 0.75
+    assert 0.75 <= min(few.values()) < 0.8
     coarse = {key: ratio for key, ratio in ahead.items() if key[1] == "numbalsoda LSODA"}
     assert {key[2] for key in coarse} == {1e-3, 1e-6}
-    assert 0.535 <= min(coarse.values()) < 0.6
+    assert 0.605 <= min(coarse.values()) < 0.65
     finer = {key[0]: ratio for key, ratio in coarse.items() if key[2] == 1e-6}
     assert {*finer} == {"d", "f"}
-    assert 0.7 <= min(finer.values()) <= 0.82
+    assert 0.835 <= min(finer.values()) <= max(finer.values()) <= 0.89
     others = {key: ratio for key, ratio in ahead.items() if key not in few and key not in coarse}
-    assert {key[:2] for key in others} == {("f", "heyoka.py"), ("c'", "numbalsoda DOP853")}
-    assert [key[2] for key, ratio in others.items() if key[0] == "c'" and ratio >= 0.87] == [1e-3]
-    assert [key[2] for key in others if key[0] == "c'"] == [1e-3]
-    assert 0.75 <= min(others.values()) <= 0.86
+    assert {key[:2] for key in others} == {("f", "heyoka.py")}
+    assert 0.86 <= min(others.values()) <= max(others.values()) <= 0.885
     many = [row for row in record.read("peers")[1] if int(row["outputs"]) > CASES[row["case"]].outputs]
     sure = [row for row in many if "**" in pages.times(row)]
     assert [
