@@ -278,7 +278,7 @@ def test_a_chain_of_filters_begins_at_rest(quantities):
         np.testing.assert_allclose(found.omega_b[:, 2], rates, rtol=0.0, atol=1e-10)
 
 
-@pytest.mark.parametrize("drive", ["x", "cos(2*pi*t)"])
+@pytest.mark.parametrize("drive", ["x", pytest.param("cos(2*pi*t)", marks=pytest.mark.thorough)])
 def test_what_swings_may_be_shown_where_it_comes_to_zero(drive):
     """2026-11-27: round-off at communication points was an error of over 100 %: "the motion magnifies round-off"."""
     tables = scene({"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, {"omega_b": [0.0, 0.0, 0.0]}, accuracy=1e-6)

@@ -38,6 +38,7 @@ def test_the_registry_takes_what_the_kernels_take_in_the_gallery(path):
     assert scene.body is None or differing(scene) == []
 
 
+@pytest.mark.thorough
 @given(scenes())
 @settings(max_examples=50, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 def test_the_registry_takes_what_the_kernels_take_at_random(scene):
