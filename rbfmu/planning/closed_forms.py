@@ -41,6 +41,9 @@ GROWTH = 0.1
 grows by a tenth at most, e^0.1 = 1.105."""
 SHARE = 0.8
 """The part of the accuracy that the error of a model that leaves something out may be, if no closed form judges it."""
+FEW, FAR = 50, 10.0
+"""The steps at which models are compared first, where there are more; and the error there, over that which is allowed,
+with which one is not run at all of them. Sizes that errors are relative to may be larger between so few."""
 PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for rates held over a step"
 
 
@@ -139,17 +142,34 @@ def plan_within_accuracy(asked: Question, judge: Judge, exact: Plan | None) -> P
     if "force_b" in asked.varying and "acceleration" in names and "quaternion" not in names:
         names = (*names, "quaternion")  # ports are at zero here: what they bring is as wrong as the attitude
     shown = tuple(dict.fromkeys((*names, "omega_b")))  # of the rates only how much they change is measured
-    truth = judge.motion_by(replace(exact, pinned=asked.pinned), shown) if exact else judge.motion
     bound = (1.0 if exact else SHARE) * asked.accuracy - EXACT
+    if exact and asked.scene.run.count > FEW:
+        few = Judge(asked, most=FEW)
+        roughly = few.motion_by(replace(exact, pinned=asked.pinned), shown)
+        smaller = [spec for spec in smaller if _error(few, spec, roughly, names, FAR) <= FAR * bound]
+        if not smaller:
+            return None
+    truth = judge.motion_by(replace(exact, pinned=asked.pinned), shown) if exact else judge.motion
     for spec in smaller:
-        if _may_be_close(asked, spec, truth, names):
-            candidate = Plan(spec.key, spec.method, 0, pinned=asked.pinned)
-            error = judge.compare(candidate, truth, names, bool(asked.varying & GROWING))
-            if error <= bound:
-                dropped = f"{exact.model if exact else 'the body under loads'} dropped for {spec.key}"
-                why = f"{dropped}: {error:.1e} apart at {len(truth['omega_b']) - 1} times, {asked.accuracy:g} asked"
-                return replace(candidate, error=error + (exact.error if exact else 0.0), reasons=(why,))
+        error = _error(judge, spec, truth, names)
+        if error <= bound:
+            dropped = f"{exact.model if exact else 'the body under loads'} dropped for {spec.key}"
+            why = f"{dropped}: {error:.1e} apart at {len(truth['omega_b']) - 1} times, {asked.accuracy:g} asked"
+            error += exact.error if exact else 0.0
+            return replace(_candidate(asked, spec), error=error, reasons=(why,))
     return None
+
+
+def _candidate(asked: Question, spec: registry.ModelSpec) -> Plan:
+    return Plan(spec.key, spec.method, 0, pinned=asked.pinned)
+
+
+def _error(judge: Judge, spec: registry.ModelSpec, truth: Motion, names: tuple[str, ...], times: float = 1.0) -> float:
+    """Return a model's error beside a larger one's motion; infinite where it is far from so many times the accuracy."""
+    asked = judge.asked
+    if not _may_be_close(asked, spec, truth, names, times * asked.accuracy):
+        return math.inf
+    return judge.compare(_candidate(asked, spec), truth, names, bool(asked.varying & GROWING))
 
 
 def _may_be_compared(asked: Question) -> bool:
@@ -165,28 +185,30 @@ def _may_be_compared(asked: Question) -> bool:
     return not rests & asked.varying
 
 
-def _may_be_close(asked: Question, spec: registry.ModelSpec, truth: Motion, names: tuple[str, ...]) -> bool:
+def _may_be_close(
+    asked: Question, spec: registry.ModelSpec, truth: Motion, names: tuple[str, ...], accuracy: float
+) -> bool:
     """Return whether it is worth running a model, judged by the larger one's motion."""
     kept = set() if spec.states else TRANSLATION | CONSERVED
     if growth_rate(asked) * asked.span > GROWTH and not set(names) <= kept:
         return False
     if not spec.states:
-        return _stays(asked, truth, names)
+        return _stays(asked, truth, names, accuracy)
     if spec.rates_from is None:
         return True
     rates = truth["omega_b"]
     change, fastest = _fastest(rates - spec.rates_from(asked, rates)), _fastest(rates)
-    if "omega_b" in names and change > asked.accuracy * fastest:
+    if "omega_b" in names and change > accuracy * fastest:
         return False
     # A hundredth of the turn that the change of rates may make: what is tried in vain costs one run, and no accuracy.
-    return 0.01 * change * min(asked.span, 1.0 / fastest if fastest > 0.0 else math.inf) <= asked.accuracy
+    return 0.01 * change * min(asked.span, 1.0 / fastest if fastest > 0.0 else math.inf) <= accuracy
 
 
-def _stays(asked: Question, truth: Motion, names: tuple[str, ...]) -> bool:
+def _stays(asked: Question, truth: Motion, names: tuple[str, ...], accuracy: float) -> bool:
     """Return whether all compared quantities stay as they begin, except for the path."""
     names = tuple(n for n in names if n not in (*TRANSLATION, "kinetic_energy"))
     still = {n: truth[n][:1] + 0.0 * truth[n] for n in names}
-    return largest_error(still, truth, names, least_sizes(asked, truth)) <= asked.accuracy
+    return largest_error(still, truth, names, least_sizes(asked, truth)) <= accuracy
 
 
 # How fast a disturbance grows

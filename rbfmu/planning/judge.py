@@ -63,17 +63,22 @@ class Judge:
     """A scene's motion with its ports at zero, far more exact than what is judged by it.
 
     progress: a function that is told which part of the motion is done; fewer: the same scene with fewer outputs, if it
-    is to be judged as well: what is not asked for is not integrated, so that substeps may be longer.
+    is to be judged as well: what is not asked for is not integrated, so that substeps may be longer. most: of steps
+    that pilot runs take; in longer runs they take several at once.
     """
 
     def __init__(
-        self, asked: Question, progress: Callable[[float], object] | None = None, fewer: Question | None = None
+        self,
+        asked: Question,
+        progress: Callable[[float], object] | None = None,
+        fewer: Question | None = None,
+        most: int = MAX_STEPS,
     ) -> None:
         self.asked, self.scene, self.names = asked, asked.scene, asked.judged
         own = tuple(name for name in fewer.judged if name in self.names) if fewer else self.names
         self._followed = tuple(dict.fromkeys((*self.names, "omega_b")))
         self._asked = tuple(dict.fromkeys((self.names, own or self.names)))
-        self.steps = asked.scene.run.thinned_steps(MAX_STEPS)
+        self.steps = asked.scene.run.thinned_steps(most)
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off
         self.left = MAX_TRIED  # substeps of pilot runs to come

@@ -12,7 +12,8 @@ from numba import config
 import rbfmu
 from rbfmu.models.question import Question
 from rbfmu.models.registry import CLOSED_FORMS
-from rbfmu.planning.closed_forms import GROWTH, SHARE, growth_rate
+from rbfmu.planning.closed_forms import FEW, GROWTH, SHARE, growth_rate
+from rbfmu.planning.judge import Judge
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
@@ -195,6 +196,22 @@ def test_a_force_whose_path_nobody_sees_shortens_no_pilot_run():
     scene = Scene.from_dict({"body": body, "loads": loads, "run": run} | asked)
     found = plan(scene)
     assert error_of(scene, found) == pytest.approx(found.error, rel=1e-3)
+
+
+@pytest.mark.parametrize(("moments", "dropped"), [([1.0, 2.0, 2.5], False), ([1.0, 1.0, 1.0 + 1e-9], True)])
+def test_a_model_that_is_far_off_is_compared_at_few_times_alone(moments, dropped, monkeypatch):
+    compare, compared = Judge.compare, []
+
+    def noted(self, candidate, truth, *how):
+        compared.append(len(truth["omega_b"]) - 1)
+        return compare(self, candidate, truth, *how)
+
+    monkeypatch.setattr(Judge, "compare", noted)
+    tables = {"body": {"mass": 1.0, "inertia": moments}, "initial": {"omega_b": [0.3, 0.2, 1.0]}}
+    run = {"stop": 10.0, "step": 0.01, "accuracy": 1e-6}
+    found = plan(Scene.from_dict(tables | {"outputs": {"quantities": ["quaternion"]}, "run": run}))
+    assert any("dropped" in reason for reason in found.reasons) == dropped
+    assert max(compared) == (2000 if dropped else 2 * FEW)
 
 
 @pytest.mark.thorough
