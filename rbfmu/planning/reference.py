@@ -18,7 +18,9 @@ from rbfmu.formulas.motion import STATE, by_element, closure, groups_of
 from rbfmu.models.formulas import EVENT, FormulaModel, equations_of
 from rbfmu.models.question import Question
 from rbfmu.scene.scene import Body, Scene, SceneError
-from rbfmu.types import Array, Indices, Motion
+from rbfmu.types import Array, Buffer, Indices, Motion
+from rbfmu_kernels.buffer_access import matrix_at, put_quaternion_at
+from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.integrators import formula_reference as kernels
 from rbfmu_kernels.integrators.formula_ends import FARTHER
@@ -256,8 +258,9 @@ class Listed:
         ends = np.cumsum([np.size(value) for value in self._shown.values()])[:-1]
         motion = dict(zip(self._shown, np.split(rows, ends, axis=1), strict=True))
         if self._is_plain:
-            to_quaternion, matrices = tiered(quaternion_from_matrix), motion["quaternion"].reshape(-1, 3, 3).tolist()
-            motion["quaternion"] = np.array([to_quaternion(tuple(map(tuple, R))) for R in matrices])
+            matrices, q = np.ascontiguousarray(motion["quaternion"]), np.empty((len(rows), 4))
+            tiered(_put_quaternions)(matrices.ravel(), q.ravel())
+            motion["quaternion"] = q
         return motion
 
     def keys_at_fault(self, work: Array, sides: Array) -> str:
@@ -285,6 +288,12 @@ class Listed:
         rows = (self.graph.operations[i] for i in self.found)
         known = ((kind, x, Decimal(kind == "side")) for kind, _, x in rows)
         return [Decimal(x) if kind == "number" else values.get(str(x), other) for kind, x, other in known]
+
+
+@kernel(inline=False)
+def _put_quaternions(matrices: Buffer, q: Buffer) -> None:
+    for i in range(len(q) // 4):
+        put_quaternion_at(q, 4 * i, quaternion_from_matrix(matrix_at(matrices, 9 * i)))
 
 
 def _not_finite(scene: Scene, steps: Sequence[float], rows: Array, columns: Sequence[str]) -> SceneError:

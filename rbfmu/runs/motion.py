@@ -19,6 +19,8 @@ from rbfmu.scene.scene import Scene
 from rbfmu.types import Array, Buffer, Motion
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
+from rbfmu_kernels.buffer_access import quaternion_at
+from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import ANGLE, DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
@@ -26,8 +28,6 @@ from rbfmu_kernels.rotations.quaternion import angle_between
 
 SAME = 1e-9
 """The part of a step by which times may differ and still be those of one event, or of two at once."""
-FEW = 20_000
-"""The number of rows up to which the array function is not worth its compilation."""
 FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.floor}
 """The least size, m or m/s, that an error is relative to, by the quantity's name."""
 NOISE = 64.0 * 2.0**-52
@@ -219,9 +219,17 @@ def _substeps_of(kernels: Model, z: Buffer) -> Array:
 
 def attitude_error(a: Array, b: Array) -> Array:
     """Return the angles, rad, between attitudes: unit quaternions (..., 4)."""
-    if np.ndim(a) != 2 or np.shape(a) != np.shape(b) or len(a) > FEW:
+    if np.ndim(a) != 2 or np.shape(a) != np.shape(b):
         return arrays.angle_between(a, b)  # type: ignore[no-any-return]
-    return np.array([*map(tiered(angle_between), *(map(tuple, np.asarray(q).tolist()) for q in (a, b)))])
+    angles = np.empty(len(a))
+    tiered(_put_angles)(*(np.ascontiguousarray(q, np.float64).ravel() for q in (a, b)), angles)
+    return angles
+
+
+@kernel(inline=False)
+def _put_angles(a: Buffer, b: Buffer, angles: Buffer) -> None:
+    for i in range(len(angles)):
+        angles[i] = angle_between(quaternion_at(a, 4 * i), quaternion_at(b, 4 * i))
 
 
 def relative_error(a: Array, b: Array, floor: float) -> Array:
