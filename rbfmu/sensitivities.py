@@ -18,8 +18,8 @@ from rbfmu.on_disk import replacing
 from rbfmu.planning import judge, methods, reference
 from rbfmu.result import write_npz
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
-from rbfmu.runs.motion import SAME, Driven
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
+from rbfmu.runs.steps import SAME, Driven
 from rbfmu.scene.own import OF_NUMBERS
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.types import Array, ArrayLike

@@ -14,8 +14,8 @@ import numpy as np
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result, Row
 from rbfmu.runs.inputs import HOLD, Inputs, InputTables, drive_of, input_tables, size_of
-from rbfmu.runs.motion import SAME, Driven, Events, Happened
 from rbfmu.runs.plan import Plan, given, start_run, with_parameters
+from rbfmu.runs.steps import SAME, Driven, Events, Happened
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
 from rbfmu.scene.section import as_toml, fault
 from rbfmu.types import Array, Buffer

@@ -16,8 +16,8 @@ from rbfmu.ensembles.members import Samples, draw, ensemble_of, member, refusals
 from rbfmu.ensembles.statistics import MOST_NUMBERS, MOST_SAMPLED, Summary, most_points, sample_of, summary_of
 from rbfmu.ensembles.variables import ALL, COUNT, FINAL, FIRST, STATISTICS, Columns, columns_of, flat, varied_rows
 from rbfmu.models.model_buffer import refusal
-from rbfmu.runs.motion import refused_step
 from rbfmu.runs.plan import Plan, filled_buffer
+from rbfmu.runs.steps import refused_step
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Indices
 from rbfmu_kernels.body.members import Members

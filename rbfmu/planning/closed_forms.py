@@ -14,8 +14,9 @@ from rbfmu.models import registry
 from rbfmu.models.question import GROWING, Question
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import EXACT
-from rbfmu.runs.motion import largest_error, least_sizes, lost_to_cancellation, motion_of
+from rbfmu.runs.motion import largest_error, least_sizes, lost_to_cancellation
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.steps import motion_of
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import interpreted

@@ -15,8 +15,9 @@ import numpy as np
 from rbfmu.exceptions import PlanningWarning, warn_caller
 from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
-from rbfmu.runs.motion import Steps, largest_error, largest_size, least_sizes, motion_of, record, substeps_counted
+from rbfmu.runs.motion import largest_error, largest_size, least_sizes
 from rbfmu.runs.plan import Plan, start_run
+from rbfmu.runs.steps import Steps, motion_of, record, substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import evaluated

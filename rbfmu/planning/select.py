@@ -17,8 +17,9 @@ from rbfmu.models.question import Question
 from rbfmu.planning import closed_forms, fitting, methods
 from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, refuse_unfinished, watched_sizes
 from rbfmu.runs.inputs import Drive
-from rbfmu.runs.motion import Driven, largest_error, least_sizes, record, substeps_counted
+from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.steps import Driven, record, substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Motion
 from rbfmu_kernels.compile.said import PATIENCE, said_after

@@ -1,24 +1,17 @@
-"""Motions: runs of a model, driven or not, what its buffer shows over one, and errors between two of these.
+"""Errors between two motions, rows of quantities over a run, and the sizes that they are relative to.
 
 Errors are counted as a scene's `accuracy` counts them: of the attitude as an angle, rad; of all else relative to the
 largest size in the run, as a quantity that passes through zero has no error relative to itself there.
 """
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.exceptions import SimulationError
 from rbfmu.models.question import Question
-from rbfmu.runs.inputs import Drive
-from rbfmu.runs.plan import Plan, start_run
-from rbfmu.scene.scene import Scene
 from rbfmu.types import Array, Buffer, Motion
-from rbfmu_kernels.body.shell import Model
-from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.buffer_access import quaternion_at
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.tiered import tiered
@@ -26,192 +19,10 @@ from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.quantities import ANGLE, DISSIPATIVE, FORCES, OUTPUT, OUTPUTS, TORQUES
 from rbfmu_kernels.rotations.quaternion import angle_between
 
-SAME = 1e-9
-"""The part of a step by which times may differ and still be those of one event, or of two at once."""
 FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.floor}
 """The least size, m or m/s, that an error is relative to, by the quantity's name."""
 NOISE = 64.0 * 2.0**-52
 """The part of a quantity's largest term below which it is that of a body at rest, whatever cancels in the quantity."""
-
-
-class Steps:
-    """A run without inputs, at its start: its buffer `z`, and `advance` by each of the steps (s), in equal parts.
-
-    runs: how many such ones are known to come, this one among them.
-    """
-
-    def __init__(
-        self, scene: Scene, plan: Plan, steps: Sequence[float], names: Collection[str], parts: int = 1, runs: int = 1
-    ) -> None:
-        self.kernels, self.z, self.count = plan.kernels, start_run(scene, plan, names), len(steps)
-        self._lengths, self._parts = steps, parts
-        self._step = tiered(plan.kernels.step, len(steps) * parts * runs)
-
-    def advance(self, k: int) -> bool:
-        """Take step k, counted from 1; return whether none of its parts was refused."""
-        h, parts = self._lengths[k - 1] / self._parts, 0
-        while parts < self._parts and self._step(self.z, h) == OK:
-            parts += 1
-        return parts == self._parts
-
-
-class Driven:
-    """A run that inputs drive, at its start: its buffer `z`, and `advance` for each communication step.
-
-    A model that takes no input derivatives gets the mean of each piece, and the last value at a communication point.
-    """
-
-    def __init__(self, scene: Scene, plan: Plan, drive: Drive, names: Collection[str] | None = None) -> None:
-        kernels = self.kernels = plan.kernels
-        first = {port: pieces.values[0] for port, pieces in drive.ports.items()}
-        z = self.z = start_run(scene, plan, names, first)
-        self.count, self._lengths, self._counts = len(drive.time) - 1, drive.lengths, drive.counts
-        self._step, self._outputs = tiered(kernels.step, len(drive.lengths)), tiered(kernels.outputs)
-        takes_slopes = all(f"{port}_rate" in kernels.BLOCKS for port in drive.ports)
-        follows = not drive.is_steady and not takes_slopes
-        half = 0.5 * drive.lengths[:, None] if follows else 0.0
-        values = {port: pieces.values + half * pieces.slopes for port, pieces in drive.ports.items()}
-        last = {port: values[port] + half * pieces.slopes for port, pieces in drive.ports.items() if follows}
-        if takes_slopes and not drive.is_steady:
-            values |= {f"{port}_rate": pieces.slopes for port, pieces in drive.ports.items()}
-        self._inputs, self._last = (
-            [(z[kernels.BLOCKS[name]], rows) for name, rows in of.items()] for of in (values, last)
-        )
-        self.events = Events(scene, plan, z) if scene.events else None
-        self.ended: float | None = None
-        """The time of the event that ended the run, s."""
-        self._name, self._time = scene.name, drive.time
-
-    def course(
-        self, names: Collection[str], progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
-        most: float = math.inf,
-    ) -> tuple[Array, dict[str, Array]]:  # fmt: skip
-        """Return the times (n,) up to the event that ends the run, and the rows of blocks at these by name, (n, k).
-
-        most: the number of substeps after which a step is refused. Raises SimulationError where one is.
-        """
-        places, time = [np.r_[self.kernels.BLOCKS[name]] for name in names], self._time
-        at, numbers = np.concatenate(places), range(1, len(time))
-        rows = np.empty((len(time), len(at)))
-        rows[0] = self.z[at]
-        for k in numbers if progress is None else progress(numbers):
-            if not self.advance(k):
-                raise refused_step(self._name, time[k - 1])
-            if most < math.inf and (taken := substeps_counted(self.kernels, self.z)) > most:
-                said = f"t = {float(time[k])!r} s takes {taken:.1e} substeps: expected a shorter run or slower rates"
-                raise SimulationError(f"{self._name}: {said}")
-            rows[k] = self.z[at]
-            if self.ended is not None:
-                before = self.ended <= time[k - 1]  # the event may be at the communication point before
-                time = time[:k] if before else np.append(time[:k], self.ended)
-                break
-        ends = np.cumsum([len(place) for place in places])[:-1]
-        return time, dict(zip(names, np.split(rows[: len(time)], ends, axis=1), strict=True))
-
-    def advance(self, k: int) -> bool:
-        """Take the pieces from communication point k - 1 to k; return whether none was refused."""
-        for i in range(self._counts[k - 1], self._counts[k]):
-            for block, rows in self._inputs:
-                block[:] = rows[i]
-            before = self.z.copy() if self.events and self.events.ending else None
-            if self._step(self.z, self._lengths[i]) != OK:
-                return False
-            self.ended = self.events.take(self._lengths[i]) if self.events else None
-            if self.ended is not None and before is not None:
-                return self._go_back(before, self.ended)
-        if self._last:
-            for block, rows in self._last:
-                block[:] = rows[self._counts[k] - 1]
-            self._outputs(self.z)
-        return True
-
-    def _go_back(self, before: Buffer, end: float) -> bool:
-        """Take the last piece anew, up to an event."""
-        self.z[:] = before
-        since, rest = before[self.kernels.BLOCKS["series.time"]]
-        length = (end - since) - rest
-        return length <= 0.0 or bool(self._step(self.z, length) == OK)
-
-
-def refused_step(name: str, begin: float) -> SimulationError:
-    """Return the error for a step of a scene's run that was refused; begin: s."""
-    return SimulationError(f"{name}: the step from t = {float(begin)!r} s was refused: not finite")
-
-
-class Happened(NamedTuple):
-    """An event that happened; touched: what is watched came to zero and went back."""
-
-    name: str
-    time: float
-    touched: bool
-
-
-class Events:
-    """What a model lists of its last step, and what was taken of the steps before; ending: events that end the run."""
-
-    def __init__(self, scene: Scene, plan: Plan, z: Buffer) -> None:
-        blocks = plan.kernels.BLOCKS
-        self.names, self.ending = (*scene.events,), {name for name, event in scene.events.items() if event.stop}
-        self._count, self._list = z[blocks["events.listed"]], z[blocks["events.list"]].reshape(-1, 3)
-        self.taken: list[Happened] = []
-        self.ended_by = ""
-
-    def of_last_step(self) -> list[Happened]:
-        """Return what happened in the last step, in its order."""
-        from rbfmu_kernels.models.formula_events import NOT_ASKED, TOUCH  # what has none starts sooner
-
-        rows = self._list[: int(self._count[0])]
-        found = [Happened(self.names[int(e)], float(t), kind == TOUCH) for e, t, kind in rows if kind != NOT_ASKED]
-        return sorted(found, key=lambda event: event.time)
-
-    def take(self, length: float) -> float | None:
-        """Keep what happened in the last step, s, up to what ends the run; return the time of that, or None."""
-        found = self.of_last_step()
-        ends = [event for event in found if event.name in self.ending and not event.touched]
-        self.taken += [event for event in found if not ends or event.time <= ends[0].time + SAME * length]
-        if not ends:
-            return None
-        self.ended_by, end, _ = ends[0]
-        return end
-
-    def times(self, happened: list[Happened], touched: bool = False) -> dict[str, Array]:
-        """Return the times of each event, s, that happened, or only touched."""
-        wanted = {name: [one.time for one in happened if one[::2] == (name, touched)] for name in self.names}
-        return {name: np.array(times) for name, times in wanted.items()}
-
-
-def record(
-    run: Steps | Driven, names: Sequence[str], most: float = math.inf, progress: Callable[[float], object] | None = None
-) -> Motion:
-    """Return the blocks named now and after each step; NaN from where the motion ends.
-
-    most: the number of substeps after which it ends; progress: a function that is told which part of the run is done.
-    """
-    blocks, taken = {name: run.z[run.kernels.BLOCKS[name]] for name in names}, _substeps_of(run.kernels, run.z)
-    motion = {name: np.full((run.count + 1, len(block)), np.nan) for name, block in blocks.items()}
-    shown = [(motion[name], block) for name, block in blocks.items()]
-    for k in range(run.count + 1):
-        if k and not (run.advance(k) and taken[0] <= most):
-            break
-        for rows, block in shown:
-            rows[k] = block
-        if progress is not None:
-            progress(k / run.count)
-    return motion
-
-
-def motion_of(scene: Scene, plan: Plan, steps: Sequence[float], names: Sequence[str]) -> Motion:
-    """Return the motion that a plan makes of a scene, at its start and after each step, s."""
-    return record(Steps(scene, plan, steps, names), names)
-
-
-def substeps_counted(kernels: Model, z: Buffer) -> float:
-    """Return the number of substeps since the start; 0 where the model counts none."""
-    return float(_substeps_of(kernels, z)[0])
-
-
-def _substeps_of(kernels: Model, z: Buffer) -> Array:
-    return np.asarray(z[kernels.BLOCKS["substeps"]]) if "substeps" in kernels.BLOCKS else np.zeros(1)
 
 
 # Errors between two motions

@@ -15,8 +15,8 @@ from typing import NamedTuple
 from rbfmu.extras import remedy
 from rbfmu.models import question, registry
 from rbfmu.planning.select import plan
-from rbfmu.runs.motion import Steps, record
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.steps import Steps, record
 from rbfmu.scene.scene import SceneError
 from rbfmu.studies import Progress, one_step
 from rbfmu.studies.chart import simulators, solvers

@@ -16,8 +16,8 @@ import numpy as np
 from rbfmu.models import model_buffer, question, registry
 from rbfmu.planning.methods import whole_series
 from rbfmu.planning.select import plan
-from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import Plan, start_run
+from rbfmu.runs.steps import substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies import dop853, short
 from rbfmu.studies.chart.cases import Case, Found

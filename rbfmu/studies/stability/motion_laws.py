@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rbfmu.runs.motion import Steps, substeps_counted
 from rbfmu.runs.plan import Plan, start_run
+from rbfmu.runs.steps import Steps, substeps_counted
 from rbfmu.scene.scene import SceneError
 from rbfmu.simulation import simulate
 from rbfmu.studies import dop853, reference_methods

@@ -8,7 +8,7 @@ import pytest
 
 import rbfmu
 from rbfmu.planning.formulas import ORDERS
-from rbfmu.runs import motion
+from rbfmu.runs import steps
 from rbfmu_kernels.types import python_function
 from tests.support.command_line import call
 
@@ -73,8 +73,8 @@ def test_kept_code_finds_the_module_that_it_was_compiled_of():
 
 def test_whether_compiling_pays_is_known_from_all_pilot_runs_to_come(monkeypatch):
     """A moored hull's first plan took 14 s: its kernels were compiled when most pilots were done in plain Python."""
-    to_come, tiered = [], motion.tiered
-    monkeypatch.setattr(motion, "tiered", lambda kernel, calls=1: to_come.append(calls) or tiered(kernel, calls))
+    to_come, tiered = [], steps.tiered
+    monkeypatch.setattr(steps, "tiered", lambda kernel, calls=1: to_come.append(calls) or tiered(kernel, calls))
     scene = rbfmu.Scene.from_dict(TABLES)
     rbfmu.plan(scene)
     assert to_come[0] == len(ORDERS) * scene.run.count

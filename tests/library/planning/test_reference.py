@@ -19,8 +19,9 @@ from rbfmu.planning.judge import Judge
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.planning.select import plan
 from rbfmu.runs.inputs import drive_of, input_tables
-from rbfmu.runs.motion import attitude_error, record, relative_error
+from rbfmu.runs.motion import attitude_error, relative_error
 from rbfmu.runs.plan import Plan
+from rbfmu.runs.steps import record
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import formula_reference as kernels

@@ -21,8 +21,8 @@ from rbfmu.ensembles.planning import OF_SERIES, _pilots, plan_ensemble
 from rbfmu.models.question import Question
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import series_cost, whole_series, with_cost
-from rbfmu.runs.motion import substeps_counted
 from rbfmu.runs.plan import start_run
+from rbfmu.runs.steps import substeps_counted
 from tests.support.ensembles.accuracy import drawn, errors_beside, tight
 
 QUARTERS = range(-20, 9)

@@ -1,0 +1,285 @@
+"""Runs in steps: a model's buffer from its start on, driven or not, and the rows of numbers that its steps leave.
+
+A step is called from Python until it is machine code and there are many; then many are taken in one call of a loop.
+"""
+
+import math
+from collections.abc import Callable, Collection, Iterable, Sequence
+from functools import cache
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import float64, int64, types
+
+from rbfmu.exceptions import SimulationError
+from rbfmu.runs.inputs import Drive
+from rbfmu.runs.plan import Plan, start_run
+from rbfmu.scene.scene import Scene
+from rbfmu.types import Array, Buffer, Indices, Motion
+from rbfmu_kernels.body.shell import Model
+from rbfmu_kernels.buffer import OK
+from rbfmu_kernels.compile.decorator import loop
+from rbfmu_kernels.compile.tiered import Tiered, tiered
+
+SAME = 1e-9
+"""The part of a step by which times may differ and still be those of one event, or of two at once."""
+LONG = 20_000
+"""The steps that a process takes from Python, some 2 us each, before the loop is compiled or loaded."""
+FIRST, MOST, SOON = 64, 65_536, 0.02
+"""The steps of the first call of the loop, and the most of one: twice as many as before where that took less time, s,
+and else half as many, as Ctrl-C and progress wait for a call's end."""
+
+
+class Steps:
+    """A run without inputs, at its start: its buffer `z`, and `advance` by each of the steps (s), in equal parts.
+
+    runs: how many such ones are known to come, this one among them.
+    """
+
+    taken_by_all = 0
+    """The steps of all runs of this process."""
+
+    def __init__(
+        self, scene: Scene, plan: Plan, steps: Sequence[float], names: Collection[str], parts: int = 1, runs: int = 1
+    ) -> None:
+        lengths, counts = np.repeat(np.array(steps) / parts, parts), np.arange(len(steps) + 1) * parts
+        self._begin(plan.kernels, start_run(scene, plan, names), lengths, counts, runs)
+
+    def _begin(self, kernels: Model, z: Buffer, lengths: Array, counts: Indices, runs: int = 1) -> None:
+        """Set what all runs have: pieces, by their lengths (s), and how many of these end at each point."""
+        self.kernels, self.z, self.count = kernels, z, len(counts) - 1
+        self._lengths, self._counts = lengths.tolist(), counts.tolist()
+        self._pieces = lengths, counts.astype(np.int64)
+        self._places, self._values = np.empty(0, np.int64), np.empty((len(lengths), 0))
+        self._step = tiered(kernels.step, len(lengths) * runs)
+        self._together, self._is_over = FIRST, False
+        Steps.taken_by_all += self.count
+
+    def advance(self, k: int) -> bool:
+        """Take step k, counted from 1; return whether none of its pieces was refused."""
+        for i in range(self._counts[k - 1], self._counts[k]):
+            if len(self._places):
+                self.z[self._places] = self._values[i]
+            if self._step(self.z, self._lengths[i]) != OK:
+                return False
+        return True
+
+    @property
+    def _goes_in_a_loop(self) -> bool:
+        """Return whether steps are alike and many, and machine code."""
+        many = Steps.taken_by_all > LONG and self.count >= FIRST
+        return many and isinstance(self._step, Tiered) and self._step.is_compiled
+
+    def take(self, k: int, at: Indices, rows: Array, most: float = math.inf) -> int:
+        """Take step k, and maybe some after it; return the last that was taken, k - 1 where the run is over.
+
+        rows: to which the numbers of the buffer at these places are put after each step. The run is over where a step
+        is refused, and after a step with which the substeps are more than `most`, which leaves no row.
+        """
+        if self._is_over:
+            return k - 1
+        substeps = self.kernels.BLOCKS.get("substeps")
+        if not self._goes_in_a_loop:
+            if not self.advance(k) or (substeps and self.z[substeps][0] > most):
+                self._is_over = True
+                return k - 1
+            rows[k] = self.z[at]
+            return k
+        begin, last = perf_counter(), min(k - 1 + self._together, self.count)
+        counted = substeps.start if substeps else -1
+        given = self.z, *self._pieces, self._places, self._values, at, rows
+        taken = int(_compiled_loop()(self.kernels.step, *given, k - 1, last, counted, most))
+        self._is_over = taken < last
+        self._together = min(2 * self._together, MOST) if perf_counter() - begin < SOON else self._together // 2 or 1
+        return taken
+
+    def places(self, names: Collection[str]) -> Indices:
+        """Return the places of these blocks in the buffer."""
+        blocks = (self.kernels.BLOCKS[name] for name in names)
+        return np.array([place for block in blocks for place in range(block.start, block.stop)], np.int64)
+
+    def by_name(self, rows: Array, names: Collection[str]) -> Motion:
+        """Return the rows of each block."""
+        ends = np.cumsum([len(self.places([name])) for name in names])[:-1]
+        return dict(zip(names, np.split(rows, ends, axis=1), strict=True))
+
+
+def _take_many(
+    step: Any, z: Any, lengths: Any, counts: Any, places: Any, values: Any, at: Any, rows: Any, first: int, last: int,
+    counted: int, most: float,
+) -> int:  # fmt: skip
+    """Take the steps after `first` up to `last`: see `Steps.take`. counted: the place of the substeps, -1 for none."""
+    for k in range(first, last):
+        for i in range(counts[k], counts[k + 1]):
+            for j in range(len(places)):
+                z[places[j]] = values[i, j]
+            if step(z, lengths[i]) != 0:
+                return k
+        if counted >= 0 and z[counted] > most:
+            return k
+        for j in range(len(at)):
+            rows[k + 1, j] = z[at[j]]
+    return last
+
+
+_NUMBERS, _TABLE, _INDICES = float64[::1], float64[:, ::1], int64[::1]
+_STEP = types.FunctionType(int64(_NUMBERS, float64))
+
+
+@cache
+def _compiled_loop() -> Callable[..., Any]:
+    """Return the loop as machine code, which calls steps of any model by their address."""
+    arrays = _NUMBERS, _NUMBERS, _INDICES, _INDICES, _TABLE, _INDICES, _TABLE
+    return loop(_take_many, int64(_STEP, *arrays, int64, int64, int64, float64))  # type: ignore[no-any-return]
+
+
+class Driven(Steps):
+    """A run that inputs drive, at its start: its buffer `z`, and `advance` for each communication step.
+
+    A model that takes no input derivatives gets the mean of each piece, and the last value at a communication point.
+    """
+
+    def __init__(self, scene: Scene, plan: Plan, drive: Drive, names: Collection[str] | None = None) -> None:
+        first = {port: pieces.values[0] for port, pieces in drive.ports.items()}
+        self._begin(plan.kernels, start_run(scene, plan, names, first), drive.lengths, drive.counts)
+        takes_slopes = all(f"{port}_rate" in self.kernels.BLOCKS for port in drive.ports)
+        follows = not drive.is_steady and not takes_slopes
+        half = 0.5 * drive.lengths[:, None] if follows else 0.0
+        values = {port: pieces.values + half * pieces.slopes for port, pieces in drive.ports.items()}
+        last = {port: values[port] + half * pieces.slopes for port, pieces in drive.ports.items() if follows}
+        if takes_slopes and not drive.is_steady:
+            values |= {f"{port}_rate": pieces.slopes for port, pieces in drive.ports.items()}
+        (self._places, self._values), (self._at_points, self._last) = map(self._columns, (values, last))
+        self._outputs = tiered(self.kernels.outputs)
+        self.events = Events(scene, plan, self.z) if scene.events else None
+        self.ended: float | None = None
+        """The time of the event that ended the run, s."""
+        self._name, self._time = scene.name, drive.time
+
+    def _columns(self, of: dict[str, Array]) -> tuple[Indices, Array]:
+        """Return places in the buffer, and what stands there in each piece."""
+        return self.places(of), np.hstack([np.empty((len(self._lengths), 0)), *of.values()])
+
+    @property
+    def _goes_in_a_loop(self) -> bool:
+        return not self.events and not len(self._at_points) and super()._goes_in_a_loop
+
+    def course(
+        self, names: Collection[str], progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
+        most: float = math.inf,
+    ) -> tuple[Array, Motion]:  # fmt: skip
+        """Return the times (n,) up to the event that ends the run, and the rows of blocks at these by name, (n, k).
+
+        most: the number of substeps after which a step is refused. Raises SimulationError where one is.
+        """
+        at, time, numbers, taken = self.places(names), self._time, range(1, self.count + 1), 0
+        rows = np.empty((len(time), len(at)))
+        rows[0] = self.z[at]
+        for k in numbers if progress is None else progress(numbers):
+            if k > taken and (taken := self.take(k, at, rows, most)) < k:
+                if (counted := substeps_counted(self.kernels, self.z)) <= most:
+                    raise refused_step(self._name, time[k - 1])
+                said = f"t = {float(time[k])!r} s takes {counted:.1e} substeps: expected a shorter run or slower rates"
+                raise SimulationError(f"{self._name}: {said}")
+            if self.ended is not None:
+                before = self.ended <= time[k - 1]  # the event may be at the communication point before
+                time = time[:k] if before else np.append(time[:k], self.ended)
+                break
+        return time, self.by_name(rows[: len(time)], names)
+
+    def advance(self, k: int) -> bool:
+        """Take the pieces from communication point k - 1 to k; return whether none was refused."""
+        for i in range(self._counts[k - 1], self._counts[k]):
+            self.z[self._places] = self._values[i]
+            before = self.z.copy() if self.events and self.events.ending else None
+            if self._step(self.z, self._lengths[i]) != OK:
+                return False
+            self.ended = self.events.take(self._lengths[i]) if self.events else None
+            if self.ended is not None and before is not None:
+                return self._go_back(before, self.ended)
+        if len(self._at_points):
+            self.z[self._at_points] = self._last[self._counts[k] - 1]
+            self._outputs(self.z)
+        return True
+
+    def _go_back(self, before: Buffer, end: float) -> bool:
+        """Take the last piece anew, up to an event."""
+        self.z[:] = before
+        since, rest = before[self.kernels.BLOCKS["series.time"]]
+        length = (end - since) - rest
+        return length <= 0.0 or bool(self._step(self.z, length) == OK)
+
+
+def record(
+    run: Steps, names: Sequence[str], most: float = math.inf, progress: Callable[[float], object] | None = None
+) -> Motion:
+    """Return the blocks named now and after each step; NaN from where the motion ends.
+
+    most: the number of substeps after which it ends; progress: a function that is told which part of the run is done.
+    """
+    at, before, taken = run.places(names), -1, 0
+    rows = np.full((run.count + 1, len(at)), np.nan)
+    rows[0] = run.z[at]
+    while before < taken < run.count:
+        before, taken = taken, run.take(taken + 1, at, rows, most)
+        if progress is not None:
+            progress(taken / run.count)
+    return run.by_name(rows, names)
+
+
+def motion_of(scene: Scene, plan: Plan, steps: Sequence[float], names: Sequence[str]) -> Motion:
+    """Return the motion that a plan makes of a scene, at its start and after each step, s."""
+    return record(Steps(scene, plan, steps, names), names)
+
+
+def substeps_counted(kernels: Model, z: Buffer) -> float:
+    """Return the number of substeps since the start; 0 where the model counts none."""
+    return float(z[kernels.BLOCKS["substeps"]][0]) if "substeps" in kernels.BLOCKS else 0.0
+
+
+def refused_step(name: str, begin: float) -> SimulationError:
+    """Return the error for a step of a scene's run that was refused; begin: s."""
+    return SimulationError(f"{name}: the step from t = {float(begin)!r} s was refused: not finite")
+
+
+class Happened(NamedTuple):
+    """An event that happened; touched: what is watched came to zero and went back."""
+
+    name: str
+    time: float
+    touched: bool
+
+
+class Events:
+    """What a model lists of its last step, and what was taken of the steps before; ending: events that end the run."""
+
+    def __init__(self, scene: Scene, plan: Plan, z: Buffer) -> None:
+        blocks = plan.kernels.BLOCKS
+        self.names, self.ending = (*scene.events,), {name for name, event in scene.events.items() if event.stop}
+        self._count, self._list = z[blocks["events.listed"]], z[blocks["events.list"]].reshape(-1, 3)
+        self.taken: list[Happened] = []
+        self.ended_by = ""
+
+    def of_last_step(self) -> list[Happened]:
+        """Return what happened in the last step, in its order."""
+        from rbfmu_kernels.models.formula_events import NOT_ASKED, TOUCH  # what has none starts sooner
+
+        rows = self._list[: int(self._count[0])]
+        found = [Happened(self.names[int(e)], float(t), kind == TOUCH) for e, t, kind in rows if kind != NOT_ASKED]
+        return sorted(found, key=lambda event: event.time)
+
+    def take(self, length: float) -> float | None:
+        """Keep what happened in the last step, s, up to what ends the run; return the time of that, or None."""
+        found = self.of_last_step()
+        ends = [event for event in found if event.name in self.ending and not event.touched]
+        self.taken += [event for event in found if not ends or event.time <= ends[0].time + SAME * length]
+        if not ends:
+            return None
+        self.ended_by, end, _ = ends[0]
+        return end
+
+    def times(self, happened: list[Happened], touched: bool = False) -> dict[str, Array]:
+        """Return the times of each event, s, that happened, or only touched."""
+        wanted = {name: [one.time for one in happened if one[::2] == (name, touched)] for name in self.names}
+        return {name: np.array(times) for name, times in wanted.items()}

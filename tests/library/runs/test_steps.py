@@ -1,0 +1,92 @@
+"""Steps that are taken by a compiled loop: the bits, errors and ends of those that are taken one by one."""
+
+import numpy as np
+import pytest
+from numba import config, float64
+
+import rbfmu
+from rbfmu.exceptions import SimulationError
+from rbfmu.planning.select import plan
+from rbfmu.runs import steps
+from rbfmu.runs.steps import FIRST, LONG, Steps, record
+
+pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="there is no loop")
+RNG = np.random.default_rng(24)
+BODY = {"body": {"mass": 2.0, "inertia": [1.0, 1.5, 2.0], "r_oc_b": [0.1, 0.0, -0.2]}}
+START = {"initial": {"omega_b": [0.4, -0.3, 0.8]}}
+RUN = {"run": {"stop": 5.0, "step": 0.02, "accuracy": 1e-8}}
+PORT = BODY | START | RUN | {"inputs": {"ports": ["torque_b", "force_a"]}}
+DRAG = {"loads": {"torque_b": "-0.1*norm(omega_b)*omega_b"}, "inputs": {"ports": ["torque_b"]}}
+RATES = {"inputs": {"ports": ["omega_b"]}, "outputs": {"quantities": ["quaternion"]}} | RUN
+TABLE = np.array([0.0, 0.51, 1.333, 5.0]), RNG.normal(size=(4, 3))
+SCENES = {
+    "free": (BODY | START | RUN, {}),
+    "held": (PORT, {"inputs": {"torque_b": TABLE, "force_a": RNG.normal(size=(250, 3))}}),
+    "linear": (PORT, {"inputs": {"torque_b": TABLE}, "interpolate": "linear"}),
+    "rates": (RATES, {"inputs": {"omega_b": TABLE}, "interpolate": "linear"}),
+    "formula": (BODY | START | RUN | DRAG, {"inputs": {"torque_b": TABLE}, "interpolate": "linear"}),
+}
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """What the loop is called for: the steps from ... to ..."""
+    loop, found = steps._compiled_loop(), []
+    noted = lambda *args: found.append(args[-4:-2]) or loop(*args)  # noqa: E731
+    monkeypatch.setattr(steps, "_compiled_loop", lambda: noted)
+    return found
+
+
+def both_ways(make, planned, monkeypatch):
+    """What steps make one by one, and many at once."""
+    planned.kernels.step.compile((float64[::1], float64))
+    for before in (-(10**9), LONG + 1):
+        monkeypatch.setattr(Steps, "taken_by_all", before)
+        yield make()
+
+
+@pytest.mark.parametrize("name", [*[*SCENES][:-1], pytest.param("formula", marks=pytest.mark.thorough)])
+def test_a_loop_leaves_the_rows_of_single_steps(name, calls, monkeypatch):
+    tables, driven = SCENES[name]
+    scene, told = rbfmu.Scene.from_dict(tables), []
+    planned = plan(scene)
+
+    def run():
+        told.clear()
+        numbers = lambda given: (told.append(k) or k for k in given)  # noqa: E731
+        return rbfmu.simulate(scene, planned=planned, progress=numbers, **driven)
+
+    one_by_one, at_once = both_ways(run, planned, monkeypatch)
+    assert told == list(range(1, 251))
+    assert calls[0] == (0, FIRST)
+    assert calls[-1][1] == 250
+    for quantity, rows in one_by_one.quantities.items():
+        np.testing.assert_array_equal(rows, at_once.quantities[quantity], strict=True)
+
+
+def test_a_step_that_is_refused_in_a_loop_is_named(calls, monkeypatch):
+    tables = BODY | START | RUN | {"loads": {"torque_b": [0.0, 0.0, 0.0]}, "inputs": {"ports": ["torque_b"]}}
+    scene, rows = rbfmu.Scene.from_dict(tables), np.zeros((250, 3))
+    rows[100:] = 1e300
+    planned = plan(scene)
+
+    def message():
+        with pytest.raises(SimulationError) as refused:
+            rbfmu.simulate(scene, planned=planned, inputs={"torque_b": rows})
+        return str(refused.value)
+
+    one_by_one, at_once = both_ways(message, planned, monkeypatch)
+    assert one_by_one == at_once
+    assert "the step from t = 2.0 s was refused" in at_once
+    assert calls
+
+
+def test_a_loop_ends_after_so_many_substeps(calls, monkeypatch):
+    scene = rbfmu.Scene.from_dict(PORT)
+    planned = plan(scene)
+    lengths = np.diff(scene.run.grid()).tolist()
+    ends = both_ways(lambda: record(Steps(scene, planned, lengths, ()), ("omega_b",), 3.0), planned, monkeypatch)
+    one_by_one, at_once = (found["omega_b"] for found in ends)
+    assert 1 < np.isfinite(at_once[:, 0]).sum() < 250
+    np.testing.assert_array_equal(one_by_one, at_once)
+    assert calls
