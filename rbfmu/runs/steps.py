@@ -49,8 +49,7 @@ class Steps:
     def _begin(self, kernels: Model, z: Buffer, lengths: Array, counts: Indices, runs: int = 1) -> None:
         """Set what all runs have: pieces, by their lengths (s), and how many of these end at each point."""
         self.kernels, self.z, self.count = kernels, z, len(counts) - 1
-        self._lengths, self._counts = lengths.tolist(), counts.tolist()
-        self._pieces = lengths, counts.astype(np.int64)
+        self._lengths, self._counts = lengths, counts.astype(np.int64)
         self._places, self._values = np.empty(0, np.int64), np.empty((len(lengths), 0))
         self._step = tiered(kernels.step, len(lengths) * runs)
         self._together, self._is_over = FIRST, False
@@ -58,12 +57,13 @@ class Steps:
 
     def advance(self, k: int) -> bool:
         """Take step k, counted from 1; return whether none of its pieces was refused."""
-        for i in range(self._counts[k - 1], self._counts[k]):
-            if len(self._places):
-                self.z[self._places] = self._values[i]
-            if self._step(self.z, self._lengths[i]) != OK:
-                return False
-        return True
+        return all(map(self._go, range(self._counts[k - 1], self._counts[k])))
+
+    def _go(self, i: int) -> bool:
+        """Take a piece; return whether it was not refused."""
+        if len(self._places):
+            self.z[self._places] = self._values[i]
+        return bool(self._step(self.z, float(self._lengths[i])) == OK)
 
     @property
     def _goes_in_a_loop(self) -> bool:
@@ -88,7 +88,7 @@ class Steps:
             return k
         begin, last = perf_counter(), min(k - 1 + self._together, self.count)
         counted = substeps.start if substeps else -1
-        given = self.z, *self._pieces, self._places, self._values, at, rows
+        given = self.z, self._lengths, self._counts, self._places, self._values, at, rows
         taken = int(_compiled_loop()(self.kernels.step, *given, k - 1, last, counted, most))
         self._is_over = taken < last
         self._together = min(2 * self._together, MOST) if perf_counter() - begin < SOON else self._together // 2 or 1
@@ -191,11 +191,10 @@ class Driven(Steps):
     def advance(self, k: int) -> bool:
         """Take the pieces from communication point k - 1 to k; return whether none was refused."""
         for i in range(self._counts[k - 1], self._counts[k]):
-            self.z[self._places] = self._values[i]
             before = self.z.copy() if self.events and self.events.ending else None
-            if self._step(self.z, self._lengths[i]) != OK:
+            if not self._go(i):
                 return False
-            self.ended = self.events.take(self._lengths[i]) if self.events else None
+            self.ended = self.events.take(float(self._lengths[i])) if self.events else None
             if self.ended is not None and before is not None:
                 return self._go_back(before, self.ended)
         if len(self._at_points):
