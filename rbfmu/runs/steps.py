@@ -57,13 +57,16 @@ class Steps:
 
     def advance(self, k: int) -> bool:
         """Take step k, counted from 1; return whether none of its pieces was refused."""
-        return all(map(self._go, range(self._counts[k - 1], self._counts[k])))
+        for i in range(self._counts[k - 1], self._counts[k]):
+            self._drive(i)
+            if self._step(self.z, float(self._lengths[i])) != OK:
+                return False
+        return True
 
-    def _go(self, i: int) -> bool:
-        """Take a piece; return whether it was not refused."""
+    def _drive(self, i: int) -> None:
+        """Set the inputs of a piece."""
         if len(self._places):
             self.z[self._places] = self._values[i]
-        return bool(self._step(self.z, float(self._lengths[i])) == OK)
 
     @property
     def _goes_in_a_loop(self) -> bool:
@@ -191,10 +194,11 @@ class Driven(Steps):
     def advance(self, k: int) -> bool:
         """Take the pieces from communication point k - 1 to k; return whether none was refused."""
         for i in range(self._counts[k - 1], self._counts[k]):
-            before = self.z.copy() if self.events and self.events.ending else None
-            if not self._go(i):
+            self._drive(i)
+            before, length = self.z.copy() if self.events and self.events.ending else None, float(self._lengths[i])
+            if self._step(self.z, length) != OK:
                 return False
-            self.ended = self.events.take(float(self._lengths[i])) if self.events else None
+            self.ended = self.events.take(length) if self.events else None
             if self.ended is not None and before is not None:
                 return self._go_back(before, self.ended)
         if len(self._at_points):
