@@ -225,7 +225,7 @@ class Tiered:
         self._call = self._kernel if is_kept(self._kernel, *args) else self._interpreted
         if not self.is_compiled:
             with suppress(OSError, AttributeError, ValueError):  # there is no such file, or no cache at all
-                self._before = float(_file_of_time(self._kernel).read_text())
+                self._before = float(_file_of_time(self._kernel).read_text(encoding="utf-8"))
                 self._call = self._kernel if self._before > self._patience else self._interpreted
             atexit.register(self._remember)
         return self._call(*args)
@@ -234,7 +234,7 @@ class Tiered:
         """Keep what calls have taken, so that who runs scene after scene compiles at last; not what is little."""
         if self._taken > TYPICAL * self._patience and not self.is_compiled:
             with suppress(OSError, AttributeError):
-                _file_of_time(self._kernel).write_text(str(self._before + self._taken))
+                _file_of_time(self._kernel).write_text(str(self._before + self._taken), encoding="utf-8")
 
     def _interpreted(self, *args: Any) -> Any:
         begin = process_time()
