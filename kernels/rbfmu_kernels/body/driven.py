@@ -72,8 +72,27 @@ def keep(z: Buffer) -> None:
 @kernel
 def finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
     """Move the centre of mass as far as in closed form, set outputs; or return STEP_REJECTED with all as it was."""
+    return _finish(z, n, h, status, body, loads, _inputs_change(z))
+
+
+@kernel
+def finish_steadily(z: Buffer, n: int, h: float) -> int:
+    """Do what `finish` does where no input changes within the step."""
+    return _finish(z, n, h, OK, memory.body_of(z), motion.constant_loads(memory.loads_of(z)), False)
+
+
+@kernel
+def _inputs_change(z: Buffer) -> bool:
+    """Return whether any input changes within the step, be it a force at a pivot, which is none of the loads."""
+    change = False
+    for i in range(NUMBER_OF_INPUTS):
+        change |= bool(z[RATES_START + i] != 0.0) | bool(z[RATES_2_START + i] != 0.0)
+    return change
+
+
+@kernel
+def _finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPolynomial, changing: bool) -> int:
     _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, body, loads.value)
-    changing = motion.is_changing(loads)
     if changing:
         _translate_further(z, h, body, loads)
     if status != 0 or not memory.is_finite(z):
@@ -83,12 +102,6 @@ def finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPoly
     if changing:
         hold_last_inputs(z, h)
     return outputs(z)
-
-
-@kernel
-def finish_steadily(z: Buffer, n: int, h: float) -> int:
-    """Do what `finish` does where no input changes within the step."""
-    return finish(z, n, h, OK, memory.body_of(z), motion.constant_loads(memory.loads_of(z)))
 
 
 @kernel

@@ -62,10 +62,12 @@ def test_loads_change_within_a_step_as_their_derivatives_say(method, names):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_after_the_step_an_input_holds_its_last_value(method):
-    unit = driven(METHODS[method], OFFSET, tuple(INPUTS)).drive(INPUTS)
+@pytest.mark.parametrize(("pivot", "names"), [(False, tuple(INPUTS)), (True, ("force_a", "force_b"))])
+def test_after_the_step_an_input_holds_its_last_value(method, pivot, names):
+    inputs = {name: INPUTS[name] for name in names}
+    unit = driven(METHODS[method], OFFSET | {"pivot": pivot}, names).drive(inputs)
     assert unit.kernels.step(unit.z, 0.5) == OK
-    for name, (u, u1, u2) in INPUTS.items():
+    for name, (u, u1, u2) in inputs.items():
         np.testing.assert_allclose(unit[name], np.array(u) + 0.5 * np.array(u1) + 0.125 * np.array(u2), rtol=4 * EPS)
         assert not unit[f"{name}_rate"].any()
         assert not unit[f"{name}_rate_2"].any()
