@@ -65,7 +65,8 @@ class FormulaModel:
         for name, size in self.own_states.items():  # which are judged, and shown by FMUs
             leaves = [motion.graph.leaf("state", element) for element in elements(f"{STATE}{name}", size)]
             self.shown[f"{STATE}{name}"] = np.array(leaves, object)
-        self.groups = groups_of(self._states_of(self._numbers(*self.shown)))
+        # where nothing shown comes of states, the time is one: Numba knows no type of an empty tuple
+        self.groups = groups_of(self._states_of(self._numbers(*self.shown)) or ["t"])
         self.rates = {name: self.all_rates[name] for group in self.groups for name in group.states}
         integrated = {*self.rates}  # a load that comes of other states matters to no output
         seen = {n: x for n, x in loads.items() if integrated.issuperset(self._states_of(np.ravel(x)))}
