@@ -115,10 +115,8 @@ def drive(z: Buffer, state: Array, i: int, k: int, piece: int, run: Run) -> bool
     ports, inputs, at_point = driving.ports, room.inputs, piece == pieces_before(driving, i, k)
     for j in range(len(ports)):
         inputs[j] = driving.given[piece, j]
-        if math.isnan(inputs[j]):  # goes on as it was
+        if math.isnan(inputs[j]):  # goes on as the last step has left it
             inputs[j] = z[ports[j]]
-            if len(driving.rates) > 0 and not at_point:
-                inputs[j] += z[driving.rates[j]] * driving.lengths[piece - 1]
     if len(ports) > 0 and at_point:
         for j in range(len(members.kept)):
             room.outputs[j] = z[members.kept[j]]
