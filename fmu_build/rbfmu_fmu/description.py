@@ -240,8 +240,8 @@ def _output(row: Output, scene: Scene, plan: Plan) -> _Block:
         follows, first = plan.formulas.follows(judged), plan.formulas.begins_with(judged)
         follows |= {quantities.TIME.name} if plan.formulas.follows_time(judged) else set()
     else:
-        follows = {*OUTPUT[row.name].feedthrough} - _without_effect(scene, plan).get(row.name, frozenset())
-        first = {*OUTPUT[row.name].initially}
+        nothing = _without_effect(scene, plan).get(name, frozenset())
+        follows, first = {*OUTPUT[name].feedthrough} - nothing, {*OUTPUT[name].initially} - nothing
     return _Block(row, plan.kernels.BLOCKS[name], "output", frozenset(follows), frozenset(follows | first))
 
 

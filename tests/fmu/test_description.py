@@ -248,6 +248,17 @@ def test_initial_outputs_depend_on_what_they_say_and_on_nothing_else(name):
     assert {block_of(k) for k in everything} == {block_of(v.name) for v in reals(name) if v.causality != "output"}
 
 
+@pytest.mark.parametrize(("name", "output", "without"), [
+    ("two_ports", "alpha_b", "force_a"), ("two_ports", "acceleration", "torque_b"),
+    ("torqued", "acceleration", "torque_a"),
+])  # fmt: skip
+def test_initial_outputs_too_depend_on_no_input_that_does_not_move_them(name, output, without):
+    """At the centre of mass a force turns no body, and a torque shifts none: an importer sees no loop there."""
+    known = {v.block: v.begins_with for v in describe(scene(name), planned(name)).outputs}
+    assert without not in known[output]
+    assert {"inertia" if output == "alpha_b" else "mass"} <= known[output]
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_values_keep_within_the_bounds_that_are_said(name):
     variables, fmu = reals(name), opened(name)
