@@ -1,7 +1,7 @@
 """Machine code that is written here: types of what Numba and LLVM hand over, functions made known to Numba, vectors."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 from llvmlite import ir
 from numba import types
@@ -9,39 +9,8 @@ from numba.extending import lower_builtin, type_callable
 
 Builder: TypeAlias = ir.IRBuilder
 Value: TypeAlias = ir.Value
-
-
-class Signature(Protocol):
-    """Numba's types of arguments and result."""
-
-    args: tuple[types.Type, ...]
-    return_type: types.Type
-
-
-class Context(Protocol):
-    """Numba's contexts of types and of code, as far as these are found or made by them here."""
-
-    def unify_pairs(self, first: types.Type, second: types.Type, /) -> types.Type | None:
-        """Return the type of what is sometimes of one type, sometimes of the other."""
-
-    def cast(self, builder: Builder, value: Value, source: types.Type, target: types.Type, /) -> Value:
-        """Return a value as one of another type."""
-
-    def make_tuple(self, builder: Builder, kind: types.Type, values: Sequence[Value], /) -> Value:
-        """Return a tuple of values."""
-
-    def make_array(self, kind: types.Type, /) -> Callable[..., Any]:
-        """Return what gives access to an array's fields."""
-
-    def get_constant(self, kind: types.Type, value: float, /) -> Value:
-        """Return a number that is known."""
-
-    def get_dummy_value(self) -> Value:
-        """Return what stands for None."""
-
-    def get_value_type(self, kind: types.Type, /) -> ir.Type:
-        """Return LLVM's type of a value."""
-
+Signature: TypeAlias = Any  # Numba's types of arguments and result
+Context: TypeAlias = Any  # Numba's contexts of types and of code
 
 Generate = Callable[[Context, Builder, Signature, Sequence[Value]], Value]
 """What makes the code of a call: of context, builder, signature and arguments."""

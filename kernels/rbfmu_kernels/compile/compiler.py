@@ -16,10 +16,9 @@ from numba import njit, types
 from ..types import Function
 from . import numba_private as inside
 from .code_cache import DiskCache, made_once
-from .codegen import Signature, Value
+from .codegen import Context, Signature, Value
 
 State: TypeAlias = Any  # Numba's StateDict, which passes share
-TargetContext: TypeAlias = Any  # Numba's BaseContext
 Serialized = tuple[str, str, bytes]
 
 
@@ -159,7 +158,7 @@ def _count_as_old() -> None:
 class CalleeCompiler(KernelCompiler):
     """A compiler of what only compiled code calls."""
 
-    def __init__(self, typingctx: inside.Context, targetctx: TargetContext, library: object, *rest: object) -> None:
+    def __init__(self, typingctx: inside.Context, targetctx: Context, library: object, *rest: object) -> None:
         super().__init__(typingctx, targetctx, _IntermediateCode(targetctx.codegen(), "callee"), *rest)
 
     def compile_extra(self, function: Function) -> inside.CompileResult:
@@ -229,7 +228,7 @@ class _IntermediateCode(inside.JITCodeLibrary):  # type: ignore[misc]
 
 
 class _CalleeCacheImplementation(inside.CompileResultCacheImpl):  # type: ignore[misc]
-    def rebuild(self, target_context: TargetContext, payload: tuple[Any, ...]) -> inside.CompileResult:
+    def rebuild(self, target_context: Context, payload: tuple[Any, ...]) -> inside.CompileResult:
         """Return what CalleeCompiler made, as if compiled now; making machine code of it would change it."""
         state, description, environment, signature, *_ = payload
         library = _IntermediateCode._unserialize(target_context.codegen(), state)
