@@ -5,7 +5,7 @@ from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import linear_acceleration
 from ..numerics.double_double import DoubleDouble, two_sum
-from ..rotations.vec3 import add_scaled, cross, is_nonzero
+from ..rotations.vec3 import ZERO, add_scaled, cross, is_nonzero
 from ..types import Buffer, Quaternion, Vec3
 from . import memory
 from .outputs import outputs
@@ -25,7 +25,7 @@ def start_clocks(z: Buffer) -> int:
     r_c, v_c = memory.centre_of(z)
     put_vec3_at(z, _AT.r_0, r_c)
     put_vec3_at(z, _AT.v_0, v_c)
-    put_vec3_at(z, _AT.a_c, (0.0, 0.0, 0.0))
+    put_vec3_at(z, _AT.a_c, ZERO)
     return 0
 
 

@@ -13,7 +13,7 @@ from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import STATE_BLOCKS, STATE_SIZE, Body, Centre, Loads, Rotation, State
 from ..mechanics.inertia import INERTIA_TOLERANCE, check_inertia, inverse_inertia, parallel_axis, principal_axes, trace
 from ..rotations.quaternion import normalize, rotate
-from ..rotations.vec3 import add, cross, dot, is_nonzero, scale
+from ..rotations.vec3 import ZERO, add, cross, dot, is_nonzero, scale
 from ..types import Buffer, Matrix, Quaternion, Vec3
 
 INPUTS = {load.name: load.size for load in quantities.LOADS if load.port}
@@ -70,7 +70,7 @@ def initialize_body(z: Buffer) -> int:
     v_c = add(velocity, rotate(q, cross(omega, r_oc)))
     put_rotation(z, q, omega)
     put_vec3_at(z, AT.r_c, add(position, rotate(q, r_oc)))
-    put_vec3_at(z, AT.v_c, (0.0, 0.0, 0.0) if pivot else v_c)
+    put_vec3_at(z, AT.v_c, ZERO if pivot else v_c)
     return 0
 
 
@@ -159,9 +159,9 @@ def loads_at(numbers: Buffer, i: int, pivot: bool) -> Loads:
     """Return what stands at numbers[i] and after it, as a buffer's inputs stand, as loads; no forces with a pivot."""
     force_a, force_b = vec3_at(numbers, i + _INPUT.force_a), vec3_at(numbers, i + _INPUT.force_b)
     if pivot:
-        force_a = force_b = (0.0, 0.0, 0.0)
+        force_a = force_b = ZERO
     torque_a, torque_b = vec3_at(numbers, i + _INPUT.torque_a), vec3_at(numbers, i + _INPUT.torque_b)
-    return Loads((0.0, 0.0, 0.0), force_a, force_b, torque_a, torque_b)
+    return Loads(ZERO, force_a, force_b, torque_a, torque_b)
 
 
 @kernel

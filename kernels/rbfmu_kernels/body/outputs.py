@@ -8,7 +8,7 @@ from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration, a
 from ..rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from ..rotations.matrix import transform
 from ..rotations.quaternion import quaternion_rate_b, rotate
-from ..rotations.vec3 import add, cross, dot, scale, subtract
+from ..rotations.vec3 import ZERO, add, cross, dot, scale, subtract
 from ..types import Buffer, Quaternion, Vec3
 from . import memory
 from .memory import AT, SHOWN
@@ -46,7 +46,7 @@ def _put_translation(z: Buffer, q: Quaternion, omega: Vec3) -> None:
     r_oc = vec3_at(z, AT.r_oc_b)
     if memory.has_pivot(z):
         put_vec3_at(z, AT.position, vec3_at(z, AT.position_0))
-        put_vec3_at(z, AT.velocity, (0.0, 0.0, 0.0))
+        put_vec3_at(z, AT.velocity, ZERO)
     else:
         put_vec3_at(z, AT.position, subtract(memory.centre_of(z).r_c, rotate(q, r_oc)))
         put_vec3_at(z, AT.velocity, subtract(memory.centre_of(z).v_c, rotate(q, cross(omega, r_oc))))
@@ -66,7 +66,7 @@ def accelerations(q: Quaternion, omega: Vec3, body: Body, loads: Loads, r_oc: Ve
     alpha = angular_acceleration(q, omega, body, loads)
     relative = newton_euler.relative_acceleration(omega, alpha, r_oc)
     a_o = subtract(linear_acceleration(q, body, loads), rotate(q, relative))
-    return alpha, ((0.0, 0.0, 0.0) if body.is_free == 0.0 else a_o)
+    return alpha, (ZERO if body.is_free == 0.0 else a_o)
 
 
 @kernel(inline=False)
@@ -96,7 +96,7 @@ def output_rates(z: Buffer) -> int:
     r_oc = vec3_at(z, AT.r_oc_b)
     relative = newton_euler.relative_jerk(omega, alpha, alpha_rate, r_oc)
     jerk = rotate(q, subtract(cross(omega, scale(body.inverse_mass, loads.force_b)), relative))
-    put_vec3_at(z, AT.d_acceleration, (0.0, 0.0, 0.0) if memory.has_pivot(z) else jerk)
+    put_vec3_at(z, AT.d_acceleration, ZERO if memory.has_pivot(z) else jerk)
     return 0
 
 
@@ -105,9 +105,6 @@ def first_outputs(z: Buffer) -> int:
     """Set the outputs at the start; return 0, or a key of `buffer.FAULTS` where one is not finite."""
     outputs(z)
     return 0 if are_finite(z, _FIRST, _END) else NO_OUTPUTS
-
-
-_AT_REST = (0.0, 0.0, 0.0)
 
 
 @kernel(inline=False)
@@ -119,7 +116,7 @@ def feedthrough(z: Buffer, change: Buffer) -> int:
     """
     loads = memory.loads_at(change, memory.INPUTS_START, memory.has_pivot(z))
     alpha, acceleration = accelerations(
-        memory.rotation_of(z).q_ab, _AT_REST, memory.body_of(z), loads, vec3_at(z, AT.r_oc_b)
+        memory.rotation_of(z).q_ab, ZERO, memory.body_of(z), loads, vec3_at(z, AT.r_oc_b)
     )
     put_vec3_at(change, AT.alpha_b, alpha)
     put_vec3_at(change, AT.acceleration, acceleration)

@@ -17,7 +17,7 @@ from ..compile.simd import Lanes, add_lanes, lanes, lanes_at, multiply_lanes, nu
 from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, ROTATION, V_C, WHOLE_STATE, Body, LoadPolynomial
 from ..numerics import double_double as dd
 from ..rotations.quaternion import largest_of, scale_quaternion, square_of
-from ..rotations.vec3 import add, add_scaled, largest_component, norm, scale, subtract
+from ..rotations.vec3 import ZERO, add, add_scaled, largest_component, norm, scale, subtract
 from ..types import Buffer, Quaternion, Vec3
 from . import substeps, taylor_coefficients as series
 from .substeps import Method, Room
@@ -229,7 +229,7 @@ def _put_motion(z: Buffer, room: Room, i: int, order: int, h: float, t: float) -
 @kernel(inline=False)
 def _put_path(z: Buffer, y: int, w: int, i: int, h: float, t: float) -> None:
     """Add to velocity and position what the turning force has added to them since the last step, and h times v."""
-    speed, path = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    speed, path = ZERO, ZERO
     for k in range(int(z[i + KEPT.turn_order]) - 1, -1, -1):
         gain = scale(PER[k], vec3_at(z, w + term(ACCELERATION, k)))
         speed = add_scaled(gain, t, speed)

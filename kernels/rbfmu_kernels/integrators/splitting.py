@@ -17,10 +17,9 @@ from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate, scale_quaternion
 from ..rotations.rotation_vector import quaternion_from_rotvec
-from ..rotations.vec3 import add_scaled, norm, scale, subtract
+from ..rotations.vec3 import ZERO, add_scaled, norm, scale, subtract
 from ..types import Matrix, Vec3
 
-_AT_REST: Vec3 = (0.0, 0.0, 0.0)
 Parts = tuple[float, ...]
 
 # S. Blanes & P. C. Moan, "Practical symplectic partitioned Runge-Kutta and Runge-Kutta-Nystroem methods",
@@ -87,7 +86,7 @@ def _kick(state: State, h: float, body: Body, loads: Loads) -> State:
     """Let the loads act for h at a fixed attitude."""
     r, v, q, omega = state
     v = add_scaled(v, h, linear_acceleration(q, body, loads))
-    return State(r, v, q, add_scaled(omega, h, angular_acceleration(q, _AT_REST, body, loads)))
+    return State(r, v, q, add_scaled(omega, h, angular_acceleration(q, ZERO, body, loads)))
 
 
 @kernel

@@ -8,7 +8,7 @@ from ..buffer_access import vec3_at
 from ..compile.decorator import kernel
 from ..compile.wide import any_of, choose
 from ..mechanics.equations_of_motion import RATE_ONLY
-from ..rotations.vec3 import add, dot, largest_component, scale
+from ..rotations.vec3 import ZERO, add, dot, largest_component, scale
 from ..types import Buffer, Vec3
 from .taylor_coefficients import FORCE, RATE, TORQUE, term
 
@@ -117,7 +117,7 @@ def truncation(s: Buffer, method: Method, h: float, alpha_fixed: float, steps: f
     """
     n, order, _, span = method
     square, power = 0.0, 1.0
-    at_end = (0.0, 0.0, 0.0)
+    at_end = ZERO
     for k in range(4):
         part = scale(power, vec3_at(s, term(RATE, k)))
         at_end = add(at_end, part)

@@ -22,7 +22,7 @@ from ..mechanics import equations_of_motion as motion
 from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, V_C, WHOLE_STATE, Body, LoadPolynomial
 from ..mechanics.inertia import trace
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
-from ..rotations.vec3 import add, add_scaled, dot, largest_component, scale
+from ..rotations.vec3 import ZERO, add, add_scaled, dot, largest_component, scale
 from ..types import Buffer, Quaternion, Vec3
 from . import substeps, taylor_coefficients as series
 from .substeps import Method, Room
@@ -92,7 +92,7 @@ def _half_turn(s: Buffer, m: int, h: float) -> Quaternion:
 @kernel
 def _half_path(s: Buffer, m: int, h: float) -> tuple[Vec3, Vec3]:
     """Return the same of the velocity and of the position that an acceleration makes."""
-    power, speed, path = h, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    power, speed, path = h, ZERO, ZERO
     for k in range(m):
         gain = scale(PER[k] * power, vec3_at(s, term(ACCELERATION, k)))
         power *= h
@@ -107,10 +107,9 @@ def _move_centre(z: Buffer, y: int, s: Buffer, m: int, h: float) -> None:
     (speed, path), q = _half_path(s, m, h), quaternion_at(z, y)
     sign = math.copysign(1.0, h)
     gain, path = scale(sign, rotate(q, speed)), scale(sign, rotate(q, path))
-    none = (0.0, 0.0, 0.0)
-    v_c = add(vec3_at(z, y + V_C), gain if h < 0.0 else none)
+    v_c = add(vec3_at(z, y + V_C), gain if h < 0.0 else ZERO)
     put_vec3_at(z, y + R_C, add(vec3_at(z, y + R_C), add(scale(0.5 * abs(h), v_c), path)))
-    put_vec3_at(z, y + V_C, add(v_c, gain if h > 0.0 else none))
+    put_vec3_at(z, y + V_C, add(v_c, gain if h > 0.0 else ZERO))
 
 
 @kernel

@@ -17,7 +17,7 @@ from ..mechanics.equations_of_motion import Body, LoadPolynomial, Loads, acting_
 from ..mechanics.newton_euler import damping_torque
 from ..rotations.matrix import transform
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
-from ..rotations.vec3 import add, cross, is_nonzero, scale, subtract
+from ..rotations.vec3 import ZERO, add, cross, is_nonzero, scale, subtract
 from ..types import Buffer, Matrix, Quaternion, Vec3
 
 MAX_ORDER = 24
@@ -202,7 +202,7 @@ def turned_loads(s: Buffer, q: Quaternion, loads: LoadPolynomial, fixed: SpaceFi
     A load that is not 0 here has a series: `truncation` reads its last terms.
     """
     q_ba = invert_quaternion(q)
-    put_factors(s, FORCE, rotate(q_ba, loads.value.force_a) if fixed.lever_force else (0.0, 0.0, 0.0))
+    put_factors(s, FORCE, rotate(q_ba, loads.value.force_a) if fixed.lever_force else ZERO)
     put_factors(s, TORQUE, rotate(q_ba, loads.value.torque_a))
     put_factors(s, FORCE_RATE, rotate(q_ba, loads.rate.force_a))
     put_factors(s, TORQUE_RATE, rotate(q_ba, loads.rate.torque_a))

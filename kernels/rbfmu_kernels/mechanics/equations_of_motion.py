@@ -13,11 +13,10 @@ from ..buffer_access import put_quaternion_at
 from ..compile.decorator import kernel
 from ..rotations.matrix import transform
 from ..rotations.quaternion import invert_quaternion, quaternion_rate_b, rotate, scale_quaternion
-from ..rotations.vec3 import add, add_scaled, cross, is_nonzero, scale, subtract
+from ..rotations.vec3 import ZERO, add, add_scaled, cross, is_nonzero, scale, subtract
 from ..types import Buffer, Matrix, Quaternion, Vec3
 from .newton_euler import damping_torque, gyroscopic_torque
 
-_ZERO: Vec3 = (0.0, 0.0, 0.0)
 STATE_BLOCKS = {"q": 4, "omega": 3, "pad": 1, "r_c": 3, "v_c": 3, "pad_2": 2}
 _PLACES = places(STATE_BLOCKS)
 STATE_SIZE = _PLACES.size
@@ -90,7 +89,7 @@ class Loads(NamedTuple):
     torque_b: Vec3
 
 
-NO_LOADS = Loads(_ZERO, _ZERO, _ZERO, _ZERO, _ZERO)
+NO_LOADS = Loads(ZERO, ZERO, ZERO, ZERO, ZERO)
 
 
 class LoadPolynomial(NamedTuple):

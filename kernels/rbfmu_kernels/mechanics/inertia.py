@@ -7,7 +7,7 @@ from ..compile.decorator import kernel
 from ..numerics.double_double import two_sum
 from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import compose_matrices, invert_matrix
-from ..rotations.vec3 import add, add_scaled, dot, scale, subtract
+from ..rotations.vec3 import ZERO, add, add_scaled, dot, scale, subtract
 from ..types import Array, Matrix, Vec3
 
 __all__ = [
@@ -74,10 +74,9 @@ def inertia_of_points(masses: Sequence[float], positions: Sequence[Vec3]) -> tup
     holes, that of M_c is 2 eps of the trace that their sizes have.
     Singular: where the masses' sum is 0, which gives NaN.  Source: E&G (7.30); lecture, "Inertia dyadic".
     """
-    zero = (0.0, 0.0, 0.0)
-    _, about = _centre_of_mass(masses, positions, zero)
+    _, about = _centre_of_mass(masses, positions, ZERO)
     mass, correction = _centre_of_mass(masses, positions, about)
-    x = y = z = (zero, zero)
+    x = y = z = (ZERO, ZERO)
     for n in range(len(masses)):
         M = point_inertia(masses[n], subtract(_offset(positions, n, about), correction))
         x, y, z = _sum_with(x, M[0]), _sum_with(y, M[1]), _sum_with(z, M[2])
@@ -88,7 +87,7 @@ def inertia_of_points(masses: Sequence[float], positions: Sequence[Vec3]) -> tup
 def _centre_of_mass(masses: Sequence[float], positions: Sequence[Vec3], about: Vec3) -> tuple[float, Vec3]:
     """Return mass and centre of mass of particles, the latter from `about`."""
     mass, error = 0.0, 0.0
-    total = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    total = (ZERO, ZERO)
     for n in range(len(masses)):
         mass, lost = two_sum(mass, masses[n])
         error += lost

@@ -5,7 +5,7 @@ A twist is (omega, v), a wrench (torque, force): their scalar product is the pow
 
 from ..compile.decorator import kernel
 from ..rotations.matrix import compose_matrices, invert_matrix, transform
-from ..rotations.vec3 import add, cross, scale, skew, subtract
+from ..rotations.vec3 import ZERO, add, cross, scale, skew, subtract
 from ..types import Matrix, Matrix6, Transform, Vec3, Vec6
 from .inertia import parallel_axis
 
@@ -113,12 +113,11 @@ def spatial_inertia(mass: float, M_c: Matrix, r_oc: Vec3) -> Matrix6:
     Source: E&G (7.66), (7.67).
     """
     M_o, S = parallel_axis(M_c, mass, r_oc), skew(scale(mass, r_oc))
-    zero = (0.0, 0.0, 0.0)
     return (
         (*M_o[0], *S[0]),
         (*M_o[1], *S[1]),
         (*M_o[2], *S[2]),
-        (*subtract(zero, S[0]), mass, 0.0, 0.0),
-        (*subtract(zero, S[1]), 0.0, mass, 0.0),
-        (*subtract(zero, S[2]), 0.0, 0.0, mass),
+        (*subtract(ZERO, S[0]), mass, 0.0, 0.0),
+        (*subtract(ZERO, S[1]), 0.0, mass, 0.0),
+        (*subtract(ZERO, S[2]), 0.0, 0.0, mass),
     )

@@ -28,7 +28,7 @@ from ..numerics import double_double as dd
 from ..numerics.elliptic import Place
 from ..rotations.matrix import invert_matrix, quaternion_from_matrix, transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
-from ..rotations.vec3 import add_scaled, norm
+from ..rotations.vec3 import ZERO, add_scaled, norm
 from ..types import Buffer, Quaternion, Vec3
 
 _CONSTANT_RATE_LAYOUT = places(closed_form.CLOSED_FORM | {"turning": uniform.TURNING_SIZE})
@@ -115,7 +115,6 @@ _ROUND_OFF = 2.0**-50
 """The size of the last two terms: those that are left out are some 2^-54."""
 _FARTHEST = 8.0
 """A turn, rad, over which no series reaches: its order's last term, (turn / 2)^24 / 24!, is then 4e-10."""
-_NONE = (0.0, 0.0, 0.0)
 
 _TRIAXIAL = _FREE_TRIAXIAL_LAYOUT.at
 _SERIES = _TRIAXIAL.validity
@@ -189,7 +188,7 @@ def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -
     s, method = z[_TRIAXIAL.work : _TRIAXIAL.work + _FREE_WORK], Method(ROTATION, series.MAX_ORDER, _ROUND_OFF, 0.0)
     series.put_factors(s, series.RATE, omega)
     no_loads = series.SpaceFixedLoads(False, False, False)
-    series.motion_series(s, 0, series.MAX_ORDER, 0, _undamped(body), (_NONE, _NONE, _NONE), no_loads)
+    series.motion_series(s, 0, series.MAX_ORDER, 0, _undamped(body), (ZERO, ZERO, ZERO), no_loads)
     dense.end_series(s, series.RATE, series.MAX_ORDER)
     reach = dense.likely_reach(s, series.MAX_ORDER, z[_TRIAXIAL.next_reach])
     reach, _ = dense.reach_within(s, method, 0, 1.0, reach, 1.0)
@@ -206,7 +205,7 @@ def _undamped(body: Body) -> Body:
 
     With the damping the rate would drift over each series and jump back at its end.
     """
-    return Body(body.inverse_mass, body.inertia, body.inertia_inverse, body.arm_b, _NONE, body.is_free)
+    return Body(body.inverse_mass, body.inertia, body.inertia_inverse, body.arm_b, ZERO, body.is_free)
 
 
 @kernel
@@ -284,8 +283,8 @@ def _set_up_free_body_force(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and closed_form.has_torque(z):
         return TORQUE_ACTS
     set_up_rotation(z)
-    put_vec3_at(z, _FORCED.low_r, _NONE)
-    put_vec3_at(z, _FORCED.low_v, _NONE)
+    put_vec3_at(z, _FORCED.low_r, ZERO)
+    put_vec3_at(z, _FORCED.low_v, ZERO)
     return 0
 
 
@@ -324,7 +323,7 @@ def _gained(z: Buffer, h: float, count: int) -> tuple[Vec3, Vec3]:
     """Return what the turning force adds to position and velocity in h."""
     body, loads, motion = memory.body_of(z), memory.loads_of(z), free_motion_of(z)
     order, part = int(z[_FORCED.order]), h / count
-    first, r, v = order * (order - 1) // 2, _NONE, _NONE
+    first, r, v = order * (order - 1) // 2, ZERO, ZERO
     for i in range(count):
         r = add_scaled(r, part, v)
         for j in range(first, first + order):

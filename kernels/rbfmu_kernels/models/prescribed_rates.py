@@ -16,7 +16,7 @@ from ..exact.uniform_rotation import TURNING_SIZE, Turning, put_turning, rotatio
 from ..numerics import double_double as dd
 from ..rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, normalize, quaternion_rate_b, rotate
-from ..rotations.vec3 import add_scaled, is_nonzero, norm, scale
+from ..rotations.vec3 import ZERO, add_scaled, is_nonzero, norm, scale
 from ..types import Buffer, Quaternion, Vec3
 
 INPUTS = {row.name: row.size for row in quantities.OUTPUTS if row.port}
@@ -32,7 +32,6 @@ LARGEST_TURN = 1e15
 """The angle, rad, from which on a double says nothing about the attitude."""
 
 _AT = _LAYOUT.at
-_AT_REST = (0.0, 0.0, 0.0)
 _ORDER = 16
 """The order of the series, for turns of at most a radian: the remainder is 2^-17 / 17! = 2e-20."""
 
@@ -45,7 +44,7 @@ def initialize(z: Buffer) -> int:
     if not (total > 0.0 and math.isfinite(total)):
         return NO_ATTITUDE
     put_quaternion_at(z, _AT.quaternion, normalize(q))
-    _put_anchor(z, quaternion_at(z, _AT.quaternion), _AT_REST, (0.0, 0.0), turning_about(dd.vector(_AT_REST)))
+    _put_anchor(z, quaternion_at(z, _AT.quaternion), ZERO, (0.0, 0.0), turning_about(dd.vector(ZERO)))
     return outputs(z)
 
 
@@ -99,8 +98,8 @@ def _changing_step(z: Buffer, h: float, omega: Vec3, slope: Vec3, bend: Vec3) ->
     omega = _after(omega, slope, bend, h)
     if not math.isfinite(q[0] + q[1] + q[2] + q[3] + omega[0] + omega[1] + omega[2]):
         return STEP_REJECTED
-    put_vec3_at(z, _AT.omega_b_rate, _AT_REST)
-    put_vec3_at(z, _AT.omega_b_rate_2, _AT_REST)
+    put_vec3_at(z, _AT.omega_b_rate, ZERO)
+    put_vec3_at(z, _AT.omega_b_rate_2, ZERO)
     put_vec3_at(z, _AT.omega_b, omega)
     put_quaternion_at(z, _AT.quaternion, q)
     _put_anchor(z, q, omega, (0.0, 0.0), turning_about(dd.vector(omega)))

@@ -19,7 +19,7 @@ from ..mechanics.equations_of_motion import angular_acceleration
 from ..mechanics.newton_euler import damping_torque
 from ..numerics.elementary import relaxed, sincos
 from ..rotations.matrix import invert_matrix, transform
-from ..rotations.vec3 import add_scaled, cross, dot, is_nonzero
+from ..rotations.vec3 import ZERO, add_scaled, cross, dot, is_nonzero
 from ..types import Buffer, Matrix
 
 _NO_ROTATION_LAYOUT = places(closed_form.CLOSED_FORM)
@@ -55,7 +55,6 @@ NO_ROTATION = make_model("NO_ROTATION", _NO_ROTATION_LAYOUT, _set_up_no_rotation
 _ANGULAR_MOMENTUM_LAYOUT = places(closed_form.CLOSED_FORM | {"omega_0": 3, "alpha": 3, "since_alpha": 2})
 """After CLOSED_FORM: the rate when the torque last changed, what the torque adds to it in 1 s, and the time since."""
 _MOMENTUM = _ANGULAR_MOMENTUM_LAYOUT.at
-_AT_REST = (0.0, 0.0, 0.0)
 
 
 @kernel
@@ -66,7 +65,7 @@ def _set_up_angular_momentum(z: Buffer) -> int:
         return MORE_THAN_MOMENTUM
     put_pair_at(z, _MOMENTUM.since_alpha, (0.0, 0.0))
     put_vec3_at(z, _MOMENTUM.omega_0, memory.rotation_of(z).omega_b)
-    put_vec3_at(z, _MOMENTUM.alpha, _AT_REST)
+    put_vec3_at(z, _MOMENTUM.alpha, ZERO)
     return closed_form.start_clocks(z)
 
 
@@ -76,7 +75,7 @@ def _advance_angular_momentum(z: Buffer, h: float) -> int:
     if not memory.skips_model_checks(z) and closed_form.has_turning_torque(z):
         return STEP_REJECTED
     since, low, omega, q = 0.0, 0.0, vec3_at(z, _MOMENTUM.omega_0), closed_form.first_attitude(z)
-    alpha = angular_acceleration(q, _AT_REST, memory.body_of(z), memory.loads_of(z))
+    alpha = angular_acceleration(q, ZERO, memory.body_of(z), memory.loads_of(z))
     if alpha == vec3_at(z, _MOMENTUM.alpha):
         since, low = closed_form.later(z, _MOMENTUM.since_alpha, h)
     else:
@@ -135,7 +134,7 @@ def leads_astray(z: Buffer, axes: Matrix) -> bool:
     """Return whether moments differ, a load depends on the attitude or acts across the axis, or damping is uneven."""
     body, loads = memory.body_of(z), memory.loads_of(z)
     turning = is_nonzero(loads.torque_a) or (is_nonzero(body.arm_b) and is_nonzero(loads.force_a))
-    from_rest = angular_acceleration(memory.rotation_of(z).q_ab, _AT_REST, body, loads)
+    from_rest = angular_acceleration(memory.rotation_of(z).q_ab, ZERO, body, loads)
     (t, u, s), damping_b = axes, body.damping_b
     d_t, d_u, d_s = damping_torque(damping_b, t), damping_torque(damping_b, u), damping_torque(damping_b, s)
     uneven = is_nonzero(cross(t, d_t)) or is_nonzero(cross(u, d_u)) or is_nonzero(cross(s, d_s))

@@ -8,6 +8,8 @@ from ..types import Matrix, Vec3
 
 __all__ = ["add", "add_scaled", "cross", "dot", "norm", "scale", "skew", "subtract", "unskew"]
 
+ZERO: Vec3 = (0.0, 0.0, 0.0)
+
 
 @kernel
 def add(a: Vec3, b: Vec3) -> Vec3:
