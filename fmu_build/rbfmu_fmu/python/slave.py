@@ -143,7 +143,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         if not math.isfinite(start_time):
             error = ValueError(f"start time = {start_time!r}: expected a finite number")
             raise self._survivable("fmi2SetupExperiment", error)
-        if (place := self.access.description["start_place"]) >= 0:
+        if (place := self.access.description["start_place"]) >= 0 and self._phase in SETTABLE["parameter"]:
             self._z[place] = start_time
         if tolerance not in (None, self.access.accuracy):
             text = f"tolerance = {tolerance!r} has no effect: the accuracy is the scene's, {self.access.accuracy!r}"

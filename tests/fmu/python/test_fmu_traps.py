@@ -8,7 +8,7 @@ import subprocess
 import sys
 from functools import cache
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import fmpy
 import pytest
@@ -19,6 +19,7 @@ from rbfmu_fmu.builder import build_python_fmu
 from rbfmu_fmu.native import platforms
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.python import pythonfmu_traps
+from rbfmu_fmu.python.call_rules import INITIALIZING, INSTANTIATED, STEPPING, TERMINATED
 from rbfmu_fmu.python.slave import Slave
 from rbfmu_fmu.python.slave_access import Access
 from tests.support.covering import some_of
@@ -355,3 +356,14 @@ def test_older_pythonfmu_finds_the_script_s_class_by_its_text_and_passes_the_sta
     script = builder.SCRIPT.format(package="p")
     assert re.search(r"^class (\w+)\(\s*Fmi2Slave\s*\)\s*:", script, re.MULTILINE)[1] == "Body"
     assert inspect.signature(Slave.setup_experiment).bind(None, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("phase", "told"), [(INSTANTIATED, 5.0), (INITIALIZING, 5.0), (STEPPING, 0.0), (TERMINATED, 0.0)]
+)
+def test_a_start_time_is_told_to_no_motion_that_has_begun(phase, told):
+    """Corners of formulas are told by it; pythonfmu could refuse the call by fmi2Fatal alone."""
+    access = SimpleNamespace(description={"start_place": 0}, accuracy=1e-6)
+    unit = SimpleNamespace(access=access, _phase=phase, _z=[0.0])
+    Slave.setup_experiment(unit, 5.0)
+    assert unit._z == [told]
