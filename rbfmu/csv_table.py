@@ -2,7 +2,6 @@
 
 import csv
 import json
-import warnings
 from collections.abc import Callable, Collection, Iterable, Sequence
 from io import StringIO
 from pathlib import Path
@@ -54,11 +53,13 @@ def read_columns(
 
 def _plain_numbers(lines: TextIO, columns: int) -> Array | None:
     """Return finite numbers without quotes, fast, or None where there is anything else."""
-    with warnings.catch_warnings(action="ignore", category=UserWarning):  # of a file without rows
-        try:
-            table = np.loadtxt(lines, delimiter=",", ndmin=2, comments=None)
-        except ValueError:
-            return None
+    text = lines.read()
+    if not text.strip("\r\n"):  # of no rows NumPy warns, and a thread that silences it may silence all for good
+        return np.empty((0, columns))
+    try:
+        table = np.loadtxt(StringIO(text, newline=""), delimiter=",", ndmin=2, comments=None)
+    except ValueError:
+        return None
     return table if table.shape[1] == columns and np.isfinite(table).all() else None
 
 

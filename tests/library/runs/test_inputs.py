@@ -1,6 +1,7 @@
 """Runs that are driven by inputs: against 20-digit motions, their order in the table's spacing, and what is refused."""
 
 import math
+import warnings
 from itertools import pairwise
 
 import numpy as np
@@ -272,3 +273,12 @@ def test_a_file_that_is_not_there_and_a_scene_without_ports_are_refused(tmp_path
         rbfmu.simulate(scene(), inputs=tmp_path / "none.csv")
     with pytest.raises(rbfmu.SceneError, match="inputs are given: expected none, as the scene has no ports"):
         rbfmu.simulate(scene(inputs={}), inputs={"force_a": (T, ZEROS)})
+
+
+def test_a_table_is_read_with_warnings_as_they_are(tmp_path, monkeypatch):
+    """What threads that read at once ignored together stayed ignored: from then on nothing that looks like a slip."""
+    path, found, load = tmp_path / "inputs.csv", [], np.loadtxt
+    path.write_text("time,torque_b[1],torque_b[2],torque_b[3]\n0,0,0,0\n2,0,0,1\n")
+    monkeypatch.setattr(np, "loadtxt", lambda *lines, **how: found.append([*warnings.filters]) or load(*lines, **how))
+    input_tables(scene(), path)
+    assert found == [[*warnings.filters]]
