@@ -1,6 +1,5 @@
 """The rigid body near a state of its motion: x' = A x + B u, y = C x + D u, exact by the graph of its equations."""
 
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
@@ -8,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu.exceptions import SceneWarning
 from rbfmu.formulas.graph import Number, gradient, numbers_of
 from rbfmu.formulas.motion import AXES, STATE, by_element
-from rbfmu.planning.select import with_all_outputs
+from rbfmu.planning.select import plan, with_all_outputs
 from rbfmu.runs.inputs import size_of
 from rbfmu.scene.scene import Scene, of_scene_or_path
-from rbfmu.simulation import Simulator
+from rbfmu.simulation import Simulator, simulator_of
 from rbfmu.types import Array
 from rbfmu_kernels import ZYX, Quaternion, cross, euler_from_quaternion, euler_rate_b, quaternion_rate_b, rotate
 from rbfmu_kernels.compile.tiered import evaluated
@@ -87,12 +85,14 @@ def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Lineariz
 
 
 def _simulator_at(scene: Scene, t: float, ports: Mapping[str, Any]) -> Simulator:
-    """Return the scene at time t, with all that an error may change: a formula may read any state."""
+    """Return the scene at time t, with all that an error may change: a formula may read any state.
+
+    Events are left out: they change no motion, and there may be more on the way than a step takes.
+    """
+    scene = scene.replace({"events": None})
     state = ["quaternion"] if scene.body is None else ["position", "velocity", "quaternion", "omega_b"]
     shown = with_all_outputs(scene) if scene.has_formulas else scene.replace({"outputs.quantities": state})
-    # of quantities that nobody asked for; the scene's own are told
-    with warnings.catch_warnings(action="ignore", category=SceneWarning):
-        simulator = Simulator(shown)
+    simulator = simulator_of(shown, plan(shown))
     if t > scene.run.start:
         simulator.step(t - scene.run.start, **ports)
     else:

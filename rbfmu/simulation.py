@@ -154,7 +154,7 @@ class Simulator:
         until = {name: t + SAME * (self.time - t) for name, t in known.items()}
         return [one for one in events.of_last_step() if not one.time <= until[one.name]]  # NaN is no bound
 
-    def step_to_event(self, h: float | None = None, **ports: Any) -> tuple[str, ...]:
+    def step_to_event(self, /, h: float | None = None, **ports: Any) -> tuple[str, ...]:
         """Step as `step` does, but no further than to the first event; return the names of those that happen there."""
         before, time, count, told, known = self._z.copy(), self.time, self._count, self._told, self._known
         self.step(h, **ports)
@@ -193,7 +193,7 @@ class Simulator:
         """Return 0, or 2 past the scene's `stop`, where its accuracy is no longer promised: the FMU's `status`."""
         return PAST_STOP if self.time > self._last_time else OK
 
-    def step(self, h: float | None = None, **ports: Any) -> None:
+    def step(self, /, h: float | None = None, **ports: Any) -> None:
         """Step by h, s (without one to the scene's next communication point), with inputs that are held over it.
 
         ports: three finite numbers each, one for a scalar of one's own; what is not given keeps its last value. Raises
@@ -224,7 +224,7 @@ class Simulator:
         step = f"the step from t = {self.time!r} s by {length!r} s"
         raise SimulationError(f"{self.scene.name}: {step} was refused: {why}")
 
-    def hold(self, **ports: Any) -> None:
+    def hold(self, /, **ports: Any) -> None:
         """Set inputs for the steps to come, without a step. Raises ValueError for a wrong one, and then sets none."""
         self._put(ports)
 
@@ -277,7 +277,7 @@ class Simulator:
                 return ValueError(f"{name} = {as_toml(value)}: expected 3 finite numbers ({unit}){shape}")
         return ValueError(f"inputs {as_toml(ports)}: expected numbers whose sum is finite")
 
-    def reset(self, **parameters: Any) -> None:
+    def reset(self, /, **parameters: Any) -> None:
         """Begin anew with the scene's values and the parameters given; inputs are as at first. Raises SceneError."""
         planned, z = _started(self.scene, self.plan, parameters)
         if planned is not self.plan:
@@ -326,10 +326,16 @@ def _started(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> tuple[P
     return planned, start_run(changed, planned)
 
 
-def _in_state(scene: Scene, planned: Plan, state: bytes) -> Simulator:
-    """Return a simulator, with a memory of its own, which is not planned again."""
+def simulator_of(scene: Scene, planned: Plan) -> Simulator:
+    """Return a simulator of a plan; of what looks like a slip in the scene nothing is said."""
     one = Simulator.__new__(Simulator)
     one._set_up(scene, *_started(scene, planned, {}))
+    return one
+
+
+def _in_state(scene: Scene, planned: Plan, state: bytes) -> Simulator:
+    """Return a simulator, with a memory of its own, which is not planned again."""
+    one = simulator_of(scene, planned)
     one.restore(state)
     return one
 

@@ -192,6 +192,19 @@ def test_reset_begins_anew_with_the_parameters_that_the_scene_lists():
     np.testing.assert_allclose(sim.omega_b, changed.omega_b, rtol=0, atol=1e-12)
 
 
+def test_a_name_of_one_s_own_may_be_python_s_usual_name_for_an_object():
+    """Python said that it was given twice."""
+    own = {"constants": {"self": 0.1}, "inputs": {"ports": ["torque_b"], "parameters": ["self"]}}
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "loads": {"torque_b": "-self*omega_b"}}
+    sim = rbfmu.Simulator(rbfmu.Scene.from_dict(tables | own), self=0.2)
+    sim.reset(self=0.3)
+    port = rbfmu.Scene.from_dict(tables | {"inputs": {"ports": [{"name": "self", "size": 1}]}})
+    driven = rbfmu.Simulator(port)
+    driven.hold(self=0.2)
+    driven.step(self=0.1)
+    driven.step_to_event(self=0.1)
+
+
 REFUSED = {
     "pinned": ({"mass": 2.0}, "mass = 2.0: expected 50.0, for which the model was planned; list 'mass' in inputs.par"),
     "unknown": ({"weight": 2.0}, "parameter 'weight': expected one of mass, inertia"),
