@@ -47,7 +47,7 @@ class Chart:
         self.start = np.array(value_of(scene, self.whole), dtype=np.float64).ravel()
         self.size = float(np.max(np.abs(self.start), initial=0.0)) or 1.0
         self.chosen = [column.at for column in self.columns]
-        self.lowest = 0.0 if key in _BOUNDED else -math.inf
+        self.lowest = 0.0 if self.whole in _BOUNDED else -math.inf
         self.count = len(self.columns)
 
     def value(self, p: Array, before: Value | None = None) -> Value:

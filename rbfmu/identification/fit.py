@@ -20,6 +20,7 @@ from rbfmu.identification.charts import INERTIA, MASS, OWN, Chart, by_chart, cha
 from rbfmu.identification.measured import QUATERNION, Data, Measured, read_measured, residuals
 from rbfmu.on_disk import write_whole
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables, with_times
+from rbfmu.scene.ensemble import RANDOM
 from rbfmu.scene.scene import SECTIONS, Scene, of_scene_or_path
 from rbfmu.sensitivities import ATTITUDE, Varied, keys_of
 from rbfmu.types import Array
@@ -102,7 +103,7 @@ class Fit:
         matrix = self.correlation
         np.fill_diagonal(matrix, 1.0)
         vary = {key: distribution for key, (distribution, _) in spreads.items()}
-        table: dict[str, object] = {"runs": runs, "seed": seed, "vary": vary}
+        table: dict[str, object] = {"runs": runs, "seed": seed, "design": RANDOM, "vary": vary, "correlation": None}
         if len(components) > 1:
             table["correlation"] = {"components": components, "matrix": (0.5 * (matrix + matrix.T)).tolist()}
         return self.scene.replace({"ensemble": table})

@@ -229,6 +229,34 @@ def test_the_posterior_is_an_ensemble(found):
     assert between == pytest.approx(found.correlation[3, 4], abs=0.2)
 
 
+@pytest.mark.parametrize("known", [
+    {"design": "grid", "vary": {"body.mass": {"normal": [1.0, 0.1], "points": 2}}},
+    {"vary": {"body.mass": {"normal": [1.0, 0.1]}, "initial.omega_b": {"normal": [[0.0, 0.0, 1.0], 0.1]}},
+     "correlation": {"components": ["body.mass", "initial.omega_b[3]"], "matrix": [[1.0, 0.5], [0.5, 1.0]]},
+     "keep": ["all"]},
+])  # fmt: skip
+def test_the_posterior_stands_in_place_of_an_ensemble_that_was_there(known):
+    """Its grid asked for points, its correlation for numbers that no longer varied."""
+    one = rbfmu.fit(SPINNING.replace({"ensemble": known}), SPIN, ["initial.omega_b[3]"])
+    left = one.posterior(40).ensemble
+    assert (left.runs, left.design, left.correlation) == (40, "random", None)
+    assert left.keep == ("all",) or "keep" not in known
+
+
+SPINNING = rbfmu.Scene.from_dict({
+    "body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, "initial": {"omega_b": [0.0, 0.0, 1.0]},
+    "loads": {"damping_b": [0.0, 0.0, 0.3]}, "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 5.0, "step": 0.1},
+})  # fmt: skip
+SPIN = {"time": np.linspace(0.0, 5.0, 51), "omega_b": np.zeros((51, 3))}
+SPIN["omega_b"][:, 2] = 1.0 + 0.005 * SPIN["time"] + 0.02 * np.random.default_rng(5).normal(size=51)
+
+
+def test_one_number_of_a_damping_is_bounded_as_all_of_them_are():
+    """No body has the damping below zero that these data are nearest to: the rate then is the mean of theirs."""
+    one = rbfmu.fit(SPINNING, SPIN, ["loads.damping_b[3]", "initial.omega_b[3]"], sigma=0.02)
+    np.testing.assert_allclose(one.values, [0.0, SPIN["omega_b"][:, 2].mean()], rtol=0, atol=1e-6)
+
+
 def test_residuals_are_drawn(found):
     assert [axes.get_ylabel() for axes in found.plot().axes] == ["omega_b", "attitude"]
     assert "initial.omega_b[1]" in repr(found)
