@@ -141,7 +141,8 @@ def with_gaps(time: Array, angles: Array, turn: float) -> tuple[Array, Array]:
 
     Angles that take up more than a turn count on, and have no gaps: a wheel may turn by any angle between two points.
     """
-    loses_turns = np.fmax.reduce(angles) - np.fmin.reduce(angles) <= turn * (1.0 + 1e-9)
+    most, least = np.fmax.reduce(angles, initial=-np.inf), np.fmin.reduce(angles, initial=np.inf)
+    loses_turns = most - least <= turn * (1.0 + 1e-9)
     jumps = np.flatnonzero(loses_turns & (np.abs(np.diff(angles)) > 0.5 * turn)) + 1
     return np.insert(time, jumps, time[jumps]), np.insert(angles, jumps, np.nan)
 

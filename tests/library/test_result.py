@@ -139,6 +139,7 @@ def test_a_result_without_rows_is_shown_and_cut_and_no_ephemeris(tmp_path: Path)
     empty = Result([], {"quaternion": np.zeros((0, 4))})
     assert "<td>quaternion</td><td>1</td>" in empty._repr_html_()
     assert len(empty.until(1.0).time) == 0
+    assert len(empty.plot().axes) == 1
     with pytest.raises(ValueError, match=r"it\.aem': expected at least one point in time"):
         empty.save(tmp_path / "it.aem")
     with pytest.raises(ValueError, match="stop = nan"):
