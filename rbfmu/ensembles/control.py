@@ -2,7 +2,7 @@
 
 import hashlib
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -25,6 +25,8 @@ from rbfmu_kernels.types import python_function
 
 STREAM = "controller"
 """The name of the stream of noise, which no number that varies has."""
+VERSIONED = ("cmath", "math", "numba", "numpy", "rbfmu", "rbfmu_kernels", "scipy")
+"""Packages whose functions are known by their names."""
 
 
 @dataclass(frozen=True)
@@ -242,9 +244,8 @@ def _parts(value: Any, seen: set[Any]) -> Iterator[bytes]:
             return
         seen.add(function)
         yield from _parts((function.__code__, function.__defaults__, function.__kwdefaults__), seen)
-        known = function.__globals__
-        for name in sorted(_names(function.__code__) & known.keys()):
-            yield from _parts((name, known[name]), seen)
+        for named in _named(_names(function.__code__), function.__globals__):
+            yield from _parts(named, seen)
         for cell in function.__closure__ or ():
             yield from _parts(cell.cell_contents, seen)
     elif isinstance(value, partial):
@@ -260,6 +261,14 @@ def _parts(value: Any, seen: set[Any]) -> Iterator[bytes]:
             yield from _parts(part, seen)
     else:
         yield value.__name__.encode() if isinstance(value, ModuleType) else pickle.dumps(value)
+
+
+def _named(names: set[str], known: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield what code names, also of modules that it names, but for those of libraries with versions of their own."""
+    for name in sorted(names & known.keys()):
+        yield name, known[name]
+        if isinstance(known[name], ModuleType) and known[name].__name__.partition(".")[0] not in VERSIONED:
+            yield from _named(names - {name}, vars(known[name]))
 
 
 def _names(code: CodeType) -> set[str]:

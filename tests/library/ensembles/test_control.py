@@ -4,6 +4,7 @@ import concurrent.futures as cf
 import multiprocessing
 from functools import partial
 from threading import Lock
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -290,6 +291,13 @@ def test_a_digest_knows_all_that_a_function_computes_by():
         made(source.replace("+", "-"), **same), made(source.replace("for y", "+ 1.0 for y"), **same),
     ]  # fmt: skip
     assert len({known, *map(digest, others)}) == 1 + len(others)
+
+    def of_module(gain):
+        module = ModuleType("gains")
+        module.gain, module.own = gain, module
+        return made("def f(x):\n    return x * gains.gain", gains=module)
+
+    assert digest(of_module(1.0)) == digest(of_module(1.0)) != digest(of_module(2.0))
 
     def within(gain):
         return lambda x: gain * x
