@@ -253,8 +253,8 @@ def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices)
     return str(refused_step(own.name, own.run.grid()[int(end[1])]))
 
 
-PACKAGES = ("ensembles", "runs", "scene")
-"""Parts of this package by which members are drawn and run."""
+PACKAGES = ("arrays", "ensembles", "formulas", "models", "runs", "scene")
+"""Parts of this package by which members are drawn and run; plans are known by what they say."""
 LIBRARIES = ("numpy", "scipy")
 """Packages that drawn numbers rest on."""
 
