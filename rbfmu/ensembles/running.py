@@ -18,7 +18,7 @@ from typing import Any
 from rbfmu.ensembles import lock, members, planning, result
 from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk, origin, run_chunk
 from rbfmu.ensembles.control import control_of
-from rbfmu.ensembles.store import Store, refuse_existing
+from rbfmu.ensembles.store import Progress, Store, chunk_arrays, refuse_existing, results_of
 from rbfmu.exceptions import SimulationError, named, path_of
 from rbfmu.extras import needed
 from rbfmu.progress import bar
@@ -237,7 +237,11 @@ def run_packed(given: bytes, index: int) -> Chunk:
 
 
 def warm(scene: Scene, planned: Plan) -> None:
-    """Compile what a run of a scene needs, and some runs of its ensemble, where that pays."""
+    """Compile what a run of a scene needs, and its ensemble, where that pays: the first of its runs tell."""
     simulate(scene, planned=planned)
     if scene.ensemble:
-        run_ensemble(members.with_runs(scene, WARMING), progress=False)
+        scene = members.for_ends(members.with_runs(scene, None))
+        work = Work(scene, planning.plan_once(scene).of_scene(scene), WARMING)
+        chunk, done = run_chunk(work, 0), Progress.none(work)
+        done.add(chunk, work)
+        results_of(work, done.statistics, chunk_arrays(work, chunk))
