@@ -25,12 +25,13 @@ _HERE: dict[str, object] = {}
 
 @contextmanager
 def store_lock(store: Path) -> Iterator[None]:
-    """Hold a store, by a lock on a file beside it; raise BlockingIOError that names who holds it.
+    """Hold a store, or that where a link leads, by a lock on a file beside it. Raises BlockingIOError that says whose.
 
     The lock ends with its process, however that ends, and is not that of processes forked from it. Where files cannot
     be locked nothing is held.
     """
-    key, mine, beside = str(store.resolve()), object(), store.with_name(f"{store.name}.lock")
+    key, mine = os.path.realpath(store), object()
+    beside = Path(f"{key}.lock")
     if _HERE.setdefault(key, mine) is not mine:
         raise _refusal(store, _me())
     try:

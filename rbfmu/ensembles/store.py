@@ -79,7 +79,7 @@ class Checkpoint:
     runs: int = 0
 
     def write(self, path: Path) -> None:
-        """Write to a file beside, and put that in place of the file: either all of it is there, or the old one.
+        """Write to a file beside, and put that in place of the file, or of that where a link leads: all or the old one.
 
         A rename is atomic (POSIX), and `fsync` before it keeps a crash of the machine from leaving an empty file.
         """
@@ -88,6 +88,7 @@ class Checkpoint:
         head = {"identity": self.identity, "chunks": self.progress.chunks, "runs": self.runs, "rows": [*self.rows]}
         head["failed"] = list(self.progress.failed.items())
         kept |= {_HEAD: np.array(json.dumps(head)), **self.rows, **self.results}
+        path = Path(os.path.realpath(path))
         part = path.with_name(f"{path.name}.partial")
         try:
             with part.open("wb") as file:

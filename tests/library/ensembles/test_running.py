@@ -7,15 +7,18 @@ import shutil
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble, simulate
-from rbfmu.ensembles import planning, running, store as stores
+from rbfmu.ensembles import chunks, planning, running, store as stores
 from rbfmu.ensembles.chunks import origin, run_chunk
 from rbfmu.ensembles.lock import store_lock
 from rbfmu.ensembles.zarr_store import ZarrStore
+from rbfmu.formulas import source
+from rbfmu.models import model_buffer
 from rbfmu.runs.plan import Plan
 from tests.support.covering import some_of
 from tests.support.ensembles.satellite import PLAN, assert_same, run, satellite
@@ -243,6 +246,38 @@ def test_a_store_of_another_origin_is_refused(scene, tmp_path, monkeypatch, name
     monkeypatch.setattr(stores, "origin", lambda: origin() | {name: "other"})
     with pytest.raises(ValueError, match=f'origin.{name} = "other": expected'):
         run(scene, tmp_path / "store.npz", resume=True)
+
+
+def test_the_origin_knows_what_writes_kernels_of_formulas(monkeypatch):
+    """Their plan does not tell: a store went on with members of kernels that other sources had written."""
+    folders = []
+    monkeypatch.setattr(chunks, "hash_of_sources", lambda folder: folders.append(folder) or "")
+    chunks.origin.__wrapped__()
+    assert {Path(module.__file__).parent for module in (model_buffer, source)} <= {*folders}
+
+
+@pytest.mark.skipif(not hasattr(os, "symlink"), reason="there are no links")
+def test_a_link_to_a_store_stays_and_its_store_has_one_lock(scene, tmp_path):
+    link, there = tmp_path / "link.npz", tmp_path / "far" / "store.npz"
+    there.parent.mkdir()
+    link.symlink_to(there)
+    with store_lock(there), pytest.raises(BlockingIOError, match="is being written by"):
+        run(scene, link)
+    run(scene, link)
+    assert link.is_symlink()
+    assert EnsembleResult.load(there).runs == scene.ensemble.runs
+    assert {path.name for path in (*tmp_path.iterdir(), *there.parent.iterdir())} == {"link.npz", "far", "store.npz"}
+
+
+@pytest.mark.parametrize("keep", [["final"], ["all", "statistics"]])
+def test_a_grid_can_be_warmed(scene, keep):
+    """It was refused, as one of other runs than its points."""
+    varied = {
+        "body.mass": {"normal": [50.0, 1.0], "points": 2},
+        "initial.omega_b": {"normal": [[0.0, 0.1, 0.0], 0.01], "points": 2},
+    }
+    grid = scene.replace({"ensemble": None}).replace({"ensemble": {"design": "grid", "vary": varied, "keep": keep}})
+    running.warm(grid, PLAN)
 
 
 @pytest.mark.parametrize("store", STORES)
