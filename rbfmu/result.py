@@ -126,6 +126,7 @@ class Result:
         coordinates: dict[str, object] = {"time": ("time", self.time, {"units": TIME.unit, "long_name": TIME.meaning})}
         for name, values in self.quantities.items():
             row, axis = self.rows[name], AXES.get(name, "axis")
+            axis += "_" * (axis in self.quantities)  # an output of one's own may be called so
             attributes = {"units": row.unit, "long_name": row.meaning}
             variables[name] = ("time" if values.ndim == 1 else ("time", axis), values, attributes)
             if values.ndim == 2:

@@ -17,7 +17,7 @@ import rbfmu
 from rbfmu import plot as charts
 from rbfmu.result import CHUNK, Result, read_npz, write_npz
 from rbfmu.scene.scene import About, Body, Initial, Inputs, Loads, Outputs, Run, Scene
-from rbfmu_kernels.quantities import OUTPUT
+from rbfmu_kernels.quantities import OUTPUT, own_output
 from tests.support.paths import SCENES
 
 WIDTHS = {"quaternion": 4, "kinetic_energy": 0}
@@ -372,6 +372,8 @@ def test_a_dataset_names_components_and_units(result: Result) -> None:
     np.testing.assert_array_equal(data.kinetic_energy, result.kinetic_energy)
     assert data.omega_b.attrs["units"] == "rad/s"
     assert data.time.attrs["units"] == "s"
+    own = Result([0.0], {"axis": [2.0], "omega_b": np.ones((1, 3))}, {"axis": own_output("axis", 1, "m", "")})
+    assert own.to_xarray().axis.dims == ("time",)  # a name that a dimension has; xarray refused two of them
 
 
 @pytest.mark.thorough
