@@ -81,6 +81,8 @@ def new(name: str) -> None:
 @click.option("--code", is_flag=True, help="Print the kernels that are made from the scene's formulas.")
 def show_plan(asked: common.Asked, as_json: bool, code: bool) -> None:
     """Say which model and method a scene gets, and why."""
+    if code and as_json:
+        raise click.UsageError("--code: expected no --json with it, as it prints Python")
     if code:
         from rbfmu.planning.select import code_of
 
@@ -252,6 +254,7 @@ def view(source: Path, output: Path | None, **shown: Any) -> None:
 
     A SCENE is simulated; a RESULT is shown as it is.
     """
+    common.check_interpolate(shown["inputs"], shown["interpolate"])
     target = output or Path("motion.html")
     if output is None and target.exists():
         raise click.UsageError(f"{target}: exists already, and stays as it is; -o {target} writes over it")

@@ -260,6 +260,12 @@ class Asked:
         return replace(self, driven={**self.driven, "inputs": read})
 
 
+def check_interpolate(inputs: Path | None, interpolate: str) -> None:
+    """Refuse a way between rows of which there are none."""
+    if interpolate != "hold" and inputs is None:
+        raise click.UsageError(f"--interpolate {interpolate}: expected --inputs beside it")
+
+
 class SceneCommand(click.Command):
     """A command on a scene file, which gets the file and what is asked for beside it as one.
 
@@ -275,8 +281,7 @@ class SceneCommand(click.Command):
         given = ctx.params
         run = {key: given.pop(key) for key in [*given] if key in RUN}  # as they were typed
         read, written, interpolate = given.pop("inputs", None), given.get("output"), given.pop("interpolate", "hold")
-        if interpolate != "hold" and read is None:
-            raise click.UsageError(f"--interpolate {interpolate}: expected --inputs beside it")
+        check_interpolate(read, interpolate)
         if read and written and read.exists() and written.exists() and read.samefile(written):
             raise click.UsageError(f"--output {str(written)!r}: expected another file than that of --inputs")
         driven = {"inputs": read, "interpolate": interpolate}
