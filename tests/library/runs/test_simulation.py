@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import rbfmu
@@ -254,3 +255,16 @@ def test_a_body_that_is_no_sphere_any_more_is_refused_for_its_moments():
     assert planned.model == "angular momentum"
     with pytest.raises(rbfmu.SceneError, match="three equal moments where rates are shown"):
         rbfmu.simulate(sphere.replace({"body.inertia": [1.0, 1.0, 1.1]}), planned=planned)
+
+
+def test_a_plan_by_formulas_serves_a_scene_without_any():
+    """The same plan read of JSON, which holds no kernels, ended in an AttributeError."""
+    one = rbfmu.Scene.from_dict({
+        "body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, "initial": {"omega_b": [0.1, 1.2, 0.3]},
+        "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 1.0, "step": 0.5},
+    })  # fmt: skip
+    found = rbfmu.simulate(one, planned=Plan("formulas", "", 7, tolerance=1e-12, order=12))
+    M = np.array([1.0, 2.0, 3.0])
+    exactly = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
+    true = solve_ivp(lambda t, w: np.cross(M * w, w) / M, (0.0, 1.0), [0.1, 1.2, 0.3], **exactly)
+    np.testing.assert_allclose(found.omega_b[-1], true.y[:, -1], rtol=0, atol=1e-11)
