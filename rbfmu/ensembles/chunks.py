@@ -253,8 +253,6 @@ def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices)
     return str(refused_step(own.name, own.run.grid()[int(end[1])]))
 
 
-PACKAGES = ("arrays", "ensembles", "formulas", "models", "runs", "scene")
-"""Parts of this package by which members are drawn and run; plans are known by what they say."""
 LIBRARIES = ("numpy", "scipy")
 """Packages that drawn numbers rest on."""
 
@@ -262,9 +260,8 @@ LIBRARIES = ("numpy", "scipy")
 @cache
 def origin() -> dict[str, str]:
     """Return hashes of sources and versions of libraries by their names: the same bits are made where all are equal."""
-    here = Path(__file__).parents[1]
-    sources = {f"rbfmu.{name}": hash_of_sources(here / name) for name in PACKAGES}
-    return {"rbfmu_kernels": SOURCES} | sources | {name: _version(name) for name in LIBRARIES}
+    sources = {"rbfmu": hash_of_sources(Path(__file__).parents[1]), "rbfmu_kernels": SOURCES}
+    return sources | {name: _version(name) for name in LIBRARIES}
 
 
 def _version(package: str) -> str:

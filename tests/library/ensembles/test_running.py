@@ -7,18 +7,15 @@ import shutil
 import subprocess
 import sys
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rbfmu import EnsembleResult, SceneError, SimulationError, run_ensemble, simulate
-from rbfmu.ensembles import chunks, planning, running, store as stores
+from rbfmu.ensembles import planning, running, store as stores
 from rbfmu.ensembles.chunks import origin, run_chunk
 from rbfmu.ensembles.lock import store_lock
 from rbfmu.ensembles.zarr_store import ZarrStore
-from rbfmu.formulas import source
-from rbfmu.models import model_buffer
 from rbfmu.runs.plan import Plan
 from tests.support.covering import some_of
 from tests.support.ensembles.satellite import PLAN, assert_same, run, satellite
@@ -116,7 +113,7 @@ def test_an_executor_that_breaks_is_named(scene, tmp_path, whole):
     assert_same(whole, run(scene, tmp_path / "store.npz", resume=True))
 
 
-@pytest.mark.parametrize("name", ["rbfmu_kernels", "rbfmu.ensembles", "rbfmu.scene", "numpy"])
+@pytest.mark.parametrize("name", ["rbfmu", "rbfmu_kernels", "numpy"])
 def test_workers_of_another_origin_are_refused(scene, monkeypatch, name):
     packed = running.packed(running.Work(scene, PLAN, 8))
     monkeypatch.setattr(running, "origin", lambda: origin() | {name: "other"})
@@ -240,20 +237,12 @@ def test_a_store_of_another_ensemble_is_refused(scene, tmp_path, store, change, 
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["rbfmu_kernels", "rbfmu.ensembles", "rbfmu.scene", "numpy"])
+@pytest.mark.parametrize("name", ["rbfmu", "rbfmu_kernels", "numpy"])
 def test_a_store_of_another_origin_is_refused(scene, tmp_path, monkeypatch, name):
     run(scene, tmp_path / "store.npz")
     monkeypatch.setattr(stores, "origin", lambda: origin() | {name: "other"})
     with pytest.raises(ValueError, match=f'origin.{name} = "other": expected'):
         run(scene, tmp_path / "store.npz", resume=True)
-
-
-def test_the_origin_knows_what_writes_kernels_of_formulas(monkeypatch):
-    """Their plan does not tell: a store went on with members of kernels that other sources had written."""
-    folders = []
-    monkeypatch.setattr(chunks, "hash_of_sources", lambda folder: folders.append(folder) or "")
-    chunks.origin.__wrapped__()
-    assert {Path(module.__file__).parent for module in (model_buffer, source)} <= {*folders}
 
 
 @pytest.mark.skipif(not hasattr(os, "symlink"), reason="there are no links")
