@@ -46,9 +46,7 @@ class ModelSpec:
     rates_from: its rates from those of a motion (n, 3), rad/s; None where only a run can tell.
     conditioning: the error, rad, that the round-off of the body's moments or of its modulus makes.
     costs: ns a communication step, by what makes it necessary, where "" always counts; see `planning.methods`.
-    substep_without_attitude: the cost of a substep without attitude, as a part of that of one with it.
     integrates_path: whether the path is part of the integration, and costs nothing besides.
-    computes_all_outputs: whether all outputs are computed whatever is asked for, so that none costs more.
     reason: why it is exact.
     """
 
@@ -67,9 +65,7 @@ class ModelSpec:
     rates_from: Callable[[Question, Array], Array] | None = None
     conditioning: Callable[[Question], float] = lambda asked: 0.0
     costs: Mapping[str, float] = field(default_factory=dict)
-    substep_without_attitude: float = 1.0
     integrates_path: bool = False
-    computes_all_outputs: bool = False
     reason: Callable[[Question], str] = lambda asked: ""
 
     @property
@@ -327,7 +323,7 @@ CLOSED_FORMS = (
 
 PRESCRIBED_RATES = ModelSpec(
     "prescribed rates", "prescribed_rates.PRESCRIBED_RATES", method="exact rotation", states=4, rate_states=4,
-    costs={"": 96.0}, computes_all_outputs=True,
+    costs={"": 96.0},
 )  # fmt: skip
 
 ONE_AXIS_TAYLOR = ModelSpec(
@@ -348,7 +344,7 @@ LOADED_SPLITTING = ModelSpec(
 
 LOADED_TAYLOR = ModelSpec(
     "body under loads, by series", "loaded.LOADED_TAYLOR", rate_states=3, integrates_path=True,
-    costs={"": 60.0, "evaluated path": 38.0, "loads that turn": 68.0}, substep_without_attitude=0.72,
+    costs={"": 60.0, "evaluated path": 38.0, "loads that turn": 68.0},
 )  # fmt: skip
 
 FORMULAS = ModelSpec("formulas", "", integrates_path=True)

@@ -26,6 +26,8 @@ SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
 The lines are for torques that are known in b alone, for loads that turn in b as well, and for a force that turns with
 the body.
 """
+WITHOUT_ATTITUDE = 0.72
+"""The cost of a substep of these without attitude, as a part of that of one with it."""
 KEPT_SERIES_COST = 1.6
 """The cost of a series that serves many communication steps over that of a substep of the same order.
 
@@ -222,17 +224,15 @@ def with_cost(asked: Question, plan: Plan) -> Plan:
 
     Its cost before is that of a step's substeps alone.
     """
-    share = plan.spec.substep_without_attitude
-    if share != 1.0 and (asked.start.needs_attitude or any(asked.load_shares)):
-        share = 1.0
-    cost = share * plan.cost + sum(NS[name] for name in terms(asked, plan))
+    in_b_alone = plan.model == LOADED_TAYLOR.key and not (asked.start.needs_attitude or any(asked.load_shares))
+    cost = (WITHOUT_ATTITUDE if in_b_alone else 1.0) * plan.cost + sum(NS[name] for name in terms(asked, plan))
     return replace(plan, states=plan.states or plan.spec.states_for(asked), cost=cost)
 
 
 def terms(asked: Question, plan: Plan) -> list[str]:
     """Return keys of NS: what a step of the plan does besides its substeps."""
     spec = plan.spec
-    if spec.computes_all_outputs:
+    if asked.scene.body is None:  # prescribed rates: all outputs are computed, whatever is asked for
         return [spec.key]
     start, shares = asked.start, asked.load_shares
     # The plan's cost is that of its substeps alone: less than a series a step, where one serves many.
