@@ -38,7 +38,7 @@ def given_deviations(sigma: float | Mapping[str, float] | None, data: Measured) 
 
 def size_of(name: str, rows: Array) -> float:
     """Return a scale of the noise to begin with."""
-    size = 1.0 if name in (QUATERNION, "rpy") else float(np.nanmax(np.abs(rows), initial=0.0))
+    size = 1.0 if name == QUATERNION else float(np.nanmax(np.abs(rows), initial=0.0))
     return 0.01 * size or 1.0
 
 

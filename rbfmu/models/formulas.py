@@ -15,7 +15,7 @@ import numpy as np
 from rbfmu.formulas.check import Texts, blocks_of, given_to
 from rbfmu.formulas.graph import SYMBOLIC, Symbol, gradient, numbers_of, side
 from rbfmu.formulas.motion import CONSTANT, STATE, Given, by_element, closure, groups_of
-from rbfmu.formulas.program import Program
+from rbfmu.formulas.program import WIDTH, Program
 from rbfmu.formulas.source import SERIES, module_of, source_of, source_of_lanes, source_over
 from rbfmu.models.model_buffer import BLOCKS, BodyAtStart, size_of_block
 from rbfmu.scene.own import DIRECTIONS
@@ -25,7 +25,6 @@ from rbfmu_kernels.body import driven, memory, shell
 from rbfmu_kernels.models import formula_events, formula_models, formulas as templates, model_named
 from rbfmu_kernels.quantities import OUTPUT, Output, active_flags, elements, own_output
 
-_LANES = 4
 EVENT = "when."
 """Before the name of an event, that of the block with the value that it watches."""
 _ENDS = ("", "_rate", "_rate_2")
@@ -174,7 +173,7 @@ class FormulaModel:
         }  # fmt: skip
         _, before = buffer.places(driven.DRIVEN | own)
         work = self.program.start + self.program.row * (max(templates.ORDERS) + 1)
-        own |= {"pad_3": -before % 8, "series.work": work, "series.last": _LANES}
+        own |= {"pad_3": -before % 8, "series.work": work, "series.last": WIDTH}
         beside = sum(given.ports.values()) + len(self.rates) + len(self.program.sides)
         own |= {"series.spare": 2 * self.program.row + beside}
         own |= {"events.list": 3 * formula_events.MOST_LISTED} if self.events else {}
