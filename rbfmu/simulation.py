@@ -13,7 +13,7 @@ import numpy as np
 
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result, Row
-from rbfmu.runs.inputs import HOLD, Inputs, InputTables, drive_of, input_tables, size_of
+from rbfmu.runs.inputs import HOLD, Drive, Inputs, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.plan import Plan, given, start_run, with_parameters
 from rbfmu.runs.steps import SAME, Driven, Events, Happened
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
@@ -78,14 +78,23 @@ def simulate(
         expected = "a function that wraps step numbers, as rbfmu.progress_bar(name) is"
         raise TypeError(fault("progress", progress, expected))
     tables = input_tables(scene, inputs, interpolate)
-    planned = (given(planned) or _plan(scene, tables, interpolate)).of_scene(scene)
-    run = Driven(scene, planned, drive_of(scene, tables, interpolate))
+    planned = given(planned) or _plan(scene, tables, interpolate)
+    result = run_of(scene, planned, drive_of(scene, tables, interpolate), progress)
+    warn(scene, doubts_after(scene, result.quantities))
+    return result
+
+
+def run_of(
+    scene: Scene, planned: Plan, drive: Drive | None = None,
+    progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
+) -> Result:  # fmt: skip
+    """Return a scene's run by a plan, without inputs if no drive is given; nothing is said of slips."""
+    planned = planned.of_scene(scene)
+    run = Driven(scene, planned, drive or drive_of(scene, {}, HOLD))
     time, shown = run.course(scene.outputs.names, progress)
     quantities = {name: (rows[:, 0] if rows.shape[1] == 1 else rows).copy() for name, rows in shown.items()}
     happened = [run.events.times(run.events.taken, touched) for touched in (False, True)] if run.events else ()
-    result = Result(time, quantities, planned.formulas.own_rows if planned.formulas else {}, *happened)
-    warn(scene, doubts_after(scene, result.quantities))
-    return result
+    return Result(time, quantities, planned.formulas.own_rows if planned.formulas else {}, *happened)
 
 
 _UNKNOWN = -1

@@ -6,7 +6,6 @@ farthest. Series are fitted to them together; of other models each pilot has a p
 tightest setting, serves all, and every pilot's error under it is measured.
 """
 
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -17,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from rbfmu.ensembles import draws, fitting, members, variables
-from rbfmu.exceptions import SceneWarning, warn_caller
 from rbfmu.models import question, registry
 from rbfmu.planning import closed_forms, methods, select
 from rbfmu.planning.fitting import held_over_a_run
@@ -26,7 +24,7 @@ from rbfmu.runs.plan import Plan
 from rbfmu.scene.ensemble import SOBOL
 from rbfmu.scene.scene import Scene, SceneError, faults_of, warn
 from rbfmu.scene.variations import INERTIA, SHAPE
-from rbfmu.simulation import SimulationError, simulate
+from rbfmu.simulation import SimulationError, run_of
 from rbfmu.types import Array
 from rbfmu_kernels.integrators.substeps import ROUND_OFF
 
@@ -67,6 +65,25 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
     progress: a function that is told from time to time which part of the work is done.
     Raises SceneError without an ensemble, and where a pilot cannot meet the accuracy asked.
     """
+    found, doubts = _with_doubts(scene, progress)
+    warn(scene, doubts)
+    return found
+
+
+def plan_once(scene: Scene) -> Plan:
+    """Return the plan of an ensemble; of a scene that was planned lately the same, and say again what was said then."""
+    found, doubts = _planned(scene)
+    warn(scene, doubts)
+    return found
+
+
+@lru_cache(maxsize=8)
+def _planned(scene: Scene) -> tuple[Plan, list[str]]:
+    return _with_doubts(scene)
+
+
+def _with_doubts(scene: Scene, progress: Callable[[float], Any] | None = None) -> tuple[Plan, list[str]]:
+    """Return the plan, and in which way members may miss the accuracy or keys do nothing."""
     tell = progress or (lambda part: None)
     pilots, growth = _pilots(scene), 1.0
     judges = [Judge(question.Question(pilot)) for pilot in islice(pilots, OF_SERIES)]
@@ -88,11 +105,11 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
             wild = likely.error > scene.run.accuracy
             chosen = chosen if wild else likely
     tell(1.0)
-    warn(scene, _of_growth(scene, growth, wild))
+    doubts = [*_of_growth(scene, growth, wild)]
     if not scene.inputs.ports:  # through which anything may act
-        warn(scene, _of_no_effect(scene, chosen))
+        doubts += _of_no_effect(scene, chosen)
     why = (*_of_model(judges[0].asked, chosen), *_of_members(scene, chosen, len(judges), wild))
-    return replace(chosen, reasons=why)
+    return replace(chosen, reasons=why), doubts
 
 
 def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
@@ -128,22 +145,6 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             part *= found.tolerance / fitted.tolerance
             fitted = fit(part)
     return found is not None, found
-
-
-def plan_once(scene: Scene) -> Plan:
-    """Return the plan of an ensemble; of a scene that was planned lately the same, and say again what was said then."""
-    found, said = _planned(scene)
-    for message, category in said:
-        warn_caller(message, category)
-    return found
-
-
-@lru_cache(maxsize=8)
-def _planned(scene: Scene) -> tuple[Plan, list[tuple[str, type[Warning]]]]:
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        found = plan_ensemble(scene)
-    return found, [(str(one.message), one.category) for one in said]
 
 
 # Why
@@ -205,12 +206,12 @@ def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
     shaped = any(key.startswith(f"{SHAPE}.") for key in samples.applied)
     step = {"run.step": (scene.run.stop - scene.run.start) / FEW_POINTS}
     with suppress(SceneError, SimulationError):  # of no member that can be tried nothing is said
-        own = _quietly(members.member(scene, samples, 0).replace(step), chosen)
+        own = _shown(members.member(scene, samples, 0).replace(step), chosen)
         for key in samples.applied:  # a shape's inertia has its mass
             swapped = [key, INERTIA] if key == "body.mass" and shaped else [key]
             reverse = {one: samples.applied[one][::-1] for one in swapped}
             other = replace(samples, applied={**samples.applied, **reverse})
-            found = _quietly(members.member(scene, other, 0).replace(step), chosen)
+            found = _shown(members.member(scene, other, 0).replace(step), chosen)
             moved = any(_differs(own[name].ravel(), found[name].ravel()) for name in own)
             if not moved and (name := _named(scene, key)):
                 yield f"ensemble.vary: {name} varies without effect on any output"
@@ -229,10 +230,8 @@ def _differs(a: Array, b: Array) -> bool:
     return len(a) != len(b) or bool(variables.differ(np.stack([a, b])).any())  # an event may happen more often
 
 
-def _quietly(scene: Scene, chosen: Plan) -> dict[str, Array]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SceneWarning)  # of steps that are not the scene's
-        found = simulate(scene, planned=chosen)
+def _shown(scene: Scene, chosen: Plan) -> dict[str, Array]:
+    found = run_of(scene, chosen)
     return {**found.quantities, **{f"events.{name}": times for name, times in found.events.items()}}
 
 

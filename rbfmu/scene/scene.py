@@ -311,9 +311,9 @@ def warn(scene: Scene, doubts: Iterable[str]) -> None:
 
 
 def doubts_before(scene: Scene) -> Iterator[str]:
-    """Yield the doubts that a scene raises: an implausible radius of gyration, or more than one turn per step."""
+    """Yield the doubts that a scene raises: those of its body, or more than one turn per step."""
     if scene.body is not None:
-        yield from _size(scene.body)
+        yield from doubts_of(scene.body)
     yield from _turns(scene, math.hypot(*scene.initial.omega_b), "at the start")
 
 
@@ -324,7 +324,8 @@ def doubts_after(scene: Scene, motion: Mapping[str, Array]) -> Iterator[str]:
         yield from _turns(scene, float(np.max(np.linalg.norm(found, axis=1))), "at the fastest")
 
 
-def _size(body: Body) -> Iterator[str]:
+def doubts_of(body: Body) -> Iterator[str]:
+    """Yield the doubt that a body raises: an implausible radius of gyration."""
     moments, _ = principal_axes(body.M_c)
     least, radius = (math.sqrt(max(moment, 0.0) / body.mass) for moment in (moments[0], moments[2]))
     largest = math.cbrt(body.mass / THINNEST)

@@ -5,7 +5,6 @@ which are members of a scene's ensemble, beside the scene's own motion. `page` d
 """
 
 import math
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,16 +15,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.arrays import angle_between, quaternion_from_euler, rotate
-from rbfmu.exceptions import SceneWarning
 from rbfmu.extras import needed
 from rbfmu.on_disk import replacing
 from rbfmu.result import FORMATS, Result, quaternion_lengths, refuse_gaps
 from rbfmu.runs.inputs import input_tables
 from rbfmu.runs.plan import Plan
-from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, faults_of, load_scene
+from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, doubts_of, faults_of, load_scene, warn
 from rbfmu.scene.section import fault
 from rbfmu.scene.toml_file import read_file
-from rbfmu.simulation import plan, simulate
+from rbfmu.simulation import run_of, simulate
 from rbfmu.types import Array
 from rbfmu_kernels import Quaternion, Vec3, principal_axes, quaternion_from_matrix
 from rbfmu_kernels.compile.tiered import evaluated
@@ -242,25 +240,27 @@ def motion_of_scene(
     wanted = scene.replace({"outputs.quantities": tuple(name for name in QUANTITIES if name in shown)})
     if driven:
         return motion_of_result(simulate(wanted, **driven), scene.name, scene, written)
-    with warnings.catch_warnings(action="ignore", category=SceneWarning):  # of steps that are not the pictures'
-        chosen = plan(wanted, progress=progress)
-        wanted, result = _in_few_pictures(wanted, chosen)
+    from rbfmu.planning.select import plan  # a result's motion does without
+
+    warn(scene, doubts_of(scene.body) if scene.body else ())  # its steps are not those of the pictures
+    chosen = plan(wanted, progress=progress)
+    wanted, result = _in_few_pictures(wanted, chosen)
     coarse = _motion(scene.name, result, scene, written)
     played = pictures(wanted.run.stop - wanted.run.start, coarse.largest_rate).played
     wanted = _at_pictures(wanted, coarse.largest_rate)
     notes = (scene.inputs.at_start,) if scene.inputs.ports else ()
     members = ghosts_of(wanted, ghosts) if ghosts else ()
-    return replace(coarse, result=simulate(wanted, planned=chosen), played=played, notes=notes, ghosts=members)
+    return replace(coarse, result=run_of(wanted, chosen), played=played, notes=notes, ghosts=members)
 
 
 def _in_few_pictures(scene: Scene, chosen: Plan) -> tuple[Scene, Result]:
     """Return a scene, which stops where an event ends its run, and its motion in as many pictures as rest takes."""
-    result = simulate(_at_pictures(scene, 0.0), planned=chosen)
+    result = run_of(_at_pictures(scene, 0.0), chosen)
     if not any(scene.events[name].stop and len(times) for name, times in result.events.items()):
         return scene, result
     _check_length(len(result.time))
     ended = _at_pictures(scene, 0.0, float(result.time[-1]))
-    return ended, simulate(ended, planned=chosen)
+    return ended, run_of(ended, chosen)
 
 
 def _at_pictures(scene: Scene, largest_rate: float, stop: float | None = None) -> Scene:

@@ -227,8 +227,8 @@ def test_a_key_that_moves_an_event_alone_has_an_effect(recwarn):
 
 def test_a_scene_that_was_run_is_planned_once_and_its_warnings_are_said_each_time(recwarn, monkeypatch):
     warnings.simplefilter("always")
-    planned, as_it_is = [], planning.plan_ensemble
-    monkeypatch.setattr(planning, "plan_ensemble", lambda scene: planned.append(scene) or as_it_is(scene))
+    planned, as_it_is = [], planning._with_doubts
+    monkeypatch.setattr(planning, "_with_doubts", lambda scene: planned.append(scene) or as_it_is(scene))
     vary = {"body.mass": {"uniform": [40.0, 60.0]}, "initial.omega_b": {"relative": 0.1}}
     scene = Scene.from_dict(FREE | {"name": "again", "ensemble": {"runs": 4, "vary": vary}})
     first, again = (rbfmu.run_ensemble(scene, executor=1, progress=False) for _ in range(2))

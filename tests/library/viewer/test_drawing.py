@@ -149,7 +149,7 @@ def test_paths_of_ghosts_count_as_well() -> None:
 def test_ghosts_are_refused_before_anything_is_planned(
     monkeypatch: pytest.MonkeyPatch, ghosts: Any, error: type[Exception], said: str
 ) -> None:
-    monkeypatch.delattr("rbfmu.viewer.plan")
+    monkeypatch.delattr("rbfmu.planning.select.plan")
     with pytest.raises(error, match=said):
         motion_of_scene(scene(), ghosts=ghosts)
 

@@ -90,6 +90,14 @@ def test_the_size_of_a_page_is_bounded(tmp_path: Path) -> None:
     assert re.search(r"up to \d+° between pictures", text)
 
 
+@pytest.mark.parametrize(("inertia", "said"), [([0.01, 0.02, 0.025], 0), ([100.0, 200.0, 250.0], 1)])
+def test_the_doubts_of_a_body_are_told_and_none_of_the_pictures(inertia: list[float], said: int, recwarn) -> None:
+    """Of a fast spin it was said that run.step = 0.33, which nobody had given, has too many turns."""
+    spun = {"body": {"mass": 2.0, "inertia": inertia}, "initial": {"omega_b": [0.0, 0.0, 100.0]}}
+    rbfmu.view(rbfmu.Scene.from_dict(THROWN | spun | {"run": {"stop": 1000.0, "step": 0.01}}))
+    assert ["radius of gyration" in str(warning.message) for warning in recwarn] == [True] * said
+
+
 def test_a_page_names_frames_units_and_scales(thrown: tuple[Path, Motion]) -> None:
     text = thrown[0].read_text(encoding="utf-8")
     rate = f"longest {np.max(np.linalg.norm(thrown[1].result.omega_b, axis=1)):.3g} rad/s"
