@@ -2,7 +2,6 @@
 
 import json
 import shlex
-import tomllib
 from contextlib import AbstractContextManager, nullcontext
 from itertools import groupby
 from pathlib import Path
@@ -66,11 +65,10 @@ def new(name: str) -> None:
 
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     common.check_target(path, "NAME", (".toml",))
-    text = new_scene(path.stem)
-    rbfmu.Scene.from_dict(tomllib.loads(text), str(path))
+    rbfmu.Scene._rules["name"].read(path.stem, "NAME")
     try:
         with named(path), path.open("x", encoding="utf-8") as file:
-            file.write(text)
+            file.write(new_scene(path.stem))
     except FileExistsError:
         raise click.UsageError(f"{path}: exists already, and stays as it is") from None
     click.echo(f"{path} (next: rbfmu run {shlex.quote(str(path))})")
