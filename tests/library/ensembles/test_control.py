@@ -17,7 +17,7 @@ from rbfmu.ensembles.control import digest
 from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.runs.inputs import size_of
-from tests.library.ensembles.test_running import StopError, stopped_after
+from tests.library.ensembles.test_resuming import StopError, stopped_after
 from tests.support.ensembles.satellite import assert_same
 
 RUNS, SEED, STEPS = 20, 3, 10

@@ -79,3 +79,10 @@ def test_whether_compiling_pays_is_known_from_all_pilot_runs_to_come(monkeypatch
     rbfmu.plan(scene)
     assert to_come[0] == len(ORDERS) * scene.run.count
     assert to_come[-1] == scene.run.count
+
+
+def test_outputs_that_come_of_no_state_have_code():
+    own = {"quantities": [], "thrust": {"value": "2*torque_b"}}
+    planned = rbfmu.plan(rbfmu.Scene.from_dict(TABLES | {"outputs": own, "inputs": {"ports": ["torque_b"]}}))
+    assert [name for name, place in planned.formulas._places.items() if place == ()] == []  # of no type to Numba
+    assert planned.states == 0

@@ -223,14 +223,6 @@ def test_what_formulas_read_decides_what_is_integrated(loads, outputs, states):
     assert "u, which no output needs" in str(planned.reasons)
 
 
-def test_outputs_that_come_of_no_state_have_code():
-    own = {"thrust": {"value": "2*torque_b"}}
-    planned = rbfmu.plan(rbfmu.Scene(**scene(inputs={"ports": ["torque_b"]}, quantities=["thrust"], outputs=own)))
-    places = planned.formulas._places
-    assert [name for name, place in places.items() if place == ()] == []  # of which Numba knows no type
-    assert planned.states == 0
-
-
 def test_time_may_begin_at_any_date():
     """Clocks resolve 2e-7 s there, which is what formulas of t can know."""
     one = rbfmu.Scene.from_dict(CASES["gravity gradient"][0])
