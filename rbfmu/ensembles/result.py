@@ -107,13 +107,14 @@ class EnsembleResult:
     k) at the q parts `probabilities` of the runs. all: quantity -> (runs, n, k). What the scene's `ensemble.keep` does
     not name is empty. A quantity of one number has no last axis. Runs that failed are in no statistics; failed: index
     of a run -> message, its numbers are NaN. redrawn (runs,): how often its numbers were drawn again. rank_error: by
-    which part of the runs a quantile is displaced at most. counts, first (runs,): event -> how often it happened, and
-    when first, s, NaN where it did not; an event with `stop` ends no run here.
+    which part of the runs a quantile is displaced at most, but for those of attitudes. counts, first (runs,): event ->
+    how often it happened, and when first, s, NaN where it did not; an event with `stop` ends no run here.
 
     Of attitudes q_i mean is the q (n, 4) to which sum (q q_i)^2 is largest; covariance (n, 3, 3) and std (n, 3) are of
     twice the vector part of q* q_i, body axes, which is the rotation vector of small turns; quantiles (q, n) are of the
-    angle from the mean, rad, of at most some thousand runs where not all are kept. Of roll, pitch, yaw mean is the
-    direction of the sum of unit vectors, covariance of the sines of what is beside it, and quantiles are around it.
+    angle from the mean, rad; where not all runs are kept, of some thousand, so that ranks are off by 1 or 2 %. Of roll,
+    pitch, yaw mean is the direction of the sum of unit vectors, covariance of the sines of what is beside it, and
+    quantiles are around it.
     """
 
     def __init__(self, scene: Scene, arrays: Mapping[str, Any], failed: Mapping[int, str]) -> None:
