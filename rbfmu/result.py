@@ -33,6 +33,8 @@ EVENTS, TOUCHES = "events.", "touches."
 """Before the names of events in an .npz."""
 OF_EVENTS = ("time", "name", "kind")
 """The header of a CSV's events."""
+KINDS = {"event": EVENTS, "touch": TOUCHES}
+"""The kinds there, and what stands before names of these in an .npz."""
 AXES = {"quaternion": "parameter", "rpy": "angle"}
 """What the components of a quantity are, if they are not along axes x, y, z."""
 CHUNK = 1024
@@ -179,6 +181,7 @@ class Result:
     def load(cls, path: str | Path) -> "Result":
         """Read what `save` wrote, a CSV that an FMU's importer wrote, or an AEM; what is no quantity is left out.
 
+        The events of a CSV are those of the file beside it, `run.events.csv`, if there is one.
         Raises ValueError where the file has no time, an incomplete quantity or a number that is not finite.
         """
         path = path_of(path)
@@ -187,7 +190,7 @@ class Result:
         from rbfmu.aem import read_aem  # a run does without
 
         readers = {
-            ".csv": lambda path: by_quantity(read_columns(path, faults_of_names=incomplete)),
+            ".csv": lambda path: by_quantity(read_columns(path, faults_of_names=incomplete)) | _read_events(path),
             ".npz": arrays_of_npz,
             ".aem": read_aem,
         }
@@ -244,11 +247,29 @@ class Result:
         _write_table(path.with_suffix(".units.csv"), rows, csv.QUOTE_ALL)
         of_events = path.with_suffix(".events.csv")
         if self.events:
-            kinds = {"event": self.events, "touch": self.touches}
+            kinds = dict(zip(KINDS, (self.events, self.touches), strict=True))
             listed = [(t, n, kind) for kind in kinds for n, times in kinds[kind].items() for t in times.tolist()]
             _write_table(of_events, [OF_EVENTS, *sorted(listed)])
-        elif of_events.is_file() and of_events.read_bytes().startswith(",".join(OF_EVENTS).encode()):
+        elif _has_events(of_events):
             of_events.unlink()
+
+
+def _has_events(path: Path) -> bool:
+    """Return whether a file is one that a result wrote its events to."""
+    return path.is_file() and path.read_bytes().startswith(",".join(OF_EVENTS).encode())
+
+
+def _read_events(path: Path) -> dict[str, Array]:
+    """Return the times of the events that were written beside a CSV, called as in a .npz."""
+    beside, found = path.with_suffix(".events.csv"), dict[str, list[float]]()
+    rows = csv.reader(beside.read_text(encoding="utf-8").splitlines()[1:] if _has_events(beside) else ())
+    for k, row in enumerate(rows):
+        try:
+            time, name, kind = row
+            found.setdefault(f"{KINDS[kind]}{name}", []).append(float(time))
+        except (ValueError, KeyError):
+            raise ValueError(f"{beside}: row {k + 1}: expected a time, a name, and event or touch") from None
+    return {name: np.array(times) for name, times in found.items()}
 
 
 def _check_shape(row: Quantity, values: Array, points: int, where: str = "") -> None:

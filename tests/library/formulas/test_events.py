@@ -319,3 +319,22 @@ def test_a_body_at_rest_may_be_watched_before_a_port_turns_it():
     torques = [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
     found = rbfmu.simulate(driven, inputs={"torque_b": ([0.0, 1.0, 3.0, 4.0], torques)})
     np.testing.assert_allclose(found.events["turns_back"], [0.0, 2.0], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["it.csv", "it.npz"])
+def test_events_are_read_and_written_again(tmp_path, name):
+    """Those beside a CSV were not read, and went when it was saved again."""
+    path = tmp_path / name
+    events, touches = {"contact": np.array([0.5, 0.75]), "a, b": np.array([0.25])}, {"contact": np.array([0.125])}
+    rbfmu.Result([0.0, 1.0], {}, None, events, touches).save(path)
+    rbfmu.Result.load(path).save(path)
+    found = rbfmu.Result.load(path)
+    for of, expected in ((found.events, events), (found.touches, touches)):
+        assert {n: times.tolist() for n, times in of.items()} == {n: times.tolist() for n, times in expected.items()}
+
+
+def test_events_that_are_none_are_refused(tmp_path):
+    rbfmu.Result([0.0, 1.0], {}).save(tmp_path / "it.csv")
+    (tmp_path / "it.events.csv").write_text("time,name,kind\n0.5,contact,event\n0.7,contact,bump\n")
+    with pytest.raises(ValueError, match=r"it\.events\.csv: row 2: expected a time, a name, and event or touch"):
+        rbfmu.Result.load(tmp_path / "it.csv")
