@@ -20,6 +20,7 @@ from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Indices
 from rbfmu_kernels.body.members import Driving
 from rbfmu_kernels.body.shell import Model
+from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.quantities import elements
 from rbfmu_kernels.types import python_function
 
@@ -70,6 +71,7 @@ class Controller:
         return self.function
 
 
+@kernel(inline=False)  # whose code is kept: to compile it took half a second of each process
 def _leave(t: float, outputs: Any, state: Any, inputs: Any, noise: Any) -> None:
     """Leave inputs as they are."""
 

@@ -3,17 +3,18 @@
 import concurrent.futures as cf
 import multiprocessing
 from functools import partial
+from pathlib import Path
 from threading import Lock
 from types import ModuleType
 
 import numpy as np
 import pytest
-from numba import njit
+from numba import config, njit
 
 import rbfmu
 from rbfmu import Controller, SceneError, simulation
 from rbfmu.ensembles import running
-from rbfmu.ensembles.control import digest
+from rbfmu.ensembles.control import NONE, digest
 from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.runs.inputs import size_of
@@ -329,3 +330,10 @@ def test_noise_is_a_members_own_and_begins_alike_in_longer_runs():
     assert np.abs(np.corrcoef(rows.T) - np.eye(9)).max() < 5.0 / np.sqrt(4000)
     assert np.abs(rows.mean(axis=0)).max() < 5.0 / np.sqrt(4000)
     assert np.abs(rows.var(axis=0) - 1.0).max() < 5.0 * np.sqrt(2.0 / 4000)
+
+
+@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
+def test_what_stands_for_no_controller_is_compiled_once_for_all_processes():
+    """Half a second of each `rbfmu ensemble` went into a function that does nothing."""
+    assert NONE.compiled() is NONE.function
+    assert Path(NONE.function._cache._cache_file._index_path).exists()
