@@ -17,7 +17,8 @@ from rbfmu_kernels.quantities import elements
 
 HOLD, LINEAR = "hold", "linear"
 NEAR = 1e-9
-"""The part of a communication step by which times may differ and still be the same."""
+"""The part of a communication step by which times may differ and still be the same; also those that round-off tells
+apart, at times so large that it is more: a grid's and a table's, made in another way, differ by a unit or two there."""
 
 
 class InputTable(NamedTuple):
@@ -31,6 +32,12 @@ InputTables = dict[str, InputTable]
 Given = ArrayLike | tuple[ArrayLike, ArrayLike]
 Inputs = Mapping[str, Given] | str | Path
 """What drives a run, as it is given: see `input_tables`."""
+
+
+def _near(scene: Scene) -> float:
+    """Return by how many seconds times may differ and still be the same."""
+    step, round_off = scene.run.step, math.ulp(scene.run.start) + math.ulp(scene.run.stop)
+    return max(NEAR * step, min(round_off, 0.1 * step))
 
 
 def size_of(scene: Scene, port: str) -> int:
@@ -180,7 +187,7 @@ def _faults_of_times(scene: Scene, times: Array, name: str, interpolate: str) ->
         before = f"a time after {float(times[row - 1])!r} s in the row before"
         yield f"{name} = {float(times[row])!r} in row {row + 1}: expected {before}"
         return
-    start, stop, near = scene.run.start, scene.run.stop, NEAR * scene.run.step
+    start, stop, near = scene.run.start, min(scene.run.stop, scene.run.end), _near(scene)
     if times[0] > start + near:
         yield f"{name} = {float(times[0])!r} in row 1: expected at most {start!r} s, where the run starts"
     last, held = float(times[-1]), interpolate == HOLD
@@ -189,7 +196,7 @@ def _faults_of_times(scene: Scene, times: Array, name: str, interpolate: str) ->
         why = f", as a last row is held as long as the one before it, {gap:.6g} s, and" if held else ", as"
         yield (
             f"{name} = {last!r} in row {len(times)}, the last: "
-            f"expected at least {stop - gap:.6g} s{why} the run stops at {stop!r} s"
+            f"expected at least {stop - gap:.12g} s{why} the run stops at {stop!r} s"
         )
 
 
@@ -221,7 +228,7 @@ class Drive(NamedTuple):
 def drive_of(scene: Scene, tables: InputTables, interpolate: str, parts: int = 1, time: Array | None = None) -> Drive:
     """Return the pieces of a scene's run under its inputs, each cut into equal parts; time: in place of its grid."""
     time = scene.run.grid() if time is None else time
-    near = NEAR * scene.run.step
+    near = _near(scene)
     points = _points(time, [table.times for table in tables.values()], near)
     if parts > 1:
         cuts = np.arange(parts) / parts

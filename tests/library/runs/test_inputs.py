@@ -9,7 +9,7 @@ import pytest
 
 import rbfmu
 from rbfmu.models.registry import LOADED_TAYLOR
-from rbfmu.runs.inputs import input_tables
+from rbfmu.runs.inputs import drive_of, input_tables
 from rbfmu.runs.motion import attitude_error
 from tests.support.references.driven_motion_mp import true_motion
 from tests.support.scenes.model_cases import MOVING, OFFSET
@@ -138,6 +138,19 @@ def test_a_row_a_step_is_held_over_it_and_ports_that_are_not_named_are_zero():
     other = rbfmu.simulate(scene(), inputs={"torque_b": (t, rows), "force_a": (t, 0.0 * rows)})
     for name, values in one.quantities.items():
         np.testing.assert_array_equal(values, other.quantities[name], err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "step"), [(1e5, 1e5 + 1.0, 1e-3), (1e6, 1e6 + 1.0, 1e-3), (0.0, 1000.0, 0.3333333333)]
+)
+def test_round_off_of_late_times_refuses_no_table_and_cuts_no_step(start, stop, step):
+    run = {"start": start, "stop": stop, "step": step}
+    one = scene(inputs={"ports": ["torque_b"]}, run=run)
+    n = one.run.count
+    cumulated = start + np.cumsum(np.r_[0.0, np.full(n - 1, step)])
+    for given in (np.ones((n, 3)), (cumulated, np.ones((n, 3)))):
+        tables = input_tables(one, {"torque_b": given})
+        assert len(drive_of(one, tables, "hold").lengths) == n
 
 
 def test_prescribed_rates_take_inputs_as_well():
