@@ -189,7 +189,8 @@ def what_inputs_cost(asked: Question, plan: Plan) -> tuple[str, ...]:
     (k h^2 / m)^2 / 12. With a damper beside it the loop is stable where k h / 2 < d < 2 m / h, as the products of its
     eigenvalues show.
     """
-    scene, shown = asked.scene, asked.quantities - {"kinetic_energy"}
+    scene, read = asked.scene, asked.formulas.quantities_read if asked.formulas else set()
+    shown = (asked.quantities | read) - {"kinetic_energy"}
     ports, h, body = scene.inputs.ports, scene.run.step, scene.body
     if not ports:
         return ()

@@ -91,6 +91,15 @@ def test_a_damper_is_unstable_beyond_what_is_said(port, output, unit, share, gro
     assert (abs(body[output][0]) > 1.0) == grows
 
 
+@pytest.mark.parametrize(
+    ("port", "shown", "unit"), [("force_a", "position[1]", "N/m"), ("torque_a", "R_ab[1,2]", "N m/rad")]
+)
+def test_an_output_of_ones_own_closes_a_loop_as_well(port, shown, unit):
+    tables = scene_of([port], ["quaternion"]).to_dict() | {"outputs": {"quantities": [], "own": shown}}
+    said = plan(Scene.from_dict(tables)).reasons
+    assert any(f"a spring of k {unit}" in reason for reason in said)
+
+
 @pytest.mark.parametrize(("share", "grows"), [(1.02, True), (0.98, False)])
 def test_a_feedback_on_prescribed_rates_is_unstable_beyond_what_is_said(share, grows):
     tables = {"initial": {"attitude": {"rotvec": [1e-3, 0.0, 0.0]}}, "inputs": {"ports": ["omega_b"]}}
