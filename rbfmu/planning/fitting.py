@@ -50,6 +50,12 @@ LEAST_ORDER_OF_INPUTS = 8
 UNCUT = 20.0
 """The number of substeps in a communication step from which on other steps change little: the last one is cut at the
 step's end, which shortens all of them by a twentieth at most."""
+AS_SUBSTEPS = (0.3, 1.0, 3.0)
+"""Where there are more: numbers of shorter steps, over that of substeps, in which the error is measured and told.
+
+Series then serve several steps, or are cut by each, and go farther than in the scene's own. Of 40 tops in one to three
+steps, at 1e-6 to 1e-1, 10 were off by 1.2 to 26 times the accuracy so.
+"""
 LONGER, SHORTER = (2, 4, 10, 25, 50, 100), (2, 3, 4, 6, 10)
 """Numbers of communication steps that an importer may take as one, besides the whole run, and of parts of one."""
 POINT_COST = 86.0
@@ -185,6 +191,9 @@ class _Search:
         if found.error > self.accuracy:
             raise refuse_accuracy(self.asked, found.error)
         reasons = [why_fitted(found, self.judge.arithmetic)]
+        if UNCUT * self.steps < best.substeps < 0.1 * MAX_WORK:
+            pieces = [part * best.substeps for part in AS_SUBSTEPS]
+            best = best._replace(other=max(self.judge.try_between(found, n) for n in pieces))
         if best.other > self.accuracy:
             reasons.append(f"in other communication steps than the scene's the error is up to {best.other:.1e}")
         return replace(found, reasons=tuple(reasons))

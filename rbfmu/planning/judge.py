@@ -27,8 +27,10 @@ MAX_STEPS = 20_000
 """The number of communication steps up to which pilot runs take each; in longer runs they take several at once."""
 MAX_COUNTED = 2_000_000
 """The number of a longer run's steps that are taken one by one at last, for their round-off."""
-GOLDEN = 0.6180339887498949
-"""The place where a step is cut in two, so that a motion whose period is the step does not look like rest."""
+GOLDEN, FEW_POINTS = 0.6180339887498949, 64
+"""The place where a step is cut in two, so that a motion whose period is the step does not look like rest; and the
+number of parts of a run, about, that few steps are cut into. Of k places in a run the k-th is at k^2 times the first,
+without the whole: times k would meet a motion of 89 periods, 55.006 up to the first, near its start again."""
 SMALL, LOST = 1e-11, 0.1
 """An error, rad, well above round-off, and the size that it must not grow to.
 
@@ -80,6 +82,7 @@ class Judge:
         self._followed = tuple(dict.fromkeys((*self.names, "omega_b")))
         self._asked = tuple(dict.fromkeys((self.names, own or self.names)))
         self.steps = asked.scene.run.thinned_steps(most)
+        self._parts = max(2, FEW_POINTS // len(self.steps))
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off
         self.left = MAX_TRIED  # substeps of pilot runs to come
@@ -89,8 +92,11 @@ class Judge:
 
     @property
     def cut_steps(self) -> list[float]:
-        """Return the communication steps, s, each cut in two."""
-        return [part * h for h in self.steps for part in (GOLDEN, 1.0 - GOLDEN)]
+        """Return the communication steps, s, each cut in two, or in more where they are few."""
+        if self._parts == 2:
+            return [part * h for h in self.steps for part in (GOLDEN, 1.0 - GOLDEN)]
+        ends = sorted(k * k * GOLDEN % 1.0 for k in range(1, self._parts))
+        return [(after - before) * h for h in self.steps for before, after in pairwise((0.0, *ends, 1.0))]
 
     @cached_property
     def motion(self) -> Motion:
@@ -150,7 +156,7 @@ class Judge:
     @cached_property
     def truth(self) -> Motion:
         """Return the motion at communication points."""
-        return {name: rows[::2] for name, rows in self.motion.items()}
+        return {name: rows[:: self._parts] for name, rows in self.motion.items()}
 
     @cached_property
     def floors(self) -> Mapping[str, float]:
@@ -187,6 +193,11 @@ class Judge:
         steps = [math.fsum(self.steps[i:j]) for i, j in pairwise(points)]
         truth = {name: self.truth[name][points] for name in self.names}
         return self._error(plan, steps, truth, parts, absolute)
+
+    def try_between(self, plan: Plan, pieces: float) -> float:
+        """Return the plan's error in about so many shorter steps, at communication points and between them."""
+        parts = max(round(pieces / len(self.cut_steps)), 1)
+        return self._error(plan, self.cut_steps, {name: self.motion[name] for name in self.names}, parts)[0]
 
     def try_all_steps(self, plan: Plan) -> float:
         """Return a plan's error with the round-off of all the run's steps, of which `try_out` took several at once.

@@ -1,9 +1,16 @@
 """What 0.1.0 answered wrongly without a word, or refused without need, is right or refused with a reason."""
 
 import math
+import re
+from dataclasses import replace
 
+import numpy as np
 import pytest
+from scipy.special import ellipk
 
+import rbfmu
+from rbfmu.runs.motion import attitude_error
+from rbfmu.runs.steps import motion_of
 from rbfmu.scene.tables import Run
 from rbfmu_kernels.integrators.splitting import is_symmetric_top
 from rbfmu_kernels.mechanics.inertia import diagonal, inverse_inertia
@@ -44,3 +51,30 @@ def test_symmetry_and_inverse_at_any_scale(scale):
     assert is_symmetric_top(diagonal((scale, scale, 0.5 * scale)))
     inverse = inverse_inertia(diagonal((scale, 2.0 * scale, 2.5 * scale)))
     assert [inverse[k][k] * scale for k in range(3)] == pytest.approx([1.0, 0.5, 0.4], rel=4e-16)
+
+
+@pytest.mark.parametrize("periods", [13, 89, 144])
+def test_a_swing_is_no_rest_where_its_periods_meet_the_places_that_it_is_looked_at(periods):
+    body = {"mass": 1.0, "inertia": [0.2, 0.2, 0.1], "r_oc_b": [0.0, 0.0, -1.0], "pivot": True}
+    span = periods * 4.0 * float(ellipk(math.sin(0.05) ** 2)) * math.sqrt(1.2 / 9.81)
+    initial, outputs = {"attitude": {"rotvec": [0.0, 0.1, 0.0]}}, {"quantities": ["quaternion"]}
+    run = {"stop": span, "step": span, "accuracy": 1e-2}
+    assert rbfmu.plan(rbfmu.Scene(body=body, initial=initial, outputs=outputs, run=run)).model == "undamped pendulum"
+
+
+def test_a_plan_says_what_it_misses_in_steps_much_shorter_than_the_scenes():
+    body = {"mass": 1.0, "inertia": [1.0, 1.0, 0.6], "r_oc_b": [0.0, 0.0, 0.3], "pivot": True}
+    initial = {"attitude": {"rotvec": [0.3, 0.2, 0.1]}, "omega_b": [0.35, 0.34, 0.49]}
+    run, outputs = {"stop": 10.0, "step": 10.0, "accuracy": 0.03}, {"quantities": ["quaternion"]}
+    scene = rbfmu.Scene(body=body, initial=initial, outputs=outputs, run=run)
+    planned = rbfmu.plan(scene)
+    steps = [0.25] * 40
+    found, true = (
+        motion_of(scene, one, steps, ["quaternion"])["quaternion"]
+        for one in (planned, replace(planned, order=24, tolerance=1e-14))
+    )
+    worst = float(np.max(attitude_error(found, true)))
+    assert worst > 2.0 * run["accuracy"]  # else choose another body
+    said = re.search("in other communication steps than the scene's the error is up to (.+)", planned.reasons[-1])
+    assert said
+    assert 0.3 * worst < float(said[1]) < 3.0 * worst
