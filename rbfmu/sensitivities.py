@@ -195,7 +195,8 @@ class Varied:
 
     def _plan(self, scene: Scene, planned: Plan | None) -> tuple[Plan, bool]:
         """Return the plan of the run, and whether errors bound its substeps too: not those of a plan that is given."""
-        if planned is not None and planned.order in self.model.model.ORDERS:
+        orders = self.model.model.ORDERS  # a splitting and a quadrature have orders as well, but no tolerance
+        if planned is not None and planned.tolerance > 0.0 and planned.order in orders:
             return replace(planned, model=FORMULAS.key, formulas=self.model), False
         asked, states = question.Question(scene), len(self.model.rates)
         tolerance = max(TIGHTER * asked.accuracy, methods.TIGHTEST)

@@ -353,3 +353,11 @@ def test_a_run_that_stops_at_a_communication_point_has_it_once():
     scene = rbfmu.Scene.from_dict(falls)
     along = rbfmu.sensitivity(scene, ["initial.position"])
     assert along.time.tolist() == rbfmu.simulate(scene).time.tolist() == [0.0, 0.5, 1.0]
+
+
+@pytest.mark.parametrize("order", [6, 8])
+def test_a_plan_that_is_not_by_series_leaves_the_order_to_derivatives(order):
+    one, by = scene(), ["initial.omega_b"]
+    planned = rbfmu.Plan("symmetric top" if order == 6 else "torque-free body, body force", "", 7, 0.1, order=order)
+    found, own = rbfmu.sensitivity(one, by, planned), rbfmu.sensitivity(one, by)
+    np.testing.assert_array_equal(found.of["attitude"], own.of["attitude"])
