@@ -5,18 +5,19 @@ scouts, up to a thousand members beside a far tighter tolerance, give the tail o
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from rbfmu.ensembles import draws, members, variables
 from rbfmu.ensembles.chunks import MOST_BYTES, Work, run_samples
+from rbfmu.models.question import Question
 from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.planning.fitting import REACHED
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, likely_order, ratio_to, series_cost, series_of_all, series_plan
-from rbfmu.runs.motion import FLOORS
+from rbfmu.runs.motion import FLOORS, NOISE, natural_sizes
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
@@ -156,6 +157,7 @@ class Scouts:
 
     def __init__(self, scene: Scene, plan: Plan, names: tuple[str, ...], seconds: float = SECONDS) -> None:
         self.scene, self.seconds = scene.replace({"outputs.quantities": names}), seconds
+        self.at_rest = _sizes_at_rest(Question(scene))
         self.columns = variables.Columns(tuple(OUTPUT[n] for n in names))
         steps = scene.run.count
         most = min(int(MOST_BYTES / (8.0 * self.columns.width * (steps + 1))), int(1e9 * seconds / (plan.cost * steps)))
@@ -175,7 +177,7 @@ class Scouts:
 
     def likely_worst(self, plan: Plan) -> float:
         """Return what the errors of MEMBERS members are likely not to exceed; note whether few tell of far larger."""
-        errors = _errors(self.columns, self._run(plan), self.truth)
+        errors = _errors(self.columns, self._run(plan), self.truth, self.at_rest)
         likely = likely_worst(errors, MEMBERS)
         self.are_too_few = len(errors) < SCOUTS and likely > HEAVY * float(np.nanmax(errors, initial=0.0))
         return likely
@@ -237,10 +239,19 @@ def likely_worst(errors: Array, runs: int) -> float:
     return float(max(known[0], base * (100.0 * k * runs / len(known)) ** exponent))
 
 
-def _errors(columns: variables.Columns, rows: Array, truth: Array) -> Array:
+def _sizes_at_rest(asked: Question) -> dict[str, tuple[float, float]]:
+    """Return, by quantity, the size up to which it is round-off of a body at rest, and what errors are relative to."""
+    sizes = natural_sizes(asked, {})
+    return {name: (size * (NOISE**2 if OUTPUT[name].unit == "J" else NOISE), size) for name, size in sizes.items()}
+
+
+def _errors(
+    columns: variables.Columns, rows: Array, truth: Array, at_rest: Mapping[str, tuple[float, float]] = {}
+) -> Array:
     """Return each member's largest error, as an accuracy counts it; NaN of those that fail.
 
-    The judge's own errors are made a row at a time, which would take as long here as all scouts' motions.
+    at_rest: see `_sizes_at_rest`. The judge's own errors are made a row at a time, which would take as long here as
+    all scouts' motions.
     """
     found, true = columns.split(rows), columns.split(truth)
     worst = np.zeros(len(rows))
@@ -251,7 +262,9 @@ def _errors(columns: variables.Columns, rows: Array, truth: Array) -> Array:
             half_turn = 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))  # on the sphere of q, whose radius is 1
             apart = 2.0 * half_turn.max(axis=1)
         else:
-            size = np.maximum(np.linalg.norm(b, axis=2).max(axis=1), FLOORS.get(name, TINY))
+            most, natural = at_rest.get(name, (0.0, 0.0))
+            largest = np.linalg.norm(b, axis=2).max(axis=1)
+            size = np.maximum(np.where(largest <= most, natural, largest), FLOORS.get(name, TINY))
             apart = np.linalg.norm(a - b, axis=2).max(axis=1) / size
         worst = np.maximum(worst, apart)
     return worst
