@@ -108,7 +108,7 @@ class Judge:
         self.arithmetic = "double precision"
         self.doing = "its motion is followed in small steps, for it turns fast, or damping is stiff"
         one, other = (self._tight_motion(order) for order in (20, 24))
-        self.doubt = largest_error(one, other, self.names)
+        self.doubt = largest_error(one, other, self.names, least_sizes(self.asked, one))
         self.doing = TRYING
         return one
 

@@ -9,6 +9,9 @@ import pytest
 from scipy.special import ellipk
 
 import rbfmu
+from rbfmu.exceptions import PlanningWarning
+from rbfmu.models.question import Question
+from rbfmu.planning import judge
 from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.steps import motion_of
 from rbfmu.scene.tables import Run
@@ -78,3 +81,17 @@ def test_a_plan_says_what_it_misses_in_steps_much_shorter_than_the_scenes():
     said = re.search("in other communication steps than the scene's the error is up to (.+)", planned.reasons[-1])
     assert said
     assert 0.3 * worst < float(said[1]) < 3.0 * worst
+
+
+def test_where_the_truth_is_in_doubles_what_rests_is_in_no_doubt(monkeypatch):
+    """A top sleeps in a turned attitude: its angular acceleration is round-off alone, and differs between two runs."""
+    monkeypatch.setattr(judge, "MAX_REFERENCE_STEPS", 10)
+    turned = {"rotvec": [0.3, 0.5, -0.2]}
+    down = rbfmu.rotate(rbfmu.quaternion_from_rotvec(turned["rotvec"]), [0.0, 0.0, -9.81])
+    body = {"mass": 1.0, "inertia": [1.0, 1.2, 1.4], "r_oc_b": [0.0, 0.0, 0.2], "pivot": True}
+    tables = {"body": body, "loads": {"gravity_a": down}, "initial": {"attitude": turned, "omega_b": [0.0, 0.0, 100.0]}}
+    tables |= {"outputs": {"quantities": ["alpha_b"]}, "run": {"stop": 2.0, "step": 0.5}}
+    one = judge.Judge(Question(rbfmu.Scene.from_dict(tables)))
+    with pytest.warns(PlanningWarning):
+        assert 0.0 < np.max(np.abs(one.motion["alpha_b"])) < 1e-9
+    assert one.doubt < 1e-9
