@@ -143,7 +143,7 @@ def plan_within_accuracy(asked: Question, judge: Judge, exact: Plan | None) -> P
     if "force_b" in asked.varying and "acceleration" in names and "quaternion" not in names:
         names = (*names, "quaternion")  # ports are at zero here: what they bring is as wrong as the attitude
     shown = tuple(dict.fromkeys((*names, "omega_b")))  # of the rates only how much they change is measured
-    bound = (1.0 if exact else SHARE) * asked.accuracy - EXACT
+    bound = asked.accuracy - exact.error if exact else SHARE * asked.accuracy - EXACT
     if exact and asked.scene.run.count > FEW:
         few = Judge(asked, most=FEW)
         roughly = few.motion_by(replace(exact, pinned=asked.pinned), shown)
