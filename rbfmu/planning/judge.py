@@ -124,6 +124,7 @@ class Judge:
 
     def follow_by(self, plan: Plan) -> None:
         """Take the motion that a plan makes for the truth, where it is known how exact that is of motions alike."""
+        self._parts = 2  # errors are asked for at communication points alone
         self.__dict__["motion"] = self.motion_by(plan, self._followed)
 
     def forget(self) -> None:
