@@ -72,7 +72,8 @@ def simulate(
     lies inside. Of linear inputs a model that takes no input derivatives sees the mean over each step.
     planned: a plan, whose model and method are used as they are; without one, a plan that meets the accuracy under the
     inputs given.
-    progress: wraps the sequence of step numbers, e.g. a progress bar. Raises SceneError, SimulationError.
+    progress: wraps the sequence of step numbers, e.g. a progress bar; where it stops early, the run ends there. Raises
+    SceneError, SimulationError.
     """
     if progress is not None and not callable(progress):
         expected = "a function that wraps step numbers, as rbfmu.progress_bar(name) is"

@@ -27,8 +27,9 @@ SAME = 1e-9
 LONG = 20_000
 """The steps that a process takes from Python, some 2 us each, before the loop is compiled or loaded."""
 FIRST, MOST, SOON = 64, 65_536, 0.02
-"""The steps of the first call of the loop, and the most of one: twice as many as before where that took less time, s,
-and else half as many, as Ctrl-C and progress wait for a call's end."""
+"""The most steps of the first call of the loop, and of any: as many as take that time, s, if each takes as long as the
+first; then twice as many as before where that took less, and else half as many, as Ctrl-C and progress wait for a
+call's end."""
 
 
 class Steps:
@@ -52,7 +53,7 @@ class Steps:
         self._lengths, self._counts = lengths, counts.astype(np.int64)
         self._places, self._values = np.empty(0, np.int64), np.empty((len(lengths), 0))
         self._step = tiered(kernels.step, len(lengths) * runs)
-        self._together, self._is_over = FIRST, False
+        self._together, self._is_over = 0, False
         Steps.taken_by_all += self.count
 
     def advance(self, k: int) -> bool:
@@ -82,14 +83,15 @@ class Steps:
         """
         if self._is_over:
             return k - 1
-        substeps = self.kernels.BLOCKS.get("substeps")
-        if not self._goes_in_a_loop:
+        substeps, begin = self.kernels.BLOCKS.get("substeps"), perf_counter()
+        if not (self._together and self._goes_in_a_loop):
             if not self.advance(k) or (substeps and self.z[substeps][0] > most):
                 self._is_over = True
                 return k - 1
             rows[k] = self.z[at]
+            self._together = self._together or min(FIRST, int(SOON / (perf_counter() - begin))) or 1
             return k
-        begin, last = perf_counter(), min(k - 1 + self._together, self.count)
+        last = min(k - 1 + self._together, self.count)
         counted = substeps.start if substeps else -1
         given = self.z, self._lengths, self._counts, self._places, self._values, at, rows
         taken = int(_compiled_loop()(self.kernels.step, *given, k - 1, last, counted, most))
@@ -174,22 +176,33 @@ class Driven(Steps):
     ) -> tuple[Array, Motion]:  # fmt: skip
         """Return the times (n,) up to the event that ends the run, and the rows of blocks at these by name, (n, k).
 
+        progress: wraps the numbers of steps; where it stops early, so do times and rows.
         most: the number of substeps after which a step is refused. Raises SimulationError where one is.
         """
-        at, time, numbers, taken = self.places(names), self._time, range(1, self.count + 1), 0
+        at, time, numbers, taken, told = self.places(names), self._time, range(1, self.count + 1), 0, 0
         rows = np.empty((len(time), len(at)))
         rows[0] = self.z[at]
         for k in numbers if progress is None else progress(numbers):
-            if k > taken and (taken := self.take(k, at, rows, most)) < k:
-                if (counted := substeps_counted(self.kernels, self.z)) <= most:
-                    raise refused_step(self._name, time[k - 1])
-                said = f"t = {float(time[k])!r} s takes {counted:.1e} substeps: expected a shorter run or slower rates"
-                raise SimulationError(f"{self._name}: {said}")
+            told = min(max(k, told), self.count)
+            while taken < told and self.ended is None:
+                begin, taken = taken, self.take(taken + 1, at, rows, most)
+                if taken == begin:
+                    raise self._refusal(taken, most)
             if self.ended is not None:
-                before = self.ended <= time[k - 1]  # the event may be at the communication point before
-                time = time[:k] if before else np.append(time[:k], self.ended)
+                before = self.ended <= time[taken - 1]  # the event may be at the communication point before
+                time = time[:taken] if before else np.append(time[:taken], self.ended)
                 break
+        else:
+            time = time[: told + 1]  # who wraps the numbers may stop early
         return time, self.by_name(rows[: len(time)], names)
+
+    def _refusal(self, taken: int, most: float) -> SimulationError:
+        """Return the error for the step that is not taken, after so many that are."""
+        if (counted := substeps_counted(self.kernels, self.z)) <= most:
+            return refused_step(self._name, self._time[taken])
+        end = float(self._time[taken + 1])
+        said = f"t = {end!r} s takes {counted:.1e} substeps: expected a shorter run or slower rates"
+        return SimulationError(f"{self._name}: {said}")
 
     def advance(self, k: int) -> bool:
         """Take the pieces from communication point k - 1 to k; return whether none was refused."""

@@ -58,10 +58,31 @@ def test_a_loop_leaves_the_rows_of_single_steps(name, calls, monkeypatch):
 
     one_by_one, at_once = both_ways(run, planned, monkeypatch)
     assert told == list(range(1, 251))
-    assert calls[0] == (0, FIRST)
+    assert calls[0][0] == 1
+    assert calls[0][1] <= 1 + FIRST
     assert calls[-1][1] == 250
     for quantity, rows in one_by_one.quantities.items():
         np.testing.assert_array_equal(rows, at_once.quantities[quantity], strict=True)
+
+
+@pytest.mark.parametrize("told", [(), (100,), (1, 30, 99, 100), (100, 1)])
+def test_a_run_ends_where_who_wraps_its_numbers_stops(told, calls, monkeypatch):
+    scene = rbfmu.Scene.from_dict(PORT)
+    planned, whole = plan(scene), rbfmu.simulate(scene)
+    for run in both_ways(lambda: rbfmu.simulate(scene, planned=planned, progress=lambda _: told), planned, monkeypatch):
+        rows = 1 + max(told, default=0)
+        np.testing.assert_array_equal(run.time, whole.time[:rows], strict=True)
+        for name, shown in run.quantities.items():
+            np.testing.assert_array_equal(shown, whole.quantities[name][:rows], strict=True)
+
+
+def test_a_first_call_of_the_loop_is_short_where_steps_are_long(calls, monkeypatch):
+    scene = rbfmu.Scene.from_dict(PORT)
+    planned, lengths = plan(scene), np.diff(scene.run.grid()).tolist()
+    monkeypatch.setattr(steps, "SOON", 0.0)  # any step takes longer
+    for _ in both_ways(lambda: record(Steps(scene, planned, lengths, ()), ("omega_b",)), planned, monkeypatch):
+        pass
+    assert calls == [(k, k + 1) for k in range(1, 250)]
 
 
 def test_a_step_that_is_refused_in_a_loop_is_named(calls, monkeypatch):
