@@ -112,3 +112,35 @@ def test_a_loop_ends_after_so_many_substeps(calls, monkeypatch):
     assert 1 < np.isfinite(at_once[:, 0]).sum() < 250
     np.testing.assert_array_equal(one_by_one, at_once)
     assert calls
+
+
+def test_a_run_that_is_over_stays_so_in_a_loop(calls, monkeypatch):
+    scene = rbfmu.Scene.from_dict(PORT)
+    planned, lengths = plan(scene), np.diff(scene.run.grid()).tolist()
+
+    def ended():
+        run = Steps(scene, planned, lengths, ())
+        at, rows, k = run.places(["omega_b"]), np.zeros((251, 3)), 0
+        while (taken := run.take(k + 1, at, rows, 3.0)) > k:
+            k = taken
+        z = run.z.copy()
+        return k, run.take(k + 1, at, rows), rows, z, run.z
+
+    one_by_one, at_once = both_ways(ended, planned, monkeypatch)
+    assert 1 < at_once[0] == at_once[1] < 250
+    assert not at_once[2][at_once[0] + 1 :].any()
+    for found, other in zip(one_by_one, at_once, strict=True):
+        np.testing.assert_array_equal(found, other)
+
+
+def test_steps_in_parts_are_as_long_as_steps_and_counted(calls, monkeypatch):
+    scene = rbfmu.Scene.from_dict(BODY | START | RUN)
+    planned, lengths = plan(scene), np.diff(scene.run.grid())
+    planned.kernels.step.compile((float64[::1], float64))
+    for before in (-(10**9), LONG + 1):
+        monkeypatch.setattr(Steps, "taken_by_all", before)
+        in_parts = record(Steps(scene, planned, lengths[::2].tolist(), (), 2), ("quaternion",))["quaternion"]
+        assert Steps.taken_by_all == before + 125
+        whole = record(Steps(scene, planned, lengths[::2].tolist(), ()), ("quaternion",))["quaternion"]
+        np.testing.assert_allclose(in_parts, whole, rtol=0.0, atol=1e-13)
+    assert calls
