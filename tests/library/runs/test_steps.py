@@ -139,8 +139,10 @@ def test_steps_in_parts_are_as_long_as_steps_and_counted(calls, monkeypatch):
     planned.kernels.step.compile((float64[::1], float64))
     for before in (-(10**9), LONG + 1):
         monkeypatch.setattr(Steps, "taken_by_all", before)
-        in_parts = record(Steps(scene, planned, lengths[::2].tolist(), (), 2), ("quaternion",))["quaternion"]
+        in_parts = record(Steps(scene, planned, lengths[::2].tolist(), ("quaternion",), 2), ("quaternion",))[
+            "quaternion"
+        ]
         assert Steps.taken_by_all == before + 125
-        whole = record(Steps(scene, planned, lengths[::2].tolist(), ()), ("quaternion",))["quaternion"]
+        whole = record(Steps(scene, planned, lengths[::2].tolist(), ("quaternion",)), ("quaternion",))["quaternion"]
         np.testing.assert_allclose(in_parts, whole, rtol=0.0, atol=1e-13)
     assert calls
