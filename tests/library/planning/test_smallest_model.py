@@ -88,6 +88,9 @@ def with_ports(scene, ports, quantities):
     except SceneError:  # a beam that a port would turn about itself
         assume(False)
     assume(not found.body.axis_without_inertia)  # its rate could not be perturbed
+    moments, _ = Question(found).start.principal_axes
+    apart = np.diff(moments)
+    assume(not np.any((apart > 0.0) & (apart < 1e-12 * moments[2])))  # what comes may tell them apart, if large enough
     return found
 
 

@@ -65,6 +65,17 @@ def test_a_loop_leaves_the_rows_of_single_steps(name, calls, monkeypatch):
         np.testing.assert_array_equal(rows, at_once.quantities[quantity], strict=True)
 
 
+def test_a_model_without_input_derivatives_takes_its_steps_one_by_one(calls, monkeypatch):
+    """The mean of a step, and the last value after it: a loop would leave the mean at communication points."""
+    point = {"body": {"mass": 2.0, "inertia": [1.0, 1.5, 2.0]}, "inputs": {"ports": ["force_a"]}}
+    scene = rbfmu.Scene.from_dict(point | RUN | {"outputs": {"quantities": ["position", "acceleration"]}})
+    planned, driven = plan(scene), {"inputs": {"force_a": TABLE}, "interpolate": "linear"}
+    assert "force_a_rate" not in planned.kernels.BLOCKS
+    one_by_one, many = both_ways(lambda: rbfmu.simulate(scene, planned=planned, **driven), planned, monkeypatch)
+    np.testing.assert_array_equal(one_by_one.acceleration, many.acceleration)
+    assert not calls
+
+
 @pytest.mark.parametrize("told", [(), (100,), (1, 30, 99, 100), (100, 1)])
 def test_a_run_ends_where_who_wraps_its_numbers_stops(told, calls, monkeypatch):
     scene = rbfmu.Scene.from_dict(PORT)
