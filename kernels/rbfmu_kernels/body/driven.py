@@ -72,7 +72,7 @@ def keep(z: Buffer) -> None:
 @kernel
 def finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
     """Move the centre of mass as far as in closed form, set outputs; or return STEP_REJECTED with all as it was."""
-    return _finish(z, n, h, status, body, loads, _inputs_change(z))
+    return _finish(z, n, h, status, body, loads, inputs_change(z))
 
 
 @kernel
@@ -82,7 +82,7 @@ def finish_steadily(z: Buffer, n: int, h: float) -> int:
 
 
 @kernel
-def _inputs_change(z: Buffer) -> bool:
+def inputs_change(z: Buffer) -> bool:
     """Return whether any input changes within the step, be it a force at a pivot, which is none of the loads."""
     change = False
     for i in range(NUMBER_OF_INPUTS):
