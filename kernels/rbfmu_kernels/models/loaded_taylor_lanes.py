@@ -8,16 +8,8 @@ that cannot go on in one, are taken alone.
 
 import math
 
-from ..body.driven import (
-    STEP_SIZE,
-    SUBSTEPS,
-    finish_steadily,
-    inputs_change,
-    keep,
-    keep_inputs,
-    load_polynomial_of,
-    part_to_integrate,
-)  # fmt: skip
+from ..body import driven
+from ..body.driven import STEP_SIZE, SUBSTEPS, finish_steadily, keep, keep_inputs, load_polynomial_of, part_to_integrate
 from ..body.members import Control, Driving, Members, Room, Run, begin, drive, note, pieces_before, record
 from ..body.memory import MEMORY, STATE_START, body_of
 from ..body.shell import Lanes
@@ -131,7 +123,7 @@ def _kind(z: Buffer, h: float) -> Kind:
         q, omega = quaternion_at(z, STATE_START), vec3_at(z, STATE_START + OMEGA)
         alpha = angular_acceleration(q, omega, body, loads.value)
         served = n != ROTATION or not order < _SURELY * LEAST_REACH * h * turning_of(omega, alpha)
-    if served or inputs_change(z) or n == WHOLE_STATE or not (h > 0.0 and z[_AT.tolerance] < math.inf):
+    if served or driven.inputs_change(z) or n == WHOLE_STATE or not (h > 0.0 and z[_AT.tolerance] < math.inf):
         n = 0
     return n, order, z[_AT.tolerance], z[_AT.span], fixed.lever_force, fixed.torque, is_diagonal(body.inertia)
 
