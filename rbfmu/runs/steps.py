@@ -73,7 +73,10 @@ class Steps:
     def _goes_in_a_loop(self) -> bool:
         """Return whether steps are alike and many, and machine code."""
         many = Steps.taken_by_all > LONG and self.count >= FIRST
-        return many and isinstance(self._step, Tiered) and self._step.is_compiled
+        if not (many and isinstance(self._step, Tiered) and self._step.is_compiled):
+            return False
+        # what the loop compiled would be kept by its signature, by which nobody looks for it
+        return (_NUMBERS, float64) in self.kernels.step.overloads  # type: ignore[attr-defined]
 
     def take(self, k: int, at: Indices, rows: Array, most: float = math.inf) -> int:
         """Take step k, and maybe some after it; return the last that was taken, k - 1 where the run is over.
@@ -182,7 +185,7 @@ class Driven(Steps):
         at, time, numbers, taken, told = self.places(names), self._time, range(1, self.count + 1), 0, 0
         rows = np.empty((len(time), len(at)))
         rows[0] = self.z[at]
-        for k in numbers if progress is None else progress(numbers):
+        for k in (self.count,) if progress is None else progress(numbers):
             told = min(max(k, told), self.count)
             while taken < told and self.ended is None:
                 begin, taken = taken, self.take(taken + 1, at, rows, most)

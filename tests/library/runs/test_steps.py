@@ -158,3 +158,16 @@ def test_steps_in_parts_are_as_long_as_steps_and_counted(calls, monkeypatch):
         whole = record(Steps(scene, planned, lengths[::2].tolist(), ("quaternion",)), ("quaternion",))["quaternion"]
         np.testing.assert_allclose(in_parts, whole, rtol=0.0, atol=1e-13)
     assert calls
+
+
+def test_the_loop_calls_no_step_that_it_would_have_to_compile(monkeypatch):
+    """It was kept by its signature, so that each process compiled it anew."""
+    scene = rbfmu.Scene.from_dict(PORT)
+    planned = plan(scene)
+    planned.kernels.step.compile((float64[::1], float64))
+    monkeypatch.setattr(Steps, "taken_by_all", LONG + 1)
+    run = Steps(scene, planned, np.diff(scene.run.grid()).tolist(), ())
+    assert run.advance(1)
+    assert run._goes_in_a_loop
+    monkeypatch.setattr(planned.kernels.step, "overloads", {})
+    assert not run._goes_in_a_loop
