@@ -92,7 +92,8 @@ class Steps:
                 self._is_over = True
                 return k - 1
             rows[k] = self.z[at]
-            self._together = self._together or min(FIRST, int(SOON / (perf_counter() - begin))) or 1
+            length = max(perf_counter() - begin, 1e-9)  # s; a clock may stand still for a step
+            self._together = self._together or min(FIRST, int(SOON / length)) or 1
             return k
         last = min(k - 1 + self._together, self.count)
         counted = substeps.start if substeps else -1

@@ -18,17 +18,6 @@ from rbfmu.runs.plan import Plan
 from tests.support.covering import some_of
 from tests.support.ensembles.satellite import PLAN, assert_same, run, satellite
 
-
-@pytest.fixture(scope="module")
-def scene():
-    return satellite()
-
-
-@pytest.fixture(scope="module")
-def whole(scene):
-    return run(scene, executor=1)
-
-
 STORES = ["store.npz", "store.zarr"]
 
 

@@ -9,17 +9,7 @@ import pytest
 from rbfmu import SceneError, SimulationError, run_ensemble, simulate
 from rbfmu.ensembles import running
 from rbfmu.ensembles.chunks import origin
-from tests.support.ensembles.satellite import PLAN, assert_same, run, satellite
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return satellite()
-
-
-@pytest.fixture(scope="module")
-def whole(scene):
-    return run(scene, executor=1)
+from tests.support.ensembles.satellite import PLAN, assert_same, run
 
 
 def test_the_plan_makes_chunks_of_some_members(scene):
