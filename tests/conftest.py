@@ -8,11 +8,14 @@ import os
 import resource
 import signal
 import tempfile
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from rbfmu_fmu.native.platforms import NoLinkerError
+from tests.support.compilers import can_link
 from tests.support.covering import mark_what_a_covering_set_leaves
 from tests.support.paths import ROOT
 
@@ -36,6 +39,17 @@ settings.load_profile("unhurried")
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Leave of cross products of parameters what covers each value."""
     mark_what_a_covering_set_leaves(items)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, None, None]:
+    """Skip what builds a native FMU on a machine that can link none."""
+    try:
+        return (yield)
+    except NoLinkerError:
+        if can_link():
+            raise
+        pytest.skip("no C compiler")
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ import fmpy
 import pytest
 
 from examples.interop import elsewhere, importers, omsimulator, pyfmi_master, run as interop
+from tests.support.compilers import can_link
 from tests.support.fmu.fmus import workshop
 from tests.support.paths import ROOT
 
@@ -43,6 +44,8 @@ def built(kind):
 def test_importer_gets_the_kernels_bits(name, kind):
     if interop.version_of(name) is None:
         pytest.skip(f"{name} is not on this machine")
+    if kind != "python" and not can_link():
+        pytest.skip("no C compiler")
     importer, refusal = importers.IMPORTERS[name], REFUSE.get(name.partition(",")[0], {}).get(kind)
     result = interop.try_importer(name, built(kind), interop.scene_to_try(), kind == "fmi3")
     if refusal:

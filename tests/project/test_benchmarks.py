@@ -3,11 +3,11 @@
 import math
 import re
 import runpy
-import shutil
 
 import pytest
 from numba import config
 
+from tests.support.compilers import needs_compiler
 from tests.support.covering import some_of
 from tests.support.fmu import c_host
 from tests.support.fmu.fmus import bench
@@ -264,7 +264,7 @@ def test_the_pythonfmu_fmu_is_measured(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
+@needs_compiler
 def test_the_native_fmu_is_measured_and_c_by_hand_moves_alike():
     one = bench("native")
     by_scene = one.main(repeats=2, steps=50, starts=1, names=["prescribed rates", one.HAND])

@@ -1,7 +1,6 @@
 """Every example and the notebook run as a user runs them, and show what they say."""
 
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from examples.figures import record
 from examples.renew_notebook import CHAPTERS, NOTEBOOK, executed
+from tests.support.compilers import needs_compiler
 from tests.support.paths import ROOT
 
 EXAMPLES = ROOT / "examples"
@@ -112,7 +112,7 @@ def test_coils_brake_releases_until_a_leftover_magnet_turns_them_with_the_field(
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
+@needs_compiler
 def test_held_inputs_are_of_first_order_half_a_step_earlier_of_second_and_with_slopes_exact() -> None:
     found = re.findall(r"(\S+) deg (?:held|from|with)", printed("benchmarks/held_inputs.py"))
     (held, earlier, given), (held_in_half, earlier_in_half, _) = np.reshape([float(x) for x in found], (2, 3))

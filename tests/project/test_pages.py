@@ -19,6 +19,7 @@ from rbfmu import arrays
 from rbfmu.cli import main
 from rbfmu.models.registry import MODELS
 from rbfmu.studies.chart.cases import CASES
+from tests.support.compilers import needs_compiler
 from tests.support.paths import ROOT
 
 NAMES = [path.relative_to(ROOT).as_posix() for path in pages.PAGES]
@@ -33,7 +34,6 @@ ELSEWHERE = {
 MOST_WORDS = 900
 NOT_RUN = ("make ", "python3 -m venv ", "pip install ", "rbfmu chart", "rbfmu stability", "python 0")
 """Commands that install or take minutes, and examples (`test_examples` runs them); what they name is looked for."""
-needs_compiler = pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 

@@ -38,12 +38,15 @@ FORMAT_FLAGS = {
 }
 
 
+_ZIG = "ziglang"
+
+
 class BuildError(ValueError):
     """An FMU that cannot be built here, and why."""
 
 
 class NoLinkerError(BuildError):
-    """There is no C compiler for a platform."""
+    """There is no C compiler for a platform, or the machine's own does not serve."""
 
 
 @dataclass(frozen=True)
@@ -122,8 +125,9 @@ def link(
         command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], f"-I{FMI_HEADERS}"]
         command += [*layer, *objects, "-lm", "-o", library]
         done = subprocess.run(command, capture_output=True, cwd=folder, check=False, encoding="utf-8", errors="replace")
-        if done.returncode:
-            raise BuildError(f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}")
+        if done.returncode:  # a machine's own compiler may have no headers of C, as Debian's gcc by itself
+            failed = f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}"
+            raise BuildError(failed) if _ZIG in command else NoLinkerError(f"{failed}\n{_needed(platform)}")
         return (folder / library).read_bytes()
 
 
@@ -137,20 +141,24 @@ def compiler(platform: Platform) -> list[str]:
 
     ziglang comes first: it is the same compiler and C library on every machine, so that the bytes are the same too.
     """
-    if find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
+    if find_spec(_ZIG):
+        return [sys.executable, "-m", _ZIG, "cc", "-target", platform.zig]
     own = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
     if own and sys.platform != "win32" and is_this(platform):
         return [own, "-Wl,-z,noseparate-code"] if platform.suffix == ".so" else [own]  # 8 kB less
+    raise NoLinkerError(_needed(platform))
+
+
+def _needed(platform: Platform) -> str:
     needed = f"{remedy('native')} (ziglang, compiles for every platform)"
-    needed += ", or a C compiler on PATH (cc, gcc or clang)" if is_this(platform) else ""
-    raise NoLinkerError(f"a native FMU for {platform.name} needs {needed}")
+    own = ", or a C compiler on PATH (cc, gcc or clang) with its headers" if is_this(platform) else ""
+    return f"a native FMU for {platform.name} needs {needed}{own}"
 
 
 def takes_minutes(platform: Platform) -> bool:
     """Return whether ziglang compiles a C library first, which takes minutes once: for Linux it takes seconds."""
     try:
-        return "ziglang" in compiler(platform) and platform.suffix != ".so"
+        return _ZIG in compiler(platform) and platform.suffix != ".so"
     except NoLinkerError:  # linking says so
         return False
 

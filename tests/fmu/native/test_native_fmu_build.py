@@ -187,10 +187,11 @@ def test_object_code_of_other_sources_is_not_taken(module, changed, other, tmp_p
 
 def test_without_numba_s_compiler_what_is_set_is_named(monkeypatch):
     """2026-11-28: "Numba 0.68.1 does not give a function's LLVM source", though that version does."""
+    model = planned("prescribed").kernels  # loaded before the JIT is disabled, as others ask for it
     monkeypatch.setattr(object_code.numba.config, "DISABLE_JIT", 1)
     monkeypatch.setattr(object_code.decorator, "code_for_callers", lambda function, signature: function)
     with pytest.raises(BuildError, match="NUMBA_DISABLE_JIT is set: expected not, as FMUs have compiled code"):
-        object_code._entry_module(planned("prescribed").kernels, "outputs")
+        object_code._entry_module(model, "outputs")
 
 
 def test_where_nothing_can_be_kept_a_model_is_compiled_each_time(tmp_path, monkeypatch):
@@ -233,6 +234,20 @@ def test_without_any_compiler_one_message_names_both_remedies(tmp_path, monkeypa
     with pytest.raises(NoLinkerError, match=rf"{other} needs pip install .*for every platform\)$"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native", platforms=[other])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_compiler_that_fails_counts_as_none(tmp_path, monkeypatch):
+    own = tmp_path / "bin" / "cc"  # as Debian's gcc without the headers of C
+    own.parent.mkdir()
+    own.write_text("#!/bin/sh\necho 'fatal error: stdint.h: No such file or directory' >&2; exit 1\n")
+    own.chmod(0o755)
+    monkeypatch.setenv("PATH", str(own.parent))
+    monkeypatch.setattr(platforms, "find_spec", lambda name: None)
+    with pytest.raises(NoLinkerError, match=r"(?s)stdint\.h.* needs pip install .* C compiler on PATH .* its headers"):
+        rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native")
+    rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu")
+    with zipfile.ZipFile(tmp_path / "it.fmu") as archive:
+        assert any(name.endswith(".o") for name in archive.namelist())
 
 
 def test_all_names_every_platform():

@@ -14,10 +14,11 @@ from rbfmu_fmu.description import describe
 from rbfmu_fmu.native import platforms
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.native.platforms import PLATFORMS, link, this_platform
+from tests.support.compilers import c_compiler
 from tests.support.fmu.fmus import planned, scene, signal
 
 pytestmark = pytest.mark.skipif(
-    "avx2" not in this_platform().features or not shutil.which("cc") or sys.platform != "linux",
+    "avx2" not in this_platform().features or not c_compiler() or sys.platform != "linux",
     reason="one kind of code only, no C compiler, or no Linux",
 )
 ALLOWED = 1 << 27 | 1 << 28, 1 << 5, 0b111

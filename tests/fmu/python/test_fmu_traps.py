@@ -22,6 +22,7 @@ from rbfmu_fmu.python import pythonfmu_traps
 from rbfmu_fmu.python.call_rules import INITIALIZING, INSTANTIATED, STEPPING, TERMINATED
 from rbfmu_fmu.python.slave import Slave
 from rbfmu_fmu.python.slave_access import Access
+from tests.support.compilers import needs_linker
 from tests.support.covering import some_of
 from tests.support.fmu.builds import KILLED, NAMED, build_elsewhere
 from tests.support.fmu.c_host import rows_for_c_host, run_c_host
@@ -93,6 +94,7 @@ def test_state_of_another_fmu_is_refused_and_of_a_copy_taken():
     assert run_case("foreign_state", unzipped("brick"), unzipped("driven"))[0] is True
 
 
+@needs_linker  # else an object file is shipped, which llvmlite links
 @pytest.mark.parametrize("name", ["brick", "driven", "pendulum", "prescribed"])
 def test_shipped_code_needs_no_numba_and_no_numpy(name):
     found, errors = run_case("shipped_code_alone", unzipped(name))

@@ -1,7 +1,6 @@
 """A host that is not Python runs a pythonfmu FMU: the program of fmu_host.c."""
 
 import os
-import shutil
 import subprocess
 import sys
 import sysconfig
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.compilers import c_compiler
 from tests.support.fmu.fmus import opened
 from tests.support.paths import C_SOURCES
 
@@ -27,7 +27,7 @@ def shared_python():
 
 @cache
 def c_host(folder):
-    compiler = shutil.which("cc") or shutil.which("gcc") or pytest.skip("no C compiler")
+    compiler = c_compiler() or pytest.skip("no C compiler")
     subprocess.run([compiler, "-O2", "-o", folder / "host", C_SOURCES / "fmu_host.c", "-ldl"], check=True)
     return folder / "host"
 

@@ -6,7 +6,6 @@ Shares no code with what it judges. Every number is kept as an unevaluated sum o
 import ctypes
 import hashlib
 import os
-import shutil
 import subprocess
 import tempfile
 from functools import cache
@@ -14,6 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+
+from tests.support.compilers import c_compiler
 
 SOURCE = Path(__file__).with_name("taylor.c")
 BLOCKS = {
@@ -48,15 +49,10 @@ class Truth(NamedTuple):
     scales: np.ndarray
 
 
-def compiler():
-    """The machine's C compiler, or None."""
-    return shutil.which("cc") or shutil.which("gcc")
-
-
 @cache
 def library(kind="quadruple"):
     """The compiled integrator; None where there is no compiler, or none with quadruple precision."""
-    if compiler() is None or (kind == "quadruple" and not _compiled("#include <quadmath.h>", "-lquadmath")):
+    if c_compiler() is None or (kind == "quadruple" and not _compiled("#include <quadmath.h>", "-lquadmath")):
         return None
     source = SOURCE.read_text()
     path = _compiled(source, *BUILDS[kind])
@@ -71,7 +67,7 @@ def _compiled(source, *options):
     key = hashlib.sha256(repr((source, options)).encode()).hexdigest()[:16]
     path = folder / f"rbfmu-reference-{os.getuid()}-{key}.so"
     made = path.with_suffix(f".{os.getpid()}")
-    command = [compiler(), "-O2", "-std=gnu11", "-ffp-contract=off", "-shared", "-fPIC", "-xc", "-", "-o", str(made)]
+    command = [c_compiler(), "-O2", "-std=gnu11", "-ffp-contract=off", "-shared", "-fPIC", "-xc", "-", "-o", str(made)]
     if not path.exists():
         if subprocess.run([*command, *options], input=source.encode(), check=False).returncode:
             return None
