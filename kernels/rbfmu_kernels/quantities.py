@@ -262,7 +262,10 @@ def needing(*needs: str) -> frozenset[str]:
     return frozenset(row.name for row in OUTPUTS if set(needs) & set(row.needs))
 
 
+_NEEDING = [needing(need) for need in NEEDS]
+
+
 def active_flags(names: Collection[str]) -> list[float]:
     """Return the block `active` of a buffer that computes the outputs named: a flag an output, then a flag a need."""
     outputs = [float(row.name in names) for row in OUTPUTS]
-    return outputs + [float(any(row.name in names for row in OUTPUTS if need in row.needs)) for need in NEEDS]
+    return outputs + [float(not known.isdisjoint(names)) for known in _NEEDING]

@@ -91,7 +91,7 @@ def sample_of(rows: Array, good: Indices, first: int, columns: Columns, share: f
         return None
     keys = keys_of(first + good)
     taken = keys < share
-    return Sample(keys[taken], rows[good[taken]][:, :, columns.slices[ATTITUDE]])
+    return Sample(keys[taken], rows[good[taken], :, columns.slices[ATTITUDE]])
 
 
 def summary_of(rows: Array, good: Indices, columns: Columns, most: int, turn: int, full: bool = True) -> Summary:

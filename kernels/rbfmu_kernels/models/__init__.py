@@ -1,10 +1,12 @@
 """The models, be it of the whole body or of what a scene needs of it; see `body.shell.Model`."""
 
+from functools import cache
 from importlib import import_module
 
 from ..body.shell import Model
 
 
+@cache
 def model_named(name: str) -> Model:
     """Return a model by `Model.name`, such as "free.FREE_TRIAXIAL"; its module is loaded when it is first asked for."""
     module, _, constant = name.partition(".")
