@@ -83,7 +83,8 @@ def _of_a_table(scene: Scene, table: Any) -> Mapping[str, ArrayLike]:
 
 def _outputs(scene: Scene, columns: Mapping[str, Array]) -> Mapping[str, ArrayLike]:
     """Return columns by an FMU's names as arrays by output, without what is no motion."""
-    return {name: rows for name, rows in by_quantity(columns).items() if name not in _of_an_fmu(scene)}
+    unused = _of_an_fmu(scene)
+    return {name: rows for name, rows in by_quantity(columns).items() if name not in unused}
 
 
 def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:
@@ -142,8 +143,9 @@ def _unit(rows: Array) -> Array:
 
 
 def _of_an_fmu(scene: Scene) -> list[str]:
-    """Return the outputs of the scene's FMU, which importers write, that are no motion: its state, counts of events."""
-    return ["status", *(f"{name}_count" for name in scene.events)]
+    """Return the outputs of its FMU, which importers write, that a scene does not show: status, events, own states."""
+    events = [f"{name}_{what}" for name in scene.events for what in ("count", "time")]
+    return [name for name in ("status", *events, *scene.states) if name not in scene.outputs.own]
 
 
 def _faults_of_names(scene: Scene, names: Sequence[str]) -> Iterator[tuple[str, str]]:

@@ -81,10 +81,13 @@ def test_a_dataframe_with_faults_is_refused_as_a_file_is():
 
 
 def test_what_an_importer_writes_of_an_fmu_is_data(tmp_path):
-    """FMPy writes all outputs: `status` was refused, and so were counts of events."""
+    """FMPy writes all outputs: `status` was refused, and so were counts and times of events, and states."""
     scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
-                        events={"slow": "omega_b[1]"})  # fmt: skip
-    path = csv_of(tmp_path, W[:-1] + ",status,slow_count\n0,0.1,0.2,0.3,0,0\n1,0.1,0.2,0.3,0,0\n2,0.1,0.2,0.3,0,0\n")
+                        states={"wheel": {"start": [0, 0, 0], "rate": "omega_b"}},
+                        loads={"torque_b": "-0.01*wheel"}, events={"slow": "omega_b[1]"})  # fmt: skip
+    others = "slow_time,wheel[1],wheel[2],wheel[3],status,slow_count"
+    rows = "".join(f"{t},0.1,0.2,0.3,0,0,0,0,0,0\n" for t in range(3))
+    path = csv_of(tmp_path, f"{W[:-1]},{others}\n{rows}")
     assert rbfmu.fit(scene, path, ["initial.omega_b"]).measured.values.keys() == {"omega_b"}
 
 
