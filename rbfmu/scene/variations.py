@@ -239,7 +239,7 @@ def _about_zero(name: str, unit: str) -> rules.Numbers:
 _REFUSED = {
     f"{SHAPE}.": f'no such key without body.shape; or "{SHAPE}" = {{ kind = ..., sides = {{ normal = ... }} }}',
     f"{ATTITUDE}.": f'"{ATTITUDE}" = {{ rotvec_deg = 2.0 }}, {{ euler = "ZYX", angles_deg = {{ normal = ... }} }}',
-    "run.": "a key of body, initial or loads: all runs have the same times and accuracy",
+    "run.": "a key of body, initial or loads, a constant or a state: all runs have the same times and accuracy",
 }
 """What is expected in place of keys that begin so."""
 
