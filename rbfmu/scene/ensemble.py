@@ -227,7 +227,7 @@ def as_written(value: object, tables: Mapping[str, object], faults: list[str]) -
     if not isinstance(value, Mapping) or not isinstance(vary := value.get("vary"), Mapping):
         return value
     vary = _with_shape(_by_dotted_key(vary, faults), tables.get("body"), faults)
-    return {**value, "vary": _with_attitude(vary, tables.get("initial"))}
+    return {**value, "vary": _with_own(_with_attitude(vary, tables.get("initial")), tables)}
 
 
 def _by_dotted_key(vary: Mapping[str, object], faults: list[str]) -> dict[str, object]:
@@ -278,6 +278,19 @@ def _with_attitude(vary: dict[str, object], initial: object) -> dict[str, object
         if name == "rotvec" or "euler" in attitude:
             sequence = {} if name == "rotvec" else {"euler": attitude["euler"]}
             vary = dict((ATTITUDE, {**sequence, name: x}) if k == key else (k, x) for k, x in vary.items())
+    return vary
+
+
+def _with_own(vary: dict[str, object], tables: Mapping[str, object]) -> dict[str, object]:
+    """Return the table with one number for all three where a vector of one's own varies relative to the scene's."""
+    for key, item in vary.items():
+        name, _, own = str(key).partition(".")
+        table = tables.get(name) if is_own(str(key)) else None
+        if isinstance(table, Mapping) and isinstance(item, Mapping) and isinstance(item.get(RELATIVE), float | int):
+            entry = table.get(own)
+            given = entry.get("value", entry.get("start")) if isinstance(entry, Mapping) else entry
+            if np.shape(getattr(entry, "numbers", given)) == (3,):  # type: ignore[arg-type]
+                vary = {**vary, key: {**item, RELATIVE: [item[RELATIVE]] * 3}}
     return vary
 
 

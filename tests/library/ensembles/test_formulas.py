@@ -114,6 +114,20 @@ def test_wrong_keys_of_ones_own_are_refused(vary, said):
         rbfmu.Scene.from_dict({**TABLES, "ensemble": {"runs": 3, "vary": vary}})
 
 
+def test_one_number_does_for_a_vector_of_ones_own_that_varies_relative_to_the_scene():
+    """It was refused, though it does for a load: "expected distributions of 3 numbers"."""
+    own = {"constants": {**TABLES["constants"], "u": [1.0, 2.0, 4.0], "v": {"value": [1.0, 2.0, 4.0], "unit": "N m"}}}
+    found = rbfmu.Scene.from_dict({**TABLES, **own, "ensemble": {"runs": 12, "vary": {
+        "constants.u": {"relative": 0.1}, "constants": {"v": {"relative": 0.1}}}}})  # fmt: skip
+    applied = draw(found, 0, 12).applied
+    for key in ("constants.u", "constants.v"):
+        share = applied[key] / [1.0, 2.0, 4.0] - 1.0
+        assert applied[key].shape == (12, 3)
+        assert 0.03 < share.std(axis=0).min() < np.abs(share).max() < 0.5
+    assert rbfmu.Scene.from_dict(found.to_dict()) == found
+    assert found.replace({"run.stop": 9.5}).ensemble == found.ensemble
+
+
 @pytest.mark.thorough
 def test_the_command_prints_own_outputs(tmp_path):
     text = (
