@@ -235,7 +235,7 @@ class Simulator:
         raise SimulationError(f"{self.scene.name}: {step} was refused: {why}")
 
     def hold(self, /, **ports: Any) -> None:
-        """Set inputs for the steps to come, without a step. Raises ValueError for a wrong one, and then sets none."""
+        """Set inputs without a step; outputs show them after the next. Raises ValueError for a wrong one: sets none."""
         self._put(ports)
 
     def _put(self, ports: dict[str, Any]) -> _Before:
