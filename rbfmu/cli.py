@@ -212,7 +212,10 @@ def show_sensitivity(
 @click.argument("data", metavar="DATA", type=common.PATH)
 @common.keys_option("--free", "What is fitted, such as body.inertia; several stand one after another.")
 @common.more_keys
-@click.option("--sigma", metavar="NUMBER|FILE", help="Noise: a number, or a CSV file with a column an output.")
+@click.option(
+    "--sigma", metavar="NUMBER|FILE",
+    help="Noise: a number, or a CSV file with a column an output; of quaternion that of a small turn (rad).",
+)  # fmt: skip
 @click.option(
     "--loss", **common.choice(["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
 )
