@@ -11,6 +11,7 @@ not go with these may have a Python of its own: RBFMU_INTEROP_PYTHONS="PyFMI=/pa
 import csv
 import json
 import os
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -68,7 +69,7 @@ def by_kernels(scene: rbfmu.Scene, values: dict[str, float]) -> np.ndarray:
 
 def python_of(name: str) -> str:
     """Return the Python in which an importer runs."""
-    own = dict(pair.split("=", 1) for pair in os.environ.get("RBFMU_INTEROP_PYTHONS", "").split())
+    own = dict(pair.split("=", 1) for pair in shlex.split(os.environ.get("RBFMU_INTEROP_PYTHONS", "")))
     return own.get(name.partition(",")[0], sys.executable)
 
 

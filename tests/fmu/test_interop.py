@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -79,7 +80,7 @@ def test_an_array_in_a_file_is_as_many_columns(tmp_path):
 
 
 def test_an_importer_may_have_a_python_of_its_own(monkeypatch):
-    monkeypatch.setenv("RBFMU_INTEROP_PYTHONS", f"FMPy={sys.executable} PyFMI=/no/python")
+    monkeypatch.setenv("RBFMU_INTEROP_PYTHONS", f"FMPy={shlex.quote(sys.executable)} PyFMI=/no/python")
     assert interop.python_of("FMPy") == interop.python_of("ecospy") == sys.executable
     assert interop.version_of("FMPy") == fmpy.__version__
     assert interop.version_of("PyFMI") is None
