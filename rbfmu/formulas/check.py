@@ -201,5 +201,9 @@ def unit_numbers() -> dict[str, list[float]]:
 def faults_of_texts(scene: Any) -> tuple[str, ...]:
     """Return what is wrong with a scene's formulas; their graph takes milliseconds, and equal scenes are asked once."""
     if "omega_b" in scene.inputs.ports:
-        return ("loads: expected no formulas: the port omega_b prescribes the rates, and nothing else is modelled",)
+        rows = {"loads": scene.loads.formulas, "outputs": scene.outputs.own}
+        rows |= {name: getattr(scene, name) for name in ("formulas", "states", "tables", "events")}
+        keys = [f"{table}.{name}" for table, found in rows.items() for name in found]
+        why = "the port omega_b prescribes the rates, and nothing else is modelled"
+        return tuple(f"{key}: expected no formulas, nor what they read: {why}" for key in keys)
     return tuple(Texts(scene, given_to(scene, unit_numbers())).faults)

@@ -235,7 +235,7 @@ def faults_between(good: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _faults_of_prescribed_rates(good: Mapping[str, Any]) -> Iterator[str]:
-    inputs, outputs, initial = good["inputs"], good.get("outputs"), good.get("initial")
+    inputs, outputs, initial, loads = good["inputs"], good.get("outputs"), good.get("initial"), good.get("loads")
     if len(inputs.ports) > 1:
         yield fault("inputs.ports", inputs.ports, "omega_b alone: it prescribes the rates, so loads have no effect")
     why = "the port omega_b prescribes the rates, and nothing else is modelled"
@@ -248,6 +248,9 @@ def _faults_of_prescribed_rates(good: Mapping[str, Any]) -> Iterator[str]:
     if initial is not None and any(initial.omega_b):
         key, rates = initial.rates_said
         yield fault(key, rates, "zero, or no such key: the port omega_b prescribes the rates")
+    for name in sorted({row.name for row in LOADS} - {"gravity_a"}) if loads is not None else ():
+        if any(getattr(loads, name)):
+            yield fault(f"loads.{name}", getattr(loads, name), f"zero, or no such key: {why}")
 
 
 def _faults_of_beam(body: Body, axis: Array, good: Mapping[str, Any]) -> Iterator[str]:

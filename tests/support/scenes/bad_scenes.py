@@ -178,6 +178,14 @@ CONTRADICTIONS = {
         {"inputs": {"ports": '["omega_b"]'}, "initial": {"omega_b_deg": "[1, 2, 3]"}},
         "initial.omega_b_deg = [1, 2, 3]: expected zero, or no such key: the port omega_b prescribes the rates",
     ),
+    "rates and a load": (
+        {"inputs": {"ports": '["omega_b"]'}, "loads": {"torque_b": "[0, 0, 1]"}},
+        "loads.torque_b = [0.0, 0.0, 1.0]: expected zero, or no such key: the port omega_b prescribes the rates",
+    ),
+    "rates and an output of one's own": (
+        {"inputs": {"ports": '["omega_b"]'}, "outputs": {"tilt": '"acos(R_ab[3,3])"'}},
+        "outputs.tilt: expected no formulas",
+    ),
     "inertia and shape": ({"body": {"shape": '{ kind = "sphere", radius = 1 }'}}, "inertia or shape, not both"),
     "omega_b twice": ({"initial": {"omega_b": "[0, 0, 0]", "omega_b_deg": "[0, 0, 0]"}}, "not both"),
     "rates too large": ({"initial": {"omega_b": "[1e308, 0, 0]"}}, "squares have a finite sum (rad/s)"),
