@@ -1,6 +1,6 @@
 """A scene's formulas together: their graph, and what is wrong with them, in words with a caret."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -44,15 +44,23 @@ class Texts:
             name: self._shaped(f"states.{name}.rate", row.rate, () if len(row.start) == 1 else (3,))
             for name, row in scene.states.items()
         }
+        read = {name for row in scene.events.values() for name in names_in(row.when)}  # outputs among them come first
+        self.own = self._shown(scene.outputs.own, lambda name: name in read)
+        self.motion.names |= self.own
+        self._wrong |= {name for name, value in self.own.items() if value is None}
         self.events = {name: self._changing(f"events.{name}.when", row.when) for name, row in scene.events.items()}
-        own = scene.outputs.own.items()
-        self.own = {name: self._shaped(f"outputs.{name}.value", row.value, None) for name, row in own}
+        self.own |= self._shown(scene.outputs.own, lambda name: name not in read)
+        self.own = {name: self.own[name] for name in scene.outputs.own}
 
     @property
     def rates(self) -> dict[str, Any]:
         """Return the rates of the states of the body and of one's own, by their elements' names."""
         own = {f"{STATE}{name}": rate for name, rate in self.states.items()}
         return {**self.motion.rates(self.loads), **dict(by_element(own))}
+
+    def _shown(self, own: Mapping[str, Any], which: Callable[[str], bool]) -> dict[str, Any]:
+        """Return the values of outputs of one's own, by name."""
+        return {name: self._shaped(f"outputs.{name}.value", own[name].value, None) for name in own if which(name)}
 
     def _changing(self, key: str, text: str) -> Any:
         """Return the value of a scalar formula that changes with the motion, the time or an input, not by jumps."""

@@ -96,14 +96,14 @@ class Motion:
         self._M, self._arm = self._places("M").reshape(3, 3), self._places("arm")
         self.names = self._names(r_oc)
 
-    def _names(self, r_oc: Array) -> dict[str, Array]:
+    def _names(self, r_oc: Array) -> dict[str, Any]:
         given = self.given
         inertia = self._places("inertia")
         M_c = np.array([[inertia[i] for i in row] for row in ((0, 3, 4), (3, 1, 5), (4, 5, 2))], object)
         known = {
             "t": self.t, "q_ab": self.q, "R_ab": self.R, "position": self.position, "velocity": self.velocity,
             "omega_b": self.omega, "omega_a": self.to_a(self.omega), "mass": self._places("mass")[0], "M_c": M_c,
-            "r_oc_b": r_oc, "gravity_a": self._places("gravity_a"),
+            "M_o": None, "r_oc_b": r_oc, "gravity_a": self._places("gravity_a"),
         }  # fmt: skip
         self.given_names = frozenset(known)
         own = {name: self._places(f"{CONSTANT}{name}") for name in given.constants}
@@ -122,6 +122,9 @@ class Motion:
 
     def value(self, text: str) -> Array:
         """Return what a formula gives."""
+        if "M_o" in text:  # made for those alone that ask: others keep the order of their operations
+            M_c, mass, r_oc = (self.names[name] for name in ("M_c", "mass", "r_oc_b"))
+            self.names["M_o"] = np.array(interpreted(kernels.parallel_axis)(M_c, mass, tuple(r_oc)), object)
         return value_of(text, self.names, self.functions)
 
     def to_a(self, v: Array) -> Array:
