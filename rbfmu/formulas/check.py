@@ -108,16 +108,21 @@ class Texts:
     def _check_names(self, scene: Any) -> None:
         taken = {*self.motion.given_names, *FUNCTIONS, *CONSTANTS, "to_a", "to_b", *OUTPUT, *TAKEN, *LOADS}
         blocks = {*driven.DRIVEN, *(f"{name}{end}" for name in scene.inputs.own for end in ("_rate", "_rate_2"))}
-        beside = {"inputs": blocks, "outputs": {*blocks, *ATTRIBUTES}, "constants": {*BY_NAME}, "states": {*BY_NAME}}
+        beside = {
+            "inputs.ports": blocks,
+            "outputs": {*blocks, *ATTRIBUTES},
+            "constants": {*BY_NAME},
+            "states": {*BY_NAME},
+        }
         tables = {name: getattr(scene, name) for name in ("constants", "tables", "formulas", "states", "events")}
-        tables |= {"outputs": scene.outputs.own, "inputs": scene.inputs.own}
+        tables |= {"outputs": scene.outputs.own, "inputs.ports": scene.inputs.own}
         seen: dict[str, str] = {}
         for table, names in tables.items():
             for name in names:
                 known = len(self.faults)
                 is_energy = table == "outputs" and name in ENERGIES and names[name].value == name
-                if table == "inputs" and name == "h":
-                    self.faults.append("inputs.ports: expected another name: h is a simulator's step")
+                if table == "inputs.ports" and name == "h":
+                    self.faults.append("inputs.ports.h: expected another name: h is a simulator's step")
                 elif not is_energy and (name in taken or name in beside.get(table, ())):
                     self.faults.append(f"{table}.{name}: expected another name: {name} means something else here")
                 elif name in seen:

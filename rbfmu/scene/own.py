@@ -34,8 +34,11 @@ def _one_or_three(value: object) -> object:
         return _VECTOR(value)
     try:
         return (_SCALAR(value),)
-    except ValueError:
-        return None
+    except ValueError as error:
+        words = str(error)
+    if "finite" in words:
+        raise ValueError(f"{words}, or 3 numbers")
+    return None
 
 
 def _row(value: object) -> tuple[float, ...] | None:

@@ -267,6 +267,8 @@ def test_an_event_that_reads_an_output_at_fault_is_not_told_of():
     ({"loads.torque_b": [0, 0, "n"]}, r'loads\.torque_b = \[0, 0, "n"\]: expected a formula in one text, such as'),
     ({"loads.force_a": 3.0}, r"loads\.force_a = 3\.0"),
     ({"formulas": {"u_b": "v", "v": "2*u_b"}}, r"formulas\.u_b: .* without a circle, not u_b -> v -> u_b"),
+    ({"constants": {"n": math.nan}}, r"constants\.n\.value = nan: expected a finite number"),
+    ({"inputs.ports": [{"name": "mass"}]}, r"inputs\.ports\.mass: expected another name"),
     ({"constants": {"n": 1.0, "mass": 1.0}}, r"constants\.mass: expected another name"),
     ({"constants": {"n": 1.0, "omega_b_0": [1, 2, 3]}}, r"constants\.omega_b_0: expected another name"),
     ({"states": {"damping_b": {"start": 1.0, "rate": "1"}}}, r"states\.damping_b: expected another name"),
