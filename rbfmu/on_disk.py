@@ -4,6 +4,7 @@ A plan is known by the bytes of its scene file, the options, and the sources and
 nothing can be written, or what stands there is not what was written (a checksum says so), the scene is planned anew.
 """
 
+import errno
 import hashlib
 import json
 import os
@@ -68,7 +69,8 @@ def write_whole(file: Path, content: bytes) -> None:
 def replacing(path: Path, mode: str = "wb", **text: Any) -> Iterator[IO[Any]]:
     """Yield a file that, once it is written whole, replaces what stands there or where a link leads, with its mode.
 
-    What is no file, such as a pipe, stays where it is, and is written to. text: how text is, as `open` takes it.
+    A file that may not be written is refused, as `open` does. What is no file, such as a pipe, stays where it is, and
+    is written to. text: how text is, as `open` takes it.
     """
     there = path.exists()
     target = Path(os.path.realpath(path))  # `resolve` raises an error of its own where links go round
@@ -78,6 +80,8 @@ def replacing(path: Path, mode: str = "wb", **text: Any) -> Iterator[IO[Any]]:
             with path.open(mode, **text) as pipe:
                 yield pipe
             return
+        if there and not os.access(target, os.W_OK):  # a folder lets any file be replaced, also a protected one
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         try:
             with part.open(mode.replace("w", "x"), **text) as file:
                 yield file

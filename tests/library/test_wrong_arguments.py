@@ -1,6 +1,7 @@
 """Wrong arguments of functions that people call: one error that names the argument, its value and what was expected."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -96,3 +97,13 @@ def test_a_wrong_argument_of_a_view_is_named(call, error, said):
 def test_times_may_be_numbers_of_numpy():
     assert len(RESULT.until(np.float32(0.5)).time) == len(RESULT.until(np.int64(1)).time) - 5
     assert rbfmu.linearize(SCENE, np.float64(0.5)).time == 0.5
+
+
+def test_a_protected_file_is_not_replaced(tmp_path, monkeypatch):
+    """A folder lets any of its files be replaced, as that takes a rename alone."""
+    (path := tmp_path / "it.csv").write_text("precious")
+    monkeypatch.setattr("os.access", lambda place, mode: Path(place) != path)  # root may write whatever its mode is
+    with pytest.raises(PermissionError, match=str(path)):
+        RESULT.save(path)
+    assert path.read_text() == "precious"
+    assert [*tmp_path.iterdir()] == [path]

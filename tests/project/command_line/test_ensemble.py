@@ -1,5 +1,8 @@
 """`rbfmu ensemble`: what it prints, writes and refuses."""
 
+import os
+from pathlib import Path
+
 import pytest
 
 from rbfmu import EnsembleResult
@@ -83,6 +86,16 @@ def test_bad_usage_is_one_message(arguments, said):
     assert found.exit_code == 2
     assert said in found.stderr
     assert found.stdout == ""
+
+
+@pytest.mark.parametrize(("barred", "said"), [("s.npz", "the file may not be"), (".", "the folder may not be")])
+def test_what_may_not_be_written_is_said_before_anything_runs(barred, said, tmp_path, monkeypatch):
+    (tmp_path / "s.npz").touch()
+    target = tmp_path / barred  # root may write anywhere
+    monkeypatch.setattr("os.access", lambda place, mode: mode != os.W_OK or Path(place) != target)
+    found = call("ensemble", FILE, "--resume", "-o", tmp_path / "s.npz")
+    assert (found.exit_code, found.stdout) == (2, "")
+    assert said in found.stderr
 
 
 def test_a_scene_without_ensemble_is_one_message(tmp_path):
