@@ -57,9 +57,9 @@ def _plan(
 @of_scene_or_path
 def simulate(
     scene: Scene,
-    *,
     inputs: "Inputs | None" = None,  # as text, which `help` does not write out
     interpolate: str = HOLD,
+    *,
     planned: Plan | None = None,
     progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
 ) -> Result:

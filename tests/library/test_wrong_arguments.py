@@ -99,6 +99,17 @@ def test_times_may_be_numbers_of_numpy():
     assert rbfmu.linearize(SCENE, np.float64(0.5)).time == 0.5
 
 
+def test_inputs_stand_by_place_and_by_name():
+    driven = SCENE.replace({"inputs.ports": ["torque_b"], "ensemble": None})
+    given = {"torque_b": ([0.0, 1.0], [[0.1, 0.0, 0.0], [0.2, 0.0, 0.0]])}
+    by_place, by_name = (
+        rbfmu.simulate(driven, given, "linear"),
+        rbfmu.simulate(driven, inputs=given, interpolate="linear"),
+    )
+    np.testing.assert_array_equal(by_place.omega_b, by_name.omega_b)
+    assert by_place.omega_b[-1, 0] > 0.2  # 0.1 and the integral of the torque, 0.15
+
+
 def test_a_protected_file_is_not_replaced(tmp_path, monkeypatch):
     """A folder lets any of its files be replaced, as that takes a rename alone."""
     (path := tmp_path / "it.csv").write_text("precious")
