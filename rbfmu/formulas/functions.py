@@ -120,9 +120,17 @@ def cross(a: Array, b: Array) -> Array:
     return np.array(interpreted(vec3.cross)(_vector(a), _vector(b)), object)
 
 
-def _beside(x: graph.Number) -> graph.Number:
+def beside(x: graph.Number) -> graph.Number:
     """Return the root of 1 - x^2, which keeps its digits near 1 as a product."""
     return graph.square_root((1.0 - x) * (1.0 + x))
+
+
+def inverse_cosines(beside: Callable[[graph.Number], graph.Number]) -> dict[str, Function]:
+    """Return `asin` and `acos`; beside: the root of 1 - x^2, which may be known in another way."""
+    return {
+        "asin": Function("x", "angle in [-pi/2, pi/2], rad", _of_scalars(lambda x: graph.arctangent(x, beside(x)))),
+        "acos": Function("x", "angle in [0, pi], rad", _of_scalars(lambda x: graph.arctangent(beside(x), x))),
+    }
 
 
 def _angle(y: graph.Number, x: graph.Number) -> graph.Number:
@@ -161,8 +169,7 @@ FUNCTIONS: Mapping[str, Function] = {
     "sin": Function("x", "sine of an angle in rad", _of_scalars(graph.sine)),
     "cos": Function("x", "cosine of an angle in rad", _of_scalars(graph.cosine)),
     "tan": Function("x", "tangent of an angle in rad", _of_scalars(lambda x: graph.sine(x) / graph.cosine(x))),
-    "asin": Function("x", "angle in [-pi/2, pi/2], rad", _of_scalars(lambda x: graph.arctangent(x, _beside(x)))),
-    "acos": Function("x", "angle in [0, pi], rad", _of_scalars(lambda x: graph.arctangent(_beside(x), x))),
+    **inverse_cosines(beside),
     "atan2": Function("y, x", "angle of (x, y) in (-pi, pi], rad", _of_scalars(_angle)),
     "exp": Function("x", "exponential", _of_scalars(graph.exponential)),
     "tanh": Function("x", "hyperbolic tangent", _of_scalars(lambda x: 1.0 - 2.0 * graph.logistic(-2.0 * x))),

@@ -289,3 +289,31 @@ def test_what_swings_may_be_shown_where_it_comes_to_zero(drive):
     rates = (1.0 - np.cos(swung * found.time)) / swung**2 if drive == "x" else 0.0 * found.time
     np.testing.assert_allclose(found.omega_b[:, 0], rates, rtol=0.0, atol=1e-6 / swung)
     np.testing.assert_allclose(found.quantities["o"], 0.0, rtol=0.0, atol=1e-6 / swung)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_cosine_in_R_ab_keeps_its_digits_where_it_is_one(sign):
+    """2026-11-28: 1.5e-8 for any tilt below that; an event of it beside a port was refused after three minutes."""
+    tilt = {"value": "acos(R_ab[3,3])"}
+    for angle in (1e-12, 1e-7, 0.3, 1.2):
+        turn = angle if sign > 0.0 else math.pi - angle
+        attitude = {"quaternion": [math.cos(turn / 2), math.sin(turn / 2), 0.0, 0.0]}
+        found = rbfmu.simulate(rbfmu.Scene(
+            body={"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, initial={"attitude": attitude},
+            outputs={"quantities": ["quaternion"], "tilt": tilt, "dip": "asin(R_ab[3,3])"},
+            run={"stop": 0.1, "step": 0.1},
+        ))  # fmt: skip
+        np.testing.assert_allclose(found.tilt, turn, rtol=4e-16)
+        np.testing.assert_allclose(math.pi / 2 - found.dip, turn, rtol=4e-16, atol=2e-16)
+
+
+def test_an_event_may_watch_how_far_a_body_at_rest_tilts():
+    scene = rbfmu.Scene(
+        body={"mass": 12.0, "inertia": [0.9, 1.1, 1.4]}, inputs={"ports": ["torque_b"]},
+        outputs={"quantities": ["omega_b"], "tilt": "acos(R_ab[3,3])"}, events={"flipped": "tilt - 30*deg"},
+        run={"stop": 4.0, "step": 0.1},
+    )  # fmt: skip
+    assert rbfmu.plan(scene).error < 1e-12
+    found = rbfmu.simulate(scene, {"torque_b": np.tile([0.09, 0.0, 0.0], (40, 1))})
+    expected = math.sqrt(2.0 * math.pi / 6.0 / 0.1)  # of a tilt 0.1 t^2 / 2
+    assert found.events["flipped"].tolist() == pytest.approx([expected], rel=1e-8)

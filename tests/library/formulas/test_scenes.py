@@ -233,27 +233,6 @@ def test_time_may_begin_at_any_date():
     np.testing.assert_allclose(found.omega_b, expected.omega_b, rtol=0.0, atol=2e-6)
 
 
-def test_events_read_outputs_and_formulas_the_inertia_about_o():
-    one = rbfmu.Scene(
-        body={"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.1, 0.2, 0.3]},
-        outputs={"quantities": ["omega_b"], "late": "t - 0.55", "product": "M_o[1,2]", "moment": "M_o[3,3]"},
-        events={"happens": "late", "never": "product*late + moment"},
-        run={"stop": 1.0, "step": 0.5},
-    )
-    found = rbfmu.simulate(one)
-    assert {name: times.tolist() for name, times in found.events.items()} == {"happens": [0.55], "never": []}
-    np.testing.assert_allclose(found.product, -2.0 * 0.1 * 0.2, rtol=1e-15)  # -m x y
-    np.testing.assert_allclose(found.moment, 2.5 + 2.0 * (0.1**2 + 0.2**2), rtol=1e-15)  # M_c + m (x^2 + y^2)
-
-
-def test_an_event_that_reads_an_output_at_fault_is_not_told_of():
-    body = {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}
-    for text, said in (("t +", "a formula"), ("t + nothing", "one of")):
-        with pytest.raises(rbfmu.SceneError, match=f"expected {said}") as refused:
-            rbfmu.Scene(body=body, outputs={"late": text}, events={"happens": "late"})
-        assert len(refused.value.faults) == 1
-
-
 @pytest.mark.parametrize(("changes", "said"), [
     ({"outputs.off": {"value": "u_b[1]"}, "loads.torque_b": "[off, 0, 0]"},
      r"loads\.torque_b: expected one of .* in place of off\n.*\n +\^\n"
