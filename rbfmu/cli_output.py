@@ -4,7 +4,6 @@ Rich is loaded where it draws, as loading it takes a tenth of a short run.
 """
 
 import math
-import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,6 +15,7 @@ import click
 
 import rbfmu
 from rbfmu.exceptions import PlanningWarning, SceneError, SceneWarning, SimulationError
+from rbfmu.on_disk import try_replacing
 
 MOST_TIMES = 5
 """The times of an event that are printed."""
@@ -103,9 +103,7 @@ def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None
         raise click.UsageError(f"{option} {str(path)!r}: expected a name that ends in {' or '.join(endings)}")
     if not path.parent.is_dir():
         raise click.UsageError(f"{option} {str(path)!r}: there is no folder {str(path.parent)!r}")
-    for place, what in ((target := Path(os.path.realpath(path)), "file"), (target.parent, "folder")):
-        if place.exists() and not os.access(place, os.W_OK):
-            raise click.UsageError(f"{option} {str(path)!r}: the {what} may not be written")
+    try_replacing(path)
 
 
 def expected_error(scene: "rbfmu.Scene", planned: "rbfmu.Plan", driven: bool) -> str:

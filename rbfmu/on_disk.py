@@ -96,6 +96,17 @@ def replacing(path: Path, mode: str = "wb", **text: Any) -> Iterator[IO[Any]]:
         raise
 
 
+def try_replacing(path: Path) -> None:
+    """Raise OSError where `replacing` would: before there is anything to write, which may take long to make."""
+    if path.is_file() or not path.exists():  # who opens a pipe waits for a reader
+        with suppress(_TriedError), replacing(path):
+            raise _TriedError
+
+
+class _TriedError(Exception):
+    pass
+
+
 def _checksum(file: Path, content: bytes) -> bytes:
     """Return what tells this content from others, and its place from that of another file."""
     return hashlib.sha256(file.stem.encode() + b"\n" + content).hexdigest().encode()

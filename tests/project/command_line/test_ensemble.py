@@ -88,14 +88,21 @@ def test_bad_usage_is_one_message(arguments, said):
     assert found.stdout == ""
 
 
-@pytest.mark.parametrize(("barred", "said"), [("s.npz", "the file may not be"), (".", "the folder may not be")])
-def test_what_may_not_be_written_is_said_before_anything_runs(barred, said, tmp_path, monkeypatch):
-    (tmp_path / "s.npz").touch()
-    target = tmp_path / barred  # root may write anywhere
-    monkeypatch.setattr("os.access", lambda place, mode: mode != os.W_OK or Path(place) != target)
-    found = call("ensemble", FILE, "--resume", "-o", tmp_path / "s.npz")
+def test_what_may_not_be_written_is_said_before_anything_runs(tmp_path, monkeypatch):
+    target = tmp_path / "s.npz"
+    target.write_bytes(b"precious")
+    monkeypatch.setattr("os.access", lambda place, mode: mode != os.W_OK or Path(place) != target)  # root may write all
+    found = call("ensemble", FILE, "--resume", "-o", target)
     assert (found.exit_code, found.stdout) == (2, "")
-    assert said in found.stderr
+    assert found.stderr == f"Error: {target}: Permission denied\n"
+    assert [*tmp_path.iterdir()] == [target]
+
+
+def test_a_folder_that_takes_no_file_is_said_before_anything_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr("rbfmu.on_disk.token_hex", lambda size: "0" * 300)  # a longer name than folders take
+    found = call("ensemble", FILE, "-o", tmp_path / "s.npz")
+    assert (found.exit_code, found.stdout) == (2, "")
+    assert found.stderr == f"Error: {tmp_path / 's.npz'}: File name too long\n"
 
 
 def test_a_scene_without_ensemble_is_one_message(tmp_path):
