@@ -301,14 +301,8 @@ def test_a_load_of_constants_alone_that_is_no_number_is_named(text):
 @pytest.mark.parametrize(("gain", "text"), [(-1.0, "sqrt(gain)"), (1.0, "log(-gain - t)"), (1.0, "1/t")])
 def test_an_output_that_is_not_finite_at_the_start_is_called_so(gain, text):
     """And no parameter, where an input's value or the formula is at fault; nor is planning said to take long."""
-    made = rbfmu.Scene.from_dict(
-        {
-            "body": B,
-            "inputs": {"ports": [{"name": "gain", "size": 1, "start": gain}]},
-            "outputs": {"root": text, "time_left": "1 - t"},
-            "run": {"stop": 1.0, "step": 0.5},
-        }
-    )
+    ports, outputs = [{"name": "gain", "size": 1, "start": gain}], {"root": text, "time_left": "1 - t"}
+    made = rbfmu.Scene(body=B, inputs={"ports": ports}, outputs=outputs, run={"stop": 1.0, "step": 0.5})
     with pytest.raises(rbfmu.SceneError, match=r"^scene: outputs\.root: expected finite numbers with these parameters"):
         rbfmu.simulate(made)
 
