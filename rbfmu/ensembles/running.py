@@ -79,11 +79,13 @@ def run_ensemble(
 
 
 def check_store(store: str | Path | None, resume: bool) -> None:
-    """Refuse what cannot be a store, or is one already, before anything is planned.
+    """Refuse what cannot be a store or be resumed, or is one already, before anything is planned.
 
     Raises ValueError, ModuleNotFoundError without zarr, FileNotFoundError without its folder, FileExistsError.
     """
     if store is None:
+        if resume:
+            raise ValueError("resume = True: expected a store to go on with")
         return
     path = path_of(store, "store")
     if path.suffix not in (".npz", ".zarr"):

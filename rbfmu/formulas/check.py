@@ -26,9 +26,12 @@ ATTRIBUTES = (
 
 
 class Texts:
-    """The values of a scene's formulas on a graph; faults: what is wrong, by key."""
+    """The values of a scene's formulas on a graph; faults: what is wrong, by key.
 
-    def __init__(self, scene: Any, given: Given) -> None:
+    unread: whether outputs of its own could not be read, so that an event may name one that is unknown here.
+    """
+
+    def __init__(self, scene: Any, given: Given, unread: bool = False) -> None:
         self.motion = Motion(given)
         self.faults: list[str] = []
         self._wrong: set[str] = set()  # names that are at fault: nothing is said of a formula that reads one
@@ -48,6 +51,8 @@ class Texts:
         self.own = self._shown(scene.outputs.own, lambda name: name in read)
         self.motion.names |= self.own
         self._wrong |= {name for name, value in self.own.items() if value is None}
+        if unread:
+            self._wrong |= read - {*self.motion.names, *self.motion.functions, *CONSTANTS}
         self.events = {name: self._changing(f"events.{name}.when", row.when) for name, row in scene.events.items()}
         self.own |= self._shown(scene.outputs.own, lambda name: name not in read)
         self.own = {name: self.own[name] for name in scene.outputs.own}
@@ -211,12 +216,15 @@ def unit_numbers() -> dict[str, list[float]]:
 
 
 @lru_cache(maxsize=32)
-def faults_of_texts(scene: Any) -> tuple[str, ...]:
-    """Return what is wrong with a scene's formulas; their graph takes milliseconds, and equal scenes are asked once."""
+def faults_of_texts(scene: Any, unread: bool = False) -> tuple[str, ...]:
+    """Return what is wrong with a scene's formulas; their graph takes milliseconds, and equal scenes are asked once.
+
+    unread: as `Texts` has it.
+    """
     if "omega_b" in scene.inputs.ports:
         rows = {"loads": scene.loads.formulas, "outputs": scene.outputs.own}
         rows |= {name: getattr(scene, name) for name in ("formulas", "states", "tables", "events")}
         keys = [f"{table}.{name}" for table, found in rows.items() for name in found]
         why = "the port omega_b prescribes the rates, and nothing else is modelled"
         return tuple(f"{key}: expected no formulas, nor what they read: {why}" for key in keys)
-    return tuple(Texts(scene, given_to(scene, unit_numbers())).faults)
+    return tuple(Texts(scene, given_to(scene, unit_numbers()), unread).faults)

@@ -4,6 +4,7 @@ What texts mean is checked where all of them are together, see `rbfmu.formulas.c
 """
 
 import keyword
+import math
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Any, NoReturn, Self, TypeVar
@@ -33,12 +34,12 @@ def _one_or_three(value: object) -> object:
     if isinstance(rules.plain(value), list | tuple):
         return _VECTOR(value)
     try:
-        return (_SCALAR(value),)
-    except ValueError as error:
-        words = str(error)
-    if "finite" in words:
-        raise ValueError(f"{words}, or 3 numbers")
-    return None
+        number = _SCALAR.floats(value, ())
+    except ValueError:  # the rule's own words name both shapes
+        return None
+    if not math.isfinite(number):
+        raise ValueError("a finite number, or 3 finite numbers")
+    return (number,)
 
 
 def _row(value: object) -> tuple[float, ...] | None:

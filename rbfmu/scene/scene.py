@@ -88,14 +88,12 @@ class Scene(Section):
             yield from faults_with(good["ensemble"], good)
             good["ensemble"] = without_idle_shape(good["ensemble"], good.get("body"))
         if {"inputs", "constants", "formulas", "states", "tables"} <= good.keys():  # of which formulas read names
-            unread = "outputs" not in good  # some of which an event may name
+            unread = "outputs" not in good
             good |= {name: getattr(type(self), name) for name in self._rules.keys() - good.keys()}
             if self.has_formulas or self.formulas or self.tables or (self.constants and self.body):
                 from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
 
-                for one in faults_of_texts(self._worded()):
-                    if not (unread and one.startswith("events.") and " in place of " in one):
-                        yield one
+                yield from faults_of_texts(self._worded(), unread)
 
     def _worded(self) -> Self:
         """Return the scene with the same texts, names and sizes and other numbers, so that many have this one."""

@@ -250,7 +250,11 @@ class Outputs(rules.Section, path="outputs"):
         if isinstance(asked := data.get("quantities"), list | tuple):
             energies = [name for name in named.ENERGIES if name in asked]
             shown |= {name: {"value": name, "unit": "J", "about": named.ENERGIES[name]} for name in energies}
-            left["quantities"] = [name for name in asked if not isinstance(name, str) or name not in shown]
+            own = [name for name in asked if isinstance(name, str) and name in shown]
+            if twice := next((name for name in own if own.count(name) > 1), ""):
+                said = f"each name once, not {own.count(twice)} times {twice}"
+                faults.append(rules.fault("outputs.quantities", asked, said))
+            left["quantities"] = [name for name in asked if name not in own]
         return left, {"own": shown} if shown else {}
 
     def _contradictions(self) -> Iterator[str]:

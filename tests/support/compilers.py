@@ -12,7 +12,7 @@ import pytest
 @cache
 def c_compiler() -> str | None:
     """The command that compiles C here; None where there is none, or none with C's headers, as Debian's gcc alone."""
-    command = shutil.which("cc") or shutil.which("gcc")
+    command = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
     if command is None:
         return None
     given = [command, "-xc", "-c", "-", "-o", os.devnull]

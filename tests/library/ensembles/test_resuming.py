@@ -183,6 +183,8 @@ def test_what_cannot_run_is_refused_before_it_is_planned(scene, tmp_path, monkey
         run_ensemble(scene, tmp_path / "store.npz")
     with pytest.raises(ValueError, match=r"expected a name that ends in .npz or .zarr"):
         run_ensemble(scene, tmp_path / "store.csv")
+    with pytest.raises(ValueError, match="resume = True: expected a store"):
+        run_ensemble(scene, resume=True)
     for name in ("store.npz", "store.zarr"):
         with pytest.raises(FileNotFoundError, match=r"there is no such folder: .*missing'"):
             run_ensemble(scene, tmp_path / "missing" / name)

@@ -359,3 +359,8 @@ def test_an_event_that_reads_an_output_at_fault_is_not_told_of():
         with pytest.raises(rbfmu.SceneError, match=f"expected {said}") as refused:
             rbfmu.Scene(body=body, outputs={"late": text}, events={"happens": "late"})
         assert len(refused.value.faults) == 1
+    for quantities in (["nothing"], ["late", "late"]):
+        outputs = {"quantities": quantities, "late": "t"}
+        with pytest.raises(rbfmu.SceneError) as refused:
+            rbfmu.Scene(body=body, outputs=outputs, events={"happens": "late", "wrong": "R_ab"})
+        assert [fault[:20] for fault in refused.value.faults] == ["outputs.quantities =", "events.wrong.when: e"]
