@@ -120,16 +120,16 @@ def cross(a: Array, b: Array) -> Array:
     return np.array(interpreted(vec3.cross)(_vector(a), _vector(b)), object)
 
 
-def beside(x: graph.Number) -> graph.Number:
-    """Return the root of 1 - x^2, which keeps its digits near 1 as a product."""
-    return graph.square_root((1.0 - x) * (1.0 + x))
+def legs(x: graph.Number) -> tuple[graph.Number, graph.Number]:
+    """Return a cosine and its sine >= 0: the root of 1 - x^2, which keeps its digits near 1 as a product."""
+    return x, graph.square_root((1.0 - x) * (1.0 + x))
 
 
-def inverse_cosines(beside: Callable[[graph.Number], graph.Number]) -> dict[str, Function]:
-    """Return `asin` and `acos`; beside: the root of 1 - x^2, which may be known in another way."""
+def inverse_cosines(legs: Callable[[graph.Number], tuple[graph.Number, graph.Number]]) -> dict[str, Function]:
+    """Return `asin` and `acos`; legs: returns a cosine and its sine, which may be known in other ways."""
     return {
-        "asin": Function("x", "angle in [-pi/2, pi/2], rad", _of_scalars(lambda x: graph.arctangent(x, beside(x)))),
-        "acos": Function("x", "angle in [0, pi], rad", _of_scalars(lambda x: graph.arctangent(beside(x), x))),
+        "asin": Function("x", "angle in [-pi/2, pi/2], rad", _of_scalars(lambda x: graph.arctangent(*legs(x)))),
+        "acos": Function("x", "angle in [0, pi], rad", _of_scalars(lambda x: graph.arctangent(*legs(x)[::-1]))),
     }
 
 
@@ -151,7 +151,8 @@ def _largest(a: graph.Number, b: graph.Number) -> graph.Number:
     return graph.select(graph.side(a - b), a, b)
 
 
-def _clipped(x: graph.Number, low: graph.Number, high: graph.Number) -> graph.Number:
+def clipped(x: graph.Number, low: graph.Number, high: graph.Number) -> graph.Number:
+    """Return x, but no smaller than low, and no larger than high."""
     return _least(_largest(x, low), high)
 
 
@@ -169,7 +170,7 @@ FUNCTIONS: Mapping[str, Function] = {
     "sin": Function("x", "sine of an angle in rad", _of_scalars(graph.sine)),
     "cos": Function("x", "cosine of an angle in rad", _of_scalars(graph.cosine)),
     "tan": Function("x", "tangent of an angle in rad", _of_scalars(lambda x: graph.sine(x) / graph.cosine(x))),
-    **inverse_cosines(beside),
+    **inverse_cosines(legs),
     "atan2": Function("y, x", "angle of (x, y) in (-pi, pi], rad", _of_scalars(_angle)),
     "exp": Function("x", "exponential", _of_scalars(graph.exponential)),
     "tanh": Function("x", "hyperbolic tangent", _of_scalars(lambda x: 1.0 - 2.0 * graph.logistic(-2.0 * x))),
@@ -178,7 +179,7 @@ FUNCTIONS: Mapping[str, Function] = {
     "abs": Function("x", "absolute value", _of_scalars(lambda x: graph.select(graph.side(x), x, -x))),
     "min": Function("a, b", "the smaller of two scalars", _of_scalars(_least)),
     "max": Function("a, b", "the larger of two scalars", _of_scalars(_largest)),
-    "clip": Function("x, low, high", "x, but no smaller than low, and no larger than high", _of_scalars(_clipped)),
+    "clip": Function("x, low, high", "x, but no smaller than low, and no larger than high", _of_scalars(clipped)),
     "table": Function("name, x", "a table of the scene at x", _table),
     "where": Function("condition, a, b", "a where the condition holds, else b", _where),
 }

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import rbfmu_kernels as kernels
-from rbfmu.formulas.functions import FUNCTIONS, Array, Function, beside, cross, inverse_cosines
+from rbfmu.formulas.functions import FUNCTIONS, Array, Function, clipped, cross, inverse_cosines, legs
 from rbfmu.formulas.graph import Graph, Number, Symbol, changes_of, gradient, square_root
 from rbfmu.formulas.text import value_of
 from rbfmu_kernels.compile.tiered import interpreted
@@ -117,17 +117,20 @@ class Motion:
         turning = {
             "to_a": Function("v", "a vector of b in a: R_ab @ v", self.to_a),
             "to_b": Function("v", "a vector of a in b: R_ab transposed @ v", self.to_b),
-            **inverse_cosines(self._beside),
+            **inverse_cosines(self._legs),
         }
         return {**FUNCTIONS, **turning}
 
-    def _beside(self, x: Number) -> Number:
-        """Return the root of 1 - x^2; of a cosine in R_ab that of the others in its row, which keeps digits near 1."""
+    def _legs(self, x: Number) -> tuple[Number, Number]:
+        """Return a cosine and its sine; of a cosine in R_ab by the others in its row, which keeps digits near 1.
+
+        Such a cosine needs no clip, whose corner at 1 a body at rest would never leave.
+        """
         for row in self.R:
-            for j in range(3):
-                if row[j] == x:
-                    return square_root(sum(y * y for y in np.delete(row, j)))
-        return beside(x)
+            for j, cosine in enumerate(row):
+                if x in (cosine, clipped(cosine, -1.0, 1.0)):
+                    return cosine, square_root(sum(y * y for y in np.delete(row, j)))
+        return legs(x)
 
     def value(self, text: str) -> Array:
         """Return what a formula gives."""
