@@ -125,7 +125,8 @@ class EnsembleResult:
         self.rank_error = 0.0
         if names.STATISTICS in keep and rank_error in arrays:
             self.rank_error = float(np.asarray(arrays[rank_error]))
-        self.samples = Arrays({n: a for n, a in arrays.items() if n in names.varied_rows(scene)}, "no key that varies")
+        applied = {name: arrays[name] for name in names.varied_rows(scene) if name in arrays}
+        self.samples = Arrays(applied, "no key that varies")
         # what is not kept is not looked for: an output of one's own may have its name
         ends, every, over_time = (
             scene.outputs.names if what in keep else () for what in (names.FINAL, names.ALL, names.STATISTICS)
