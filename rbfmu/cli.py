@@ -46,12 +46,13 @@ def keys() -> None:
     """List every key of a scene file: unit, default, meaning."""
     from rich.console import Console
     from rich.markup import escape
-    from rich.table import Table
+    from rich.table import Column, Table
 
     from rbfmu.scene.keys import scene_keys
 
     for name, group in groupby(scene_keys(), lambda key: key.table):
-        table = Table(escape(f"[{name}]") if name else "", "unit", "default", "meaning", box=None)
+        heads = (escape(f"[{name}]") if name else "", "unit", "default", "meaning")
+        table = Table(*(Column(head, overflow="fold") for head in heads), box=None)  # nothing is left out if narrow
         for key in group:
             table.add_row(key.name, key.unit, escape(key.default), escape(key.meaning))
         Console(highlight=False).print(table)

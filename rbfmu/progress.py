@@ -1,5 +1,6 @@
 """The bar of progress, on terminals and in notebooks."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -63,7 +64,7 @@ def _rich_bar() -> Iterator[Callable[..., None]]:
 def _is_seen() -> bool:
     """Return whether somebody sees a bar: on a terminal, or in a notebook that has ipywidgets."""
     if sys.stderr.isatty() or "IPython" not in sys.modules:
-        return sys.stderr.isatty()
+        return sys.stderr.isatty() and os.environ.get("TERM", "") not in ("dumb", "unknown")  # which cannot redraw
     from rich.console import Console
 
     return Console(stderr=True).is_jupyter and find_spec("ipywidgets") is not None
