@@ -5,8 +5,6 @@ What many tests use stands here too.
 
 import hashlib
 import os
-import resource
-import signal
 import tempfile
 from collections.abc import Generator
 from pathlib import Path
@@ -50,13 +48,3 @@ def pytest_runtest_call() -> Generator[None, None, None]:
         if can_link():
             raise
         pytest.skip("no C compiler")
-
-
-@pytest.fixture
-def limited():
-    """A function that limits the size of files, as a full disk does: what is beyond is not written."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    yield lambda size=soft: resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    signal.signal(signal.SIGXFSZ, before)

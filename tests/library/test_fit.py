@@ -8,6 +8,7 @@ from rbfmu.ensembles.members import draw
 from rbfmu.identification.charts import chart_of
 from rbfmu_fmu.demo import NASA
 from tests.support import fits
+from tests.support.full_disk import full_disk
 from tests.support.paths import ROOT
 
 RNG_SEED = 20261123
@@ -203,17 +204,15 @@ def test_any_spelling_of_a_table_may_be_written_over(tmp_path, text, key):
     assert "# fitted; standard error 1" in file.read_text()
 
 
-def test_a_scene_that_is_written_over_is_not_lost_on_a_full_disk(tmp_path, limited):
+def test_a_scene_that_is_written_over_is_not_lost_on_a_full_disk(tmp_path):
     """It was emptied before that was seen; a link leads to it, and it keeps its mode."""
     file, link = tmp_path / "scene.toml", tmp_path / "link.toml"
     file.write_text(text := "body.mass = 2.0\nbody.inertia = [1.0, 2.0, 2.5]\n")
     file.chmod(0o600)
     link.symlink_to(file)
     found = rbfmu.Fit(rbfmu.load_scene(file), ("body.mass",), np.ones(1), np.ones(1), np.eye(1), (), {}, {}, (), None)
-    limited(10)
-    with pytest.raises(OSError, match=r"link\.toml"):
+    with full_disk(10), pytest.raises(OSError, match=r"link\.toml"):
         found.save(link, link)
-    limited()
     assert file.read_text() == text
     assert len([*tmp_path.iterdir()]) == 2
     found.save(link, link)

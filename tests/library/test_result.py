@@ -18,6 +18,7 @@ from rbfmu import plot as charts
 from rbfmu.result import CHUNK, Result, read_npz, write_npz
 from rbfmu.scene.scene import About, Body, Initial, Inputs, Loads, Outputs, Run, Scene
 from rbfmu_kernels.quantities import OUTPUT, own_output
+from tests.support.full_disk import full_disk
 from tests.support.paths import SCENES
 
 WIDTHS = {"quaternion": 4, "kinetic_energy": 0}
@@ -40,10 +41,9 @@ def test_a_csv_has_every_row_in_full(n: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["it.csv", "it.npz", "it.png"])
-def test_a_full_disk_is_said_with_the_file_s_name(name: str, tmp_path: Path, limited: Any) -> None:
+def test_a_full_disk_is_said_with_the_file_s_name(name: str, tmp_path: Path) -> None:
     result, path = result_of(2, ("quaternion",)), tmp_path / name
-    limited(100)
-    with pytest.raises(OSError, match=rf"File too large: '{path}'"):
+    with full_disk(100), pytest.raises(OSError, match=rf"File too large: '{path}'"):
         write(result, path)
 
 
@@ -52,7 +52,7 @@ def write(result: Result, path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["it.csv", "it.npz", "it.aem", "it.png"])
-def test_a_result_that_stands_there_is_not_lost_on_a_full_disk(name: str, tmp_path: Path, limited: Any) -> None:
+def test_a_result_that_stands_there_is_not_lost_on_a_full_disk(name: str, tmp_path: Path) -> None:
     """It was emptied before that was seen. Its mode stays, a new file has the usual one, and no part of one is left."""
     path = tmp_path / name
     write(result := result_of(2, ("quaternion",)), path)
@@ -60,10 +60,8 @@ def test_a_result_that_stands_there_is_not_lost_on_a_full_disk(name: str, tmp_pa
     assert path.stat().st_mode == (tmp_path / "usual").stat().st_mode
     path.chmod(0o640)
     before, files = path.read_bytes(), len([*tmp_path.iterdir()])
-    limited(100)
-    with pytest.raises(OSError, match="File too large"):
+    with full_disk(100), pytest.raises(OSError, match="File too large"):
         write(result, path)
-    limited()
     assert path.read_bytes() == before
     assert len([*tmp_path.iterdir()]) == files
     write(result, path)

@@ -11,6 +11,7 @@ import pytest
 from rbfmu import EnsembleResult
 from rbfmu.ensembles import store as stores
 from tests.support.ensembles.satellite import assert_same, run, satellite
+from tests.support.full_disk import full_disk
 from tests.support.paths import ROOT
 
 STORES = ["store.npz", "store.zarr"]
@@ -54,14 +55,12 @@ def test_a_program_that_is_killed_at_twenty_moments_goes_on(whole, tmp_path, sto
 
 @pytest.mark.parametrize("store", STORES)
 @pytest.mark.parametrize("size", [100, 6_000, 9_000, 12_000])
-def test_a_full_disk_is_said_and_what_is_there_goes_on(whole, tmp_path, monkeypatch, limited, store, size):
+def test_a_full_disk_is_said_and_what_is_there_goes_on(whole, tmp_path, monkeypatch, store, size):
     monkeypatch.setattr(stores, "OFTEN", 0.0)
     monkeypatch.setattr(stores, "SHARE", 1e9)
-    limited(size)
-    with pytest.raises(OSError, match="too large") as caught:
+    with full_disk(size), pytest.raises(OSError, match="too large") as caught:
         run(satellite(), tmp_path / store, executor=2)
     assert caught.value.errno == errno.EFBIG
     assert caught.value.filename.startswith(str(tmp_path / store))
-    limited()
     assert_same(whole, run(satellite(), tmp_path / store, resume=True))
     assert list(tmp_path.rglob("*.partial")) == []
