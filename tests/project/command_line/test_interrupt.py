@@ -91,7 +91,7 @@ def start(folder: Path, arguments: list[str], stage: str, **environment: str) ->
     """A process that hears SIGINT even where the tests run in the background; a module, as in `python -m rbfmu`."""
     (folder / "driver.py").write_text(DRIVER.format(stage=stage, arguments=arguments))
     return subprocess.Popen(
-        [sys.executable, "-m", "driver"], cwd=folder, env=os.environ | environment,
+        [sys.executable, "-m", "driver"], cwd=folder, env=os.environ | {"PYTHONSAFEPATH": ""} | environment,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
