@@ -29,6 +29,10 @@ os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(tempfile.gettempdir()) / f"rbf
 
 os.environ.setdefault("RBFMU_QUIET", "1")  # what is said of slow compilations hangs on the cache and the load
 
+os.environ |= {"COLUMNS": "80", "TERM": "xterm"}  # what is printed would else hang on the terminal that tests run in
+for name in ("FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
+    os.environ.pop(name, None)
+
 settings.register_profile("unhurried", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("unhurried")
 

@@ -64,14 +64,8 @@ class Terminal(io.StringIO):
         return True
 
 
-def on_a_terminal(monkeypatch):
-    """Write to a terminal that can redraw a line, whatever the tests run on."""
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(sys, "stderr", Terminal())
-
-
 def test_a_bar_comes_only_where_a_run_is_long(monkeypatch):
-    on_a_terminal(monkeypatch)
+    monkeypatch.setattr(sys, "stderr", Terminal())
     assert list(progress.progress_bar("short")(range(9))) == list(range(9))
     assert sys.stderr.getvalue() == ""
     monkeypatch.setattr(progress, "SOON", -1.0)
@@ -81,17 +75,17 @@ def test_a_bar_comes_only_where_a_run_is_long(monkeypatch):
 
 
 def test_no_bar_where_nobody_would_see_it(monkeypatch):
-    on_a_terminal(monkeypatch)
+    monkeypatch.setattr(sys, "stderr", Terminal())
     assert progress.progress_bar("seen")
     monkeypatch.setenv("TERM", "dumb")
     assert progress.progress_bar("unseen") is None
-    monkeypatch.setattr(sys, "stderr", io.StringIO())
     monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
     assert progress.progress_bar("unseen") is None
 
 
 def test_a_bar_says_what_it_is_told_and_goes(monkeypatch):
-    on_a_terminal(monkeypatch)
+    monkeypatch.setattr(sys, "stderr", Terminal())
     monkeypatch.setattr(progress, "SOON", -1.0)
     with progress.bar("planning") as tell:
         tell(0.5)
