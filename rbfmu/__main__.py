@@ -80,7 +80,7 @@ def leave() -> NoReturn:
     """Exit with status 130: where the interrupt passed through `exec`, Python itself would end by the signal."""
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):
+        with suppress(OSError, ValueError, AttributeError):  # a stream may be closed, or none from the start
             stream.flush()
     os._exit(STATUS)
 

@@ -41,7 +41,7 @@ class Commands(click.Group):
         except BrokenPipeError:
             raise  # click ends quietly
         except OSError as error:
-            click.echo(f"Error: {error.filename or 'a file'}: {error.strerror or error}", err=True)
+            click.echo(f"Error: {error.filename or 'standard output or a file'}: {error.strerror or error}", err=True)
         ctx.exit(2)
 
 

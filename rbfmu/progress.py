@@ -38,7 +38,7 @@ def bar(name: str, shown: bool = True) -> Iterator[Callable[..., None]]:
         yield lambda done, total=1.0, text=name: None
         return
     with ExitStack() as stack:
-        due, update = monotonic() + (SOON if sys.stderr.isatty() else 0.0), None
+        due, update = monotonic() + (SOON if _on_terminal() else 0.0), None
 
         def tell(done: float, total: float = 1.0, text: str = name) -> None:
             nonlocal due, update
@@ -63,8 +63,16 @@ def _rich_bar() -> Iterator[Callable[..., None]]:
 
 def _is_seen() -> bool:
     """Return whether somebody sees a bar: on a terminal, or in a notebook that has ipywidgets."""
-    if sys.stderr.isatty() or "IPython" not in sys.modules:
-        return sys.stderr.isatty() and os.environ.get("TERM", "") not in ("dumb", "unknown")  # which cannot redraw
+    if _on_terminal() or "IPython" not in sys.modules:
+        return _on_terminal()
     from rich.console import Console
 
     return Console(stderr=True).is_jupyter and find_spec("ipywidgets") is not None
+
+
+def _on_terminal() -> bool:
+    """Return whether stderr is a terminal that can redraw a line; a program with windows may have none, or its own."""
+    try:
+        return sys.stderr.isatty() and os.environ.get("TERM", "") not in ("dumb", "unknown")
+    except (AttributeError, ValueError):
+        return False

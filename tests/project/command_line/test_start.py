@@ -80,8 +80,11 @@ def test_no_bar_where_nobody_would_see_it(monkeypatch):
     monkeypatch.setenv("TERM", "dumb")
     assert progress.progress_bar("unseen") is None
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(sys, "stderr", io.StringIO())
-    assert progress.progress_bar("unseen") is None
+    closed = io.StringIO()
+    closed.close()
+    for stream in (io.StringIO(), None, object(), closed):  # a program with windows has none, or one of its own
+        monkeypatch.setattr(sys, "stderr", stream)
+        assert progress.progress_bar("unseen") is None
 
 
 def test_a_bar_says_what_it_is_told_and_goes(monkeypatch):
