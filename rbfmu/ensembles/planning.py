@@ -19,14 +19,13 @@ from rbfmu.ensembles import draws, fitting, members, variables
 from rbfmu.models import question, registry
 from rbfmu.planning import closed_forms, methods, select
 from rbfmu.planning.fitting import held_over_a_run
-from rbfmu.planning.judge import Judge
+from rbfmu.planning.judge import Judge, magnified_round_off
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.ensemble import SOBOL
 from rbfmu.scene.scene import Scene, SceneError, faults_of, warn
 from rbfmu.scene.variations import INERTIA, SHAPE
 from rbfmu.simulation import SimulationError, run_of
 from rbfmu.types import Array
-from rbfmu_kernels.integrators.substeps import ROUND_OFF
 
 USUAL, FAR, OF_SERIES = 3, 5, 4
 """The numbers of pilots: drawn as members are, and at points beyond nearly all members; and of those that series are
@@ -193,7 +192,7 @@ def _of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator
 
 def _of_growth(scene: Scene, growth: float, wild: bool) -> Iterator[str]:
     """Yield that members may miss the accuracy; wild: whether no tolerance holds for the worst of them."""
-    if 4.0 * ROUND_OFF * growth > scene.run.accuracy:
+    if magnified_round_off(growth) > scene.run.accuracy:
         said = f"a pilot member magnifies an error {growth:.1e} times, round-off beyond the accuracy"
         yield f"{said}: members may miss it"
     elif wild:

@@ -18,11 +18,11 @@ from typing import NamedTuple
 from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import FREE_BODY_FORCE, FREE_TRIAXIAL, LOADED_TAYLOR, ONE_AXIS_TAYLOR
 from rbfmu.planning import methods
-from rbfmu.planning.judge import Judge
+from rbfmu.planning.judge import Judge, magnified_round_off
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError
 from rbfmu_kernels.compile.tiered import evaluated
-from rbfmu_kernels.integrators.substeps import ROUND_OFF, substeps_in
+from rbfmu_kernels.integrators.substeps import substeps_in
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 from rbfmu_kernels.models.free import ORDERS
 
@@ -131,11 +131,6 @@ def tolerance_of_varying(asked: Question, growth: float) -> float:
     return max(0.25 * asked.accuracy / growth, methods.TIGHTEST)
 
 
-def magnified_round_off(growth: float) -> float:
-    """Return what a motion makes of four units in the last place."""
-    return min(4.0 * ROUND_OFF * growth, 1.0)
-
-
 class _Search:
     """Pilot runs of one scene, and the best that they found."""
 
@@ -165,13 +160,16 @@ class _Search:
         What ports supply, or parameters become, no pilot run has seen. The tolerance is therefore one of the whole run,
         of which each substep may use its share in time: whatever the inputs, the estimates add up to it at most. The
         rest of the accuracy is for what estimates miss, and for inputs under which errors grow faster than without.
-        Where the motion makes more than the accuracy of round-off, four units in the last place, no tolerance helps.
+        Where the motion makes more than the accuracy of round-off, four units in the last place, no tolerance helps
+        but one that shows a body at rest.
         """
         growth = self.judge.growth()
         loosest = tolerance_of_varying(self.asked, growth)
+        grows = magnified_round_off(growth) > self.accuracy and not self.asked.scene.inputs.ports
+        bound = (AT_REST if grows else REACHED) * self.accuracy
         for tolerance in (loosest, *methods.ever_tighter(loosest)):
-            found = self._cheapest_over(tolerance).plan
-            if found.error <= REACHED * self.accuracy:
+            found = self._cheapest_over(tolerance, bound).plan
+            if found.error <= bound:
                 break
         reasons = why_held_whatever(self.asked, found, growth, self.judge.arithmetic)
         return replace(found, reasons=reasons)
@@ -224,12 +222,12 @@ class _Search:
     def _try_tightest(self) -> None:
         """Find whether the accuracy can be met at all, and accept an error near it where none is much smaller.
 
-        A tolerance far below round-off serves a small rate beside a large one, to whose size its own errors are small:
-        rates of 1e-8 rad/s were off by 46 times the accuracy, and nothing said so.
+        With the tightest tolerance alone rates of 1e-8 rad/s were off by 46 times the accuracy, and nothing said so.
         """
         reached = math.inf
-        for order, part in [(k, p) for p in (1.0, 1e-3) for k in (MAX_ORDER - 8, MAX_ORDER)]:
-            tightest = methods.series_of_all(self.asked, order, part * methods.TIGHTEST)
+        tolerances = (methods.TIGHTEST, methods.FAR_BELOW_ROUND_OFF)
+        for order, tolerance in [(k, x) for x in tolerances for k in (MAX_ORDER - 8, MAX_ORDER)]:
+            tightest = methods.series_of_all(self.asked, order, tolerance)
             reached = min(reached, self._note(self._try(tightest), REACHED * self.accuracy))
             if reached <= self.bound:
                 return
@@ -255,15 +253,15 @@ class _Search:
                 idle = idle + 1 if self.best is before else 0
                 other += way
 
-    def _cheapest_over(self, tolerance: float) -> Tried:
-        """Return the cheapest series at a tolerance for the whole run, among those that meet it if any do."""
+    def _cheapest_over(self, tolerance: float, bound: float) -> Tried:
+        """Return the cheapest series at a tolerance for the whole run, among those within a bound if any are."""
         best: Tried | None = None
         least = methods.likely_order(tolerance) if self.judge.is_slow else LEAST_ORDER_OF_INPUTS
         for order in range(least, MAX_ORDER + 1, 2):
-            plan = replace(methods.series_of_all(self.asked, order, tolerance), span=self.asked.span)
-            if best is None or best.plan.error > self.bound or self._cost(plan) < best.plan.cost:
+            plan = methods.over_a_run(self.asked, methods.series_of_all(self.asked, order, tolerance))
+            if best is None or best.plan.error > min(bound, self.bound) or self._cost(plan) < best.plan.cost:
                 found = self._try(plan)
-                best = found if best is None or _better(found, best, REACHED * self.accuracy) else best
+                best = found if best is None or _better(found, best, bound) else best
         assert best
         return best
 
@@ -376,8 +374,9 @@ def why_fitted(plan: Plan, arithmetic: str) -> str:
 
 
 def held_over_a_run(plan: Plan) -> str:
-    """Return what a tolerance of the whole run means."""
-    return f"{plan.method}: estimated errors of a run add up to at most {plan.tolerance:.1e}"
+    """Return what a tolerance means that holds over a run."""
+    errors = "errors of a run add up to" if plan.span else "errors of substeps are"
+    return f"{plan.method}: estimated {errors} at most {plan.tolerance:.1e}"
 
 
 def why_held_whatever(

@@ -12,7 +12,7 @@ from rbfmu.formulas.graph import numbers_of
 from rbfmu.models.formulas import EVENT, FormulaModel, OverClosedForm
 from rbfmu.models.question import Question
 from rbfmu.planning import closed_forms, fitting, methods
-from rbfmu.planning.judge import Judge
+from rbfmu.planning.judge import Judge, magnified_round_off
 from rbfmu.runs.motion import largest_error, largest_size
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import PARAMETERS, SECTIONS, Scene, SceneError
@@ -144,10 +144,11 @@ def _tried(asked: Question, judge: Judge, plan: Plan) -> Plan:
 def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
     """Return a plan whose tolerance is one of the whole run, as no pilot run has seen what ports supply."""
     growth = judge.growth()
-    loosest, magnified = fitting.tolerance_of_varying(asked, growth), fitting.magnified_round_off(growth)
+    loosest, magnified = fitting.tolerance_of_varying(asked, growth), magnified_round_off(growth)
     for tolerance in (loosest, *methods.ever_tighter(loosest)):
         order = max(methods.likely_order(tolerance), 12)
-        plan = replace(methods.series_plan(_general(asked), order, tolerance), span=asked.span, pinned=asked.pinned)
+        plan = methods.over_a_run(asked, methods.series_plan(_general(asked), order, tolerance))
+        plan = replace(plan, pinned=asked.pinned)
         plan = _tried(asked, judge, plan)
         if plan.error <= asked.accuracy or magnified > asked.accuracy:
             break

@@ -21,6 +21,7 @@ from rbfmu.runs.steps import Steps, motion_of, record, substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import evaluated
+from rbfmu_kernels.integrators.substeps import ROUND_OFF
 from rbfmu_kernels.rotations.quaternion import compose_quaternions
 
 MAX_STEPS = 20_000
@@ -271,6 +272,11 @@ class Judge:
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
         """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""
         return largest_error(self.motion_by(smaller, names), truth, names, least_sizes(self.asked, truth), absolute)
+
+
+def magnified_round_off(growth: float) -> float:
+    """Return what a motion makes of four units in the last place."""
+    return min(4.0 * ROUND_OFF * growth, 1.0)
 
 
 def watched_sizes(scene: Scene, blocks: Mapping[str, slice], z: Array) -> dict[str, float]:

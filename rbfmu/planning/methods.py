@@ -19,6 +19,8 @@ EXACT = 1e-14
 """What closed forms lose by round-off, the exact rotation among them."""
 TIGHTEST = 1e-15
 """The smallest tolerance that double precision serves."""
+FAR_BELOW_ROUND_OFF = 1e-3 * TIGHTEST
+"""The tolerance at which rates of 1e-8 rad/s beside one of 3 rad/s keep digits of their own."""
 ORDERS_OF_SERIES = range(6, taylor_coefficients.MAX_ORDER + 1, 2)
 SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
 """(a, b) of a + b N ns a substep at order N, on `methods.MACHINE`; examples/benchmarks/substeps.py fits these lines.
@@ -122,7 +124,7 @@ def at_setting(candidate: Plan, value: float) -> Plan:
     in one step of more substeps than `fitting` tries in shorter ones was off by 7.4 times the accuracy in these.
     """
     if candidate.tolerance > 0.0:
-        return replace(candidate, tolerance=min(max(value, 1e-3 * TIGHTEST), candidate.tolerance))
+        return replace(candidate, tolerance=min(max(value, FAR_BELOW_ROUND_OFF), candidate.tolerance))
     return replace(candidate, substep=min(value, candidate.substep))
 
 
@@ -137,10 +139,22 @@ def exponent(plan: Plan) -> int:
 
 
 def ever_tighter(tolerance: float) -> Iterator[float]:
-    """Yield tolerances, each a tenth of the one before, down to the tightest."""
+    """Yield tolerances, each a tenth of the one before, down to the tightest; at last one far below round-off.
+
+    That serves a small rate beside a large one, to whose size its own errors are small.
+    """
     while tolerance > TIGHTEST:
         tolerance = max(0.1 * tolerance, TIGHTEST)
         yield tolerance
+    yield FAR_BELOW_ROUND_OFF
+
+
+def over_a_run(asked: Question, series: Plan) -> Plan:
+    """Return series whose tolerance is that of all substeps of the run together.
+
+    One far below round-off stays that of each substep, as no share of a run is below round-off.
+    """
+    return replace(series, span=asked.span if series.tolerance >= TIGHTEST else 0.0)
 
 
 def ratio_to(aim: float, error: float) -> float:

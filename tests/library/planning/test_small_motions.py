@@ -61,3 +61,15 @@ def test_a_closed_form_says_what_a_small_acceleration_loses(moments):
     assert 1e-9 < outcome(scene, found).error <= found.error + 1e-12
     with pytest.raises(SceneError, match=r"run.accuracy = 1e-09: expected at least .*, what double precision keeps"):
         plan(scene.replace({"run.accuracy": 1e-9}))
+
+
+@pytest.mark.parametrize("quantities", [["alpha_b"], ["rpy", "omega_b", "alpha_b"]])
+def test_a_small_rate_beside_a_large_one_keeps_its_digits_where_parameters_are_listed(quantities):
+    """It was refused, as its own errors are small beside the large rate; an error at the start is not."""
+    scene = Scene(
+        body={"mass": 1.0, "inertia": [1.0, 1.9, 1.0]}, initial={"omega_b": [-6.245e-9, 3.0, 3.757e-9]},
+        inputs={"parameters": ["inertia", "damping_b"]}, outputs={"quantities": quantities},
+        run={"stop": 13.0, "step": 6.5, "accuracy": 5.5e-10},
+    )  # fmt: skip
+    found = plan(scene)
+    assert outcome(scene, found).error <= scene.run.accuracy
