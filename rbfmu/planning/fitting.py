@@ -160,8 +160,7 @@ class _Search:
         What ports supply, or parameters become, no pilot run has seen. The tolerance is therefore one of the whole run,
         of which each substep may use its share in time: whatever the inputs, the estimates add up to it at most. The
         rest of the accuracy is for what estimates miss, and for inputs under which errors grow faster than without.
-        Where the motion makes more than the accuracy of round-off, four units in the last place, no tolerance helps
-        but one that shows a body at rest.
+        Where the motion makes more than the accuracy of round-off no tolerance helps, but one that shows it at rest.
         """
         growth = self.judge.growth()
         loosest = tolerance_of_varying(self.asked, growth)
@@ -257,7 +256,9 @@ class _Search:
         """Return the cheapest series at a tolerance for the whole run, among those within a bound if any are."""
         best: Tried | None = None
         least = methods.likely_order(tolerance) if self.judge.is_slow else LEAST_ORDER_OF_INPUTS
-        for order in range(least, MAX_ORDER + 1, 2):
+        for order in range(MAX_ORDER, least - 1, -2):  # down, as low ones take very many substeps of a long motion
+            if best and self.work > MAX_WORK:
+                break
             plan = methods.over_a_run(self.asked, methods.series_of_all(self.asked, order, tolerance))
             if best is None or best.plan.error > min(bound, self.bound) or self._cost(plan) < best.plan.cost:
                 found = self._try(plan)
