@@ -17,9 +17,11 @@ from ..integrators.substeps import power_of, tolerance_of_substep
 from ..types import Buffer
 from .formula_events import excess_of_events, size_of_event
 
-MOST_DEFECT, OF_DOUBLES = 10.0, 2.0**-50
+MOST_DEFECT, OF_DOUBLES, OF_TERMS = 10.0, 2.0**-50, 1e-9
 """The excess of a series' defect with which it is made shorter; and the least error that is asked for there: less is
-round-off, of which a shorter series has as much.
+round-off, of which a shorter series has as much. Of an event that is of its terms, as of norm(position) - 6.9e6, which
+may be 1e6 times what is left of them: by chance, or as a series hardly moves, it is zero, and series would get ever
+shorter to there. A corner that hides in an event is far more.
 """
 
 # What templates are bound to, see `formulas`.
@@ -97,7 +99,7 @@ def excess_of_defect(z: Buffer, t: float) -> float:
         at = WATCHED + i
         apart = abs(z[anew + len(STATES) + i] - polynomial(z, at, ROW, n, t))
         if apart > 0.0 and OF_EVENT[i] >= 0:
-            worst = max(worst, apart / size_of_event(z, OF_EVENT[i], t))
+            worst = max(worst, apart / size_of_event(z, OF_EVENT[i], t) * (allowed / max(allowed, OF_TERMS)))
         elif apart > NOTHING:
             worst = max(worst, apart / bound_of(z, at, ROW, n, t)[0] * (allowed / ROUGHLY))
     return worst / allowed

@@ -2,12 +2,14 @@
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import rbfmu
 from examples.benchmarks import events
+from rbfmu.planning import formulas
 from tests.support.command_line import call
 from tests.support.paths import ROOT
 from tests.support.references.events_mp import judged, right
@@ -51,6 +53,32 @@ def test_an_event_beyond_a_corner_that_is_smooth_close_up_is_in_time(e, accuracy
               "run": {"stop": 2.0, "step": 1.0, "accuracy": accuracy}}  # fmt: skip
     found = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).events["beyond"]
     assert found == pytest.approx([1.0 + 0.3 * e / math.sqrt(0.91)], abs=accuracy)
+
+
+def test_an_event_that_is_little_beside_its_terms_is_no_corner():
+    """2026-11-28: round-off of a height over an orbit was taken for a hidden corner: steps of 1e-15 s, and refusals."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]},
+              "initial": {"position": [7e6, 0.0, 0.0], "velocity": [-10.0, 300.0, 0.0]},
+              "loads": {"gravity_a": [0, 0, 0], "force_a": "[0, 1e-3*sin(t), 0]"},
+              "outputs": {"quantities": ["position"]}, "events": {"high": {"when": "norm(position) - 6998500"}},
+              "run": {"stop": 400.0, "step": 20.0, "accuracy": 1e-11}}  # fmt: skip
+    (found,) = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).events["high"]
+    y = 300.0 * found + 1e-3 * (found - math.sin(found))
+    assert math.hypot(7e6 - 10.0 * found, y) == pytest.approx(6998500.0, abs=1e-7)
+
+
+def test_a_trial_that_cannot_be_followed_is_no_chattering(monkeypatch):
+    """2026-11-28: one refused step at one of 25 settings refused the scene, as if events had no end."""
+    tried = formulas._tried
+
+    def fails_once(asked, judge, plan):
+        found = tried(asked, judge, plan)
+        return replace(found, error=math.inf) if plan.order == 14 else found
+
+    monkeypatch.setattr(formulas, "_tried", fails_once)
+    planned = rbfmu.plan(scene(stop=5.0, up={"when": "sin(3*t) + omega_b[1]"}))
+    assert planned.error <= 1e-9
+    assert planned.order != 14
 
 
 @pytest.mark.thorough
