@@ -75,7 +75,9 @@ class ZarrStore(store.Store):
             self._refuse_others()
         for part in self._folder.rglob(f"*{PART}"):  # of a program that was killed
             part.unlink()
-        self._group = self._zarr.open_group(self._folder, mode="a", zarr_format=3)
+        with store.damage_of(self._folder, but=OSError):
+            self._group = self._zarr.open_group(self._folder, mode="a", zarr_format=3)
+            _ = list(self._group.arrays())
         if known is None:
             self._group.require_group(names.RESUME)
             return

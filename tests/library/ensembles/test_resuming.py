@@ -253,6 +253,18 @@ def test_damage_of_what_a_folder_says_of_its_numbers_is_said(scene, tmp_path):
             EnsembleResult.load(tmp_path / "store.zarr")
 
 
+@pytest.mark.parametrize("name", ["zarr.json", "redrawn/zarr.json"])
+def test_who_goes_on_with_a_damaged_folder_is_told_so(scene, tmp_path, name):
+    """2026-11-28: said was "Extra data: line 244 column 2 (char 5714)" without a name, or a TypeError of zarr's."""
+    run(scene, tmp_path / "store.zarr")
+    file = tmp_path / "store.zarr" / name
+    text = file.read_bytes()
+    for data in (text + b"x", text.replace(b"node_type", b"node_tipe", 1)):
+        file.write_bytes(data)
+        with pytest.raises(ValueError, match=r"store.zarr: cannot be read \("):
+            run(scene, tmp_path / "store.zarr", resume=True, runs=200)
+
+
 HELD = """
 import sys
 import threading
