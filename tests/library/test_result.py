@@ -20,6 +20,7 @@ from rbfmu.scene.scene import About, Body, Initial, Inputs, Loads, Outputs, Run,
 from rbfmu_kernels.quantities import OUTPUT, own_output
 from tests.support.full_disk import full_disk
 from tests.support.paths import SCENES
+from tests.support.scenes.balls import ball
 
 WIDTHS = {"quaternion": 4, "kinetic_energy": 0}
 
@@ -149,8 +150,7 @@ def test_dollars_of_titles_and_units_are_no_mathematics(tmp_path: Path) -> None:
     """Two of them ended in a traceback of Matplotlib's, or were left out."""
     result_of(3, ("omega_b",)).plot(tmp_path / "it.svg", "a $_{x$")
     assert "a $_{x$" in (tmp_path / "it.svg").read_text()
-    own = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"cost": {"value": "t", "unit": "$_{$"}}}
-    rbfmu.simulate(rbfmu.Scene.from_dict(own | {"run": {"stop": 1.0, "step": 0.5}})).plot(tmp_path / "own.svg")
+    rbfmu.simulate(ball(outputs={"cost": {"value": "t", "unit": "$_{$"}})).plot(tmp_path / "own.svg")
     assert "cost ($_{$)" in (tmp_path / "own.svg").read_text()
 
 
@@ -198,9 +198,7 @@ def test_what_is_saved_is_read_to_the_bit(ending: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["file", "allow_pickle", "args", "self"])
 def test_an_output_may_have_the_name_of_an_argument_of_numpy(name: str, tmp_path: Path) -> None:
     """`np.savez` raised a TypeError for one, and left out the other without a word."""
-    body, outputs = {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, {"quantities": ["omega_b"], name: "omega_b[1]"}
-    result = rbfmu.simulate(Scene.from_dict({"body": body, "outputs": outputs, "run": {"stop": 1.0, "step": 0.5}}))
-    result.save(tmp_path / "it.npz")
+    rbfmu.simulate(ball(outputs={name: "omega_b[1]"})).save(tmp_path / "it.npz")
     assert list(np.load(tmp_path / "it.npz")) == ["time", "omega_b", name]
 
 

@@ -15,6 +15,7 @@ from rbfmu_kernels.buffer import NO_OUTPUTS, OK
 from tests.support.paths import ROOT
 from tests.support.quadruple import reference, slopes
 from tests.support.quadruple.scenes import random_scene
+from tests.support.scenes.balls import ball
 
 BODY = {"mass": 2.0, "inertia": [1.0, 2.0, 3.0]}
 TURNED_BEAM = (np.eye(3) - np.outer((1, 2, 2), (1, 2, 2)) / 9.0).tolist()
@@ -95,11 +96,10 @@ def test_a_contact_by_the_law_of_hertz_has_derivatives():
     A ball is back after tau = 2 d/v times the integral of dx/sqrt(1 - x**2.5) over [0, 1], with d**2.5 = 1.25 v**2/k.
     """
     k, v, z, stop = 400.0, 2.0, 0.3, 0.8
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["position"]},
-              "initial": {"position": [0.0, 0.0, z], "velocity": [0.0, 0.0, -v]}, "constants": {"k": k},
-              "loads": {"gravity_a": [0, 0, 0], "potential": "0.4*k*max(-position[3], 0)**2.5"},
-              "run": {"stop": stop, "step": 0.4, "accuracy": 1e-9}}  # fmt: skip
-    found = rbfmu.sensitivity(rbfmu.Scene.from_dict(tables), ["constants.k", "initial.position"])
+    tables = {"initial": {"position": [0.0, 0.0, z], "velocity": [0.0, 0.0, -v]}, "constants": {"k": k},
+              "loads": {"gravity_a": [0, 0, 0], "potential": "0.4*k*max(-position[3], 0)**2.5"}}  # fmt: skip
+    one = ball(stop=stop, step=0.4, accuracy=1e-9, shows=["position"], **tables)
+    found = rbfmu.sensitivity(one, ["constants.k", "initial.position"])
     tau = 2.0 / v * (1.25 * v**2 / k) ** 0.4 * math.sqrt(math.pi) * math.gamma(1.4) / math.gamma(0.9)
     assert found.values["position"][-1, 2] == pytest.approx(v * (stop - tau) - z, rel=0, abs=1e-9)
     np.testing.assert_allclose(found.of["position"][-1, 2, [0, 3]], [0.4 * v * tau / k, -1.0], rtol=1e-7)
@@ -228,22 +228,14 @@ def test_a_covariance_is_carried_along():
 
 def test_a_motion_that_slides_along_a_corner_is_said_to():
     """It was said that a step is not finite."""
-    one = rbfmu.Scene.from_dict({
-        "body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, "initial": {"omega_b": [0.3, 1.2, 0.2]},
-        "loads": {"torque_b": "[where(omega_b[1] > 0.1, -0.1, 0.05), 0, 0]"},
-        "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 10.0, "step": 0.5},
-    })  # fmt: skip
     with pytest.raises(rbfmu.SceneError, match="torque_b slides along a corner"):
-        rbfmu.sensitivity(one, "initial.omega_b")
+        rbfmu.sensitivity(scene({"torque_b": "[0, 0, where(omega_b[3] > 0.9, -1, 0.5)]"}), "initial.omega_b")
 
 
 @pytest.mark.thorough
 def test_a_motion_that_grows_beyond_all_bounds_is_refused_as_a_run_of_it_is():
     """Its derivatives went on, in ever shorter substeps, for hours."""
-    one = rbfmu.Scene.from_dict({
-        "body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, "initial": {"omega_b": [0.3, 1.2, 0.2]},
-        "loads": {"torque_b": "5*omega_b"}, "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 20.0, "step": 0.5},
-    })  # fmt: skip
+    one = scene({"torque_b": "5*omega_b"}, initial={"omega_b": [0.3, 1.2, 0.2]}, run={"stop": 20.0, "step": 0.5})
     with pytest.raises(rbfmu.SceneError, match=r"run\.stop = 20\.0: expected a shorter run"):
         rbfmu.sensitivity(one, "initial.omega_b")
 
@@ -251,12 +243,7 @@ def test_a_motion_that_grows_beyond_all_bounds_is_refused_as_a_run_of_it_is():
 def test_a_motion_of_too_many_substeps_is_refused_without_formulas_too(monkeypatch):
     """A thin rod that a torque spins up took hours; a run of it is refused when it is planned."""
     monkeypatch.setattr("rbfmu.planning.judge.MAX_SUBSTEPS", 50.0)
-    rod = rbfmu.Scene(
-        body={"mass": 1.0, "inertia": [1e-4, 1.0, 1.0]},
-        loads={"torque_b": [0.01, 0.0, 0.0]},
-        outputs={"quantities": ["omega_b"]},
-        run={"stop": 10.0, "step": 0.5},
-    )
+    rod = ball(stop=10.0, body={"mass": 1.0, "inertia": [1e-4, 1.0, 1.0]}, loads={"torque_b": [0.01, 0.0, 0.0]})
     with pytest.raises(rbfmu.SimulationError, match=r" s takes \S+ substeps: expected a shorter run or slower rates"):
         rbfmu.sensitivity(rod, "initial.omega_b")
 
@@ -342,17 +329,11 @@ def test_a_change_is_one_percent_of_the_largest_number_of_a_key():
 
 def test_a_run_that_stops_at_a_communication_point_has_it_once():
     """It falls 5 m in 1 s, two steps of 0.5 s."""
-    falls = {
-        "body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},
-        "initial": {"position": [0, 0, 5.0]},
-        "loads": {"gravity_a": [0, 0, -10.0]},
-        "outputs": {"quantities": ["position"]},
-        "events": {"hit": {"when": "position[3]", "direction": "falling", "stop": True}},
-        "run": {"stop": 3.0, "step": 0.5, "accuracy": 1e-9},
-    }
-    scene = rbfmu.Scene.from_dict(falls)
-    along = rbfmu.sensitivity(scene, ["initial.position"])
-    assert along.time.tolist() == rbfmu.simulate(scene).time.tolist() == [0.0, 0.5, 1.0]
+    falls = {"initial": {"position": [0, 0, 5.0]}, "loads": {"gravity_a": [0, 0, -10.0]},
+             "events": {"hit": {"when": "position[3]", "direction": "falling", "stop": True}}}  # fmt: skip
+    one = ball(stop=3.0, accuracy=1e-9, shows=["position"], **falls)
+    along = rbfmu.sensitivity(one, ["initial.position"])
+    assert along.time.tolist() == rbfmu.simulate(one).time.tolist() == [0.0, 0.5, 1.0]
 
 
 @pytest.mark.parametrize("order", [6, 8])

@@ -3,14 +3,7 @@
 import pytest
 
 import rbfmu
-
-
-def scene(load, accuracy, **tables):
-    """Return a body that begins at rest under a torque about its third axis, which is its rate's slope."""
-    return rbfmu.Scene.from_dict(
-        {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-         "loads": {"torque_b": f"[0, 0, {load}]"}, "run": {"stop": 2.0, "step": 0.5, "accuracy": accuracy}} | tables
-    )  # fmt: skip
+from tests.support.scenes.balls import ball
 
 
 @pytest.mark.parametrize(("condition", "before", "rise"), [
@@ -19,7 +12,7 @@ def scene(load, accuracy, **tables):
 ])  # fmt: skip
 def test_what_comes_to_zero_and_stays_there_is_zero(condition, before, rise):
     """2026-11-28: it counted as what it had been before, so that a thruster went on after its port came to zero."""
-    one = scene(f"where({condition}, 1, 0.2)", 1e-8, inputs={"ports": [{"name": "u", "size": 1}]})
+    one = ball(f"where({condition}, 1, 0.2)", accuracy=1e-8, inputs={"ports": [{"name": "u", "size": 1}]})
     found = rbfmu.simulate(one, inputs={"u": ([0.0, 1.0], [before, 0.0])})
     assert found.omega_b[-1, 2] == pytest.approx(rise, abs=1e-8)
 
@@ -31,7 +24,7 @@ def test_what_comes_to_zero_and_stays_there_is_zero(condition, before, rise):
 ])  # fmt: skip
 def test_a_condition_on_a_power_turns_where_that_is_zero(condition, accuracy, rise):
     """2026-11-28: a series finds the zero of (t - 0.7)**4 1e-4 s early, from where on the condition was wrong."""
-    one = scene(f"where({condition}, 1, -1)", accuracy, constants={"p": 0.7})
+    one = ball(f"where({condition}, 1, -1)", accuracy=accuracy, constants={"p": 0.7})
     assert rbfmu.simulate(one).omega_b[-1, 2] == pytest.approx(rise, abs=accuracy)
     derivative = rbfmu.sensitivity(one, ["constants.p"]).of["omega_b"][-1, 2, 0]
     assert derivative == pytest.approx(0.0 if rise == 2.0 else -2.0, abs=1e-9)
@@ -41,7 +34,7 @@ def test_a_condition_on_a_power_turns_where_that_is_zero(condition, accuracy, ri
 def test_a_condition_turns_at_two_multiple_roots():
     """2026-11-28: what a series leaves out beside them moves them by more than round-off, or has one passed over."""
     powers = "(t - 1.8503929448194252)**5*sin(1.8933640991148937*t + 2.9387523423419806)**5*(t - 2)**2"
-    end = rbfmu.simulate(scene(f"where({powers} < 0, 1, -0.5)", 2.65e-6)).omega_b[-1, 2]
+    end = rbfmu.simulate(ball(f"where({powers} < 0, 1, -0.5)", accuracy=2.65e-6)).omega_b[-1, 2]
     assert end == pytest.approx(-0.7133079810778495, rel=1e-9)
 
 
@@ -52,4 +45,4 @@ def test_a_condition_turns_at_two_multiple_roots():
 ])  # fmt: skip
 def test_conditions_on_products_of_powers_turn_where_these_are_zero(load, accuracy, rise):
     """2026-11-28: their closed forms; the second was refused."""
-    assert rbfmu.simulate(scene(load, accuracy)).omega_b[-1, 2] == pytest.approx(rise, rel=1e-9, abs=0.0)
+    assert rbfmu.simulate(ball(load, accuracy=accuracy)).omega_b[-1, 2] == pytest.approx(rise, rel=1e-9, abs=0.0)

@@ -13,6 +13,7 @@ from rbfmu.planning import formulas
 from tests.support.command_line import call
 from tests.support.paths import ROOT
 from tests.support.references.events_mp import judged, right
+from tests.support.scenes.balls import ball
 
 TABLES = {
     "body": {"mass": 1.0, "inertia": [1.0, 1.5, 2.2]},
@@ -45,13 +46,10 @@ KNOWN = {
 @pytest.mark.parametrize(("e", "accuracy"), [(1e-3, 1e-4), (1.6e-3, 1e-5)])
 def test_an_event_beyond_a_corner_that_is_smooth_close_up_is_in_time(e, accuracy):
     """2026-11-27: it was said a third of a second late, without a word, as the series went on beyond x = 0."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "constants": {"e": e},
-              "initial": {"position": [1.0, 0.0, 0.0], "velocity": [-1.0, 0.0, 0.0]},
+    tables = {"constants": {"e": e}, "initial": {"position": [1.0, 0.0, 0.0], "velocity": [-1.0, 0.0, 0.0]},
               "loads": {"gravity_a": [0, 0, 0], "force_a": "[0, 0.02*sin(t), 0]"},
-              "outputs": {"quantities": ["position"]},
-              "events": {"beyond": {"when": "position[1]/sqrt(position[1]**2 + e**2) + 0.3"}},
-              "run": {"stop": 2.0, "step": 1.0, "accuracy": accuracy}}  # fmt: skip
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).events["beyond"]
+              "events": {"beyond": "position[1]/sqrt(position[1]**2 + e**2) + 0.3"}}  # fmt: skip
+    found = rbfmu.simulate(ball(step=1.0, accuracy=accuracy, shows=["position"], **tables)).events["beyond"]
     assert found == pytest.approx([1.0 + 0.3 * e / math.sqrt(0.91)], abs=accuracy)
 
 

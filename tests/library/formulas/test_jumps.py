@@ -8,32 +8,23 @@ from scipy.integrate import solve_ivp
 
 import rbfmu
 from rbfmu.planning.reference import reference_motion
+from tests.support.scenes.balls import ball, pushed_ball
 
 
 @pytest.mark.thorough
 def test_an_angle_jumps_in_a_load_where_it_should():
     """Its series went on beyond pi: the rate was off by 0.3 rad/s a radian, with no error expected."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "loads": {"gravity_a": [0.0, 0.0, 0.0], "torque_b": "[0, 0, 0.1*atan2(sin(t), cos(t))]"},
-              "run": {"stop": 12.0, "step": 0.5, "accuracy": 1e-9}}  # fmt: skip
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+    found = rbfmu.simulate(ball("0.1*atan2(sin(t), cos(t))", 12.0, accuracy=1e-9))
     since_jump = (found.time + math.pi) % (2.0 * math.pi) - math.pi
     np.testing.assert_allclose(found.omega_b[:, 2], 0.05 * since_jump**2, rtol=0, atol=1e-10)
 
 
-@pytest.mark.parametrize(
-    ("text", "angle"),
-    [
-        ("atan2(0*t, -1)", math.pi), ("atan2(1, -2)", math.atan2(1.0, -2.0)), ("atan2(-1, -2)", math.atan2(-1.0, -2.0)),
-        ("atan2(-1e-30, 1)", -1e-30), ("atan2(3, 0)", 0.5 * math.pi), ("atan2(-3, 0)", -0.5 * math.pi),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "angle"), [
+    ("atan2(0*t, -1)", math.pi), ("atan2(1, -2)", math.atan2(1.0, -2.0)), ("atan2(-1, -2)", math.atan2(-1.0, -2.0)),
+    ("atan2(-1e-30, 1)", -1e-30), ("atan2(3, 0)", 0.5 * math.pi), ("atan2(-3, 0)", -0.5 * math.pi),
+])  # fmt: skip
 def test_an_angle_is_that_of_the_quadrant(text, angle):
-    tables = {
-        "body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]},
-        "outputs": {"quantities": ["omega_b"], "o": f"{text} + 0*t"},
-    }
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables | {"run": {"stop": 1.0, "step": 0.5}}))
+    found = rbfmu.simulate(ball(stop=1.0, outputs={"o": f"{text} + 0*t"}))
     assert found.o[0] == pytest.approx(angle, rel=1e-15)
 
 
@@ -41,24 +32,19 @@ ROOT = "-c*omega_b[3]/sqrt(omega_b[3]**2 + e**2)", lambda w, c, e: -c * w / np.s
 TANH = "-c*(1 - 2/(exp(2*omega_b[3]/e) + 1))", lambda w, c, e: -c * np.tanh(w / e)
 
 
-@pytest.mark.parametrize(
-    ("law", "c", "e", "accuracy"),
-    [
-        (ROOT, 0.2, 9e-4, 1e-5), (TANH, 0.31, 4e-3, 1e-9),
-        pytest.param(ROOT, 0.12, 1e-5, 2e-9, marks=pytest.mark.thorough),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("law", "c", "e", "accuracy"), [
+    (ROOT, 0.2, 9e-4, 1e-5), (TANH, 0.31, 4e-3, 1e-9),
+    pytest.param(ROOT, 0.12, 1e-5, 2e-9, marks=pytest.mark.thorough),
+])  # fmt: skip
 def test_friction_that_is_smooth_only_close_to_rest_changes_sign(law, c, e, accuracy):
     """2026-11-27: errors of up to 3,000 times the accuracy with inputs: series went on as before the rate's zero.
 
     By exp, the series are constants but for 1e-50, and reach over the whole run at first.
     """
     text, torque_at = law
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "loads": {"torque_b": f"[0, 0, {text}]"}, "constants": {"c": c, "e": e},
-              "inputs": {"ports": ["torque_b"]}, "run": {"stop": 16.0, "step": 1.0, "accuracy": accuracy}}  # fmt: skip
-    simulator, w, torques = rbfmu.Simulator(rbfmu.Scene.from_dict(tables)), 0.0, [-0.54, 1.26, -0.72, 0.32, -0.45, 1.2]
-    for torque in torques:
+    scene = ball(text, 16.0, 1.0, accuracy, constants={"c": c, "e": e}, inputs={"ports": ["torque_b"]})
+    simulator, w = rbfmu.Simulator(scene), 0.0
+    for torque in (-0.54, 1.26, -0.72, 0.32, -0.45, 1.2):
         simulator.step(torque_b=[0.0, 0.0, torque])
         w = solve_ivp(lambda t, y, u=torque: u + torque_at(y, c, e), (0.0, 1.0), [w], "DOP853",
                       rtol=1e-13, atol=1e-16, max_step=3e-3).y[0, -1]  # fmt: skip
@@ -68,40 +54,29 @@ def test_friction_that_is_smooth_only_close_to_rest_changes_sign(law, c, e, accu
 @pytest.mark.thorough
 def test_a_brake_that_is_smooth_only_close_to_rest_stops_a_body():
     """2026-11-27: its rate went on through zero to 600 times the first: the reference agreed."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "initial": {"omega_b": [0.0, 0.0, 0.7]}, "loads": {"torque_b": f"[0, 0, {TANH[0]}]"},
-              "constants": {"c": 0.1, "e": 4e-3}, "run": {"stop": 4000.0, "step": 6.0, "accuracy": 1e-9}}  # fmt: skip
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+    tables = {"initial": {"omega_b": [0.0, 0.0, 0.7]}, "constants": {"c": 0.1, "e": 4e-3}}
+    found = rbfmu.simulate(ball(TANH[0], 4000.0, 6.0, 1e-9, **tables))
     exact = 4e-3 * math.asinh(math.exp(math.log(math.sinh(0.7 / 4e-3)) - 0.1 * 6.0 / 4e-3))
     assert found.omega_b[1, 2] == pytest.approx(exact, abs=1e-9 * 0.7)
     assert np.abs(found.omega_b[2:]).max() <= 1e-9 * 0.7
 
 
-@pytest.mark.parametrize(
-    ("load", "w_0"),
-    [
-        ("exp(-((t - 50)/w)**2)", 0.0), ("exp(-((phi - 50)/w)**2)", 1.0),
-        pytest.param("exp(-((t - 50)/w)**2)", 2.0, marks=pytest.mark.thorough),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("load", "w_0"), [
+    ("exp(-((t - 50)/w)**2)", 0.0), ("exp(-((phi - 50)/w)**2)", 1.0),
+    pytest.param("exp(-((t - 50)/w)**2)", 2.0, marks=pytest.mark.thorough),
+])  # fmt: skip
 def test_a_pulse_that_is_nothing_long_before_and_after_is_not_stepped_over(load, w_0):
     """2026-11-27: the torque, 1 N m at t = 50 s, was missed without a word: no term of a series told that it comes."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "states": {"phi": {"start": 0.0, "rate": "omega_b[3]"}}, "initial": {"omega_b": [0.0, 0.0, w_0]},
-              "loads": {"torque_b": f"[0, 0, {load}]"}, "constants": {"w": 1e-2},
-              "run": {"stop": 100.0, "step": 1.0, "accuracy": 1e-9}}  # fmt: skip
-    found, area = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).omega_b[:, 2], 1e-2 * math.sqrt(math.pi)
+    tables = {"states": {"phi": {"start": 0.0, "rate": "omega_b[3]"}}, "initial": {"omega_b": [0.0, 0.0, w_0]}}
+    scene = ball(load, 100.0, 10.0, 1e-9, constants={"w": 1e-2}, **tables)
+    found, area = rbfmu.simulate(scene).omega_b[:, 2], 1e-2 * math.sqrt(math.pi)
     after = w_0 + area if "t" in load else math.sqrt(w_0**2 + 2.0 * area)
-    np.testing.assert_allclose(found[[49, 51, -1]], [w_0, after, after], rtol=0, atol=1e-9 * after)
+    np.testing.assert_allclose(found[[4, 6, -1]], [w_0, after, after], rtol=0, atol=1e-9 * after)
 
 
 def turned_for_100_s(load, accuracy):
     """A scene of a ball that turns at 0.5 rad/s about the axis of a torque."""
-    return rbfmu.Scene.from_dict({
-        "body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-        "initial": {"omega_b": [0.0, 0.0, 0.5]}, "loads": {"torque_b": f"[0, 0, {load}]"},
-        "run": {"stop": 100.0, "step": 1.0, "accuracy": accuracy},
-    })  # fmt: skip
+    return ball(load, 100.0, 5.0, accuracy, initial={"omega_b": [0.0, 0.0, 0.5]})
 
 
 @pytest.mark.parametrize(("load", "area"), [
@@ -115,16 +90,12 @@ def test_a_pulse_of_which_no_term_tells_is_seen_inside_a_series(load, area):
     assert found == pytest.approx(0.5 + area, abs=1e-6 * (0.5 + area))
 
 
-@pytest.mark.parametrize(
-    ("load", "area"),
-    [
-        ("1/(1 + exp(-(t - 50)/0.01))", 50.0),
-        ("2/(exp((t - 40)/0.01) + 1)", 80.0),
-        ("3*exp((t - 70)/0.02)/(1 + exp((t - 70)/0.02))", 90.0),
-        ("1/(1 + exp(-(t - 33.3)/0.01))*(1 - 1/(1 + exp(-(t - 33.5)/0.01)))", 0.2 / (1.0 - math.exp(-20.0))),
-        ("1/(1 + exp(-(t - 33.3)/0.01))/(1 + exp((t - 33.5)/0.01))", 0.2 / (1.0 - math.exp(-20.0))),
-    ],
-)
+@pytest.mark.parametrize(("load", "area"), [
+    ("1/(1 + exp(-(t - 50)/0.01))", 50.0), ("2/(exp((t - 40)/0.01) + 1)", 80.0),
+    ("3*exp((t - 70)/0.02)/(1 + exp((t - 70)/0.02))", 90.0),
+    ("1/(1 + exp(-(t - 33.3)/0.01))*(1 - 1/(1 + exp(-(t - 33.5)/0.01)))", 0.2 / (1.0 - math.exp(-20.0))),
+    ("1/(1 + exp(-(t - 33.3)/0.01))/(1 + exp((t - 33.5)/0.01))", 0.2 / (1.0 - math.exp(-20.0))),
+])  # fmt: skip
 def test_a_smooth_step_of_an_exponential_beyond_all_numbers_is_taken(load, area):
     """2026-11-27: refused at the start, or where the run ends, as an exponential of 5000 is not finite."""
     found = rbfmu.simulate(turned_for_100_s(load, 1e-8)).omega_b[-1, 2]
@@ -138,19 +109,13 @@ def test_a_smooth_step_of_an_exponential_beyond_all_numbers_is_taken(load, area)
 ])  # fmt: skip
 def test_a_body_at_rest_is_driven_by_a_torque_that_begins_with_a_high_power(load, exact):
     """2026-11-27: refused, as its series had no size beside which their last terms are small."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "loads": {"torque_b": f"[0, 0, {load}]"},
-              "run": {"stop": 5.0, "step": 0.5, "accuracy": 1e-8}}  # fmt: skip
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+    found = rbfmu.simulate(ball(load, 5.0, accuracy=1e-8))
     np.testing.assert_allclose(found.omega_b[:, 2], exact(found.time), rtol=0, atol=1e-8 * exact(5.0))
 
 
 def test_a_corner_beyond_the_first_rows_of_the_reference_stays_where_it_is():
     """2026-11-27: after 500 rows the reference took the side beyond a corner that its series would have come to."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "loads": {"torque_b": "[0, 0, where(t > 4.907, 1, 0)]"},
-              "run": {"stop": 7.0, "step": 0.01, "accuracy": 1e-12}}  # fmt: skip
-    scene = rbfmu.Scene.from_dict(tables)
+    scene = ball("where(t > 4.907, 1, 0)", 7.0, 0.01, 1e-12)
     found = reference_motion(scene, [0.01] * 700, 1000)["omega_b"]
     np.testing.assert_allclose(found[:, 2], np.maximum(0, np.arange(701) / 100 - 4.907), rtol=0, atol=1e-13)
     assert rbfmu.plan(scene).error <= 1e-12
@@ -175,11 +140,9 @@ def test_a_corner_that_round_off_puts_just_after_the_start_is_passed():
 @pytest.mark.thorough
 def test_what_has_decayed_to_nothing_at_its_corner_keeps_nobody():
     """2026-11-27: refused, as steps came to 1e-7 s: below 1e-300 no number is known as well as what has corners."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "states": {"fuel": {"start": 1.0, "rate": "-0.25*clip(fuel/1e-3, 0, 1)"}},
-              "loads": {"torque_b": "[0, 0, 0.1*clip(fuel/1e-3, 0, 1)]"},
-              "run": {"stop": 10.0, "step": 1.0, "accuracy": 1e-8}}  # fmt: skip
-    assert rbfmu.simulate(rbfmu.Scene.from_dict(tables)).omega_b[-1, 2] == pytest.approx(0.4, abs=4e-9)
+    states = {"fuel": {"start": 1.0, "rate": "-0.25*clip(fuel/1e-3, 0, 1)"}}
+    found = rbfmu.simulate(ball("0.1*clip(fuel/1e-3, 0, 1)", 10.0, 1.0, 1e-8, states=states))
+    assert found.omega_b[-1, 2] == pytest.approx(0.4, abs=4e-9)
 
 
 def test_a_pulse_that_a_run_would_miss_is_refused():
@@ -188,30 +151,27 @@ def test_a_pulse_that_a_run_would_miss_is_refused():
         rbfmu.plan(turned_for_100_s("max(0, 1 - ((t - 50)/4)**2)**30", 1e-9))
 
 
-@pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
+HOLDS = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
+
+
+@pytest.mark.parametrize("sign", HOLDS)
 def test_a_comparison_of_equal_numbers_is_strict_or_not(sign):
     """At t = 1, which doubles have; both counted as holding there."""
-    body = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
-    shown = {"quantities": ["omega_b"], "o": f"where(t {sign} 1, 1, 0)", "not_o": f"where(not t {sign} 1, 1, 0)"}
-    scene = rbfmu.Scene.from_dict({"body": body, "outputs": shown, "run": {"stop": 2.0, "step": 0.5}})
-    found, holds = rbfmu.simulate(scene), {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
-    np.testing.assert_array_equal(found.o, holds[sign](found.time, 1.0))
+    shown = {"o": f"where(t {sign} 1, 1, 0)", "not_o": f"where(not t {sign} 1, 1, 0)"}
+    found = rbfmu.simulate(ball(outputs=shown))
+    np.testing.assert_array_equal(found.o, HOLDS[sign](found.time, 1.0))
     np.testing.assert_array_equal(found.not_o, 1.0 - found.o)
 
 
-@pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
+@pytest.mark.parametrize("sign", HOLDS)
 def test_zero_of_either_sign_is_zero(sign):
     """0 - t is -0.0 at t = 0, whose sign alone counted: t > 0 held there, and plans were refused for it."""
-    body = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
     texts = {"o": f"t {sign} 0", "minus": f"-2*t {sign} 0", "c_o": f"c {sign} 0", "minus_c": f"-2*c {sign} 0"}
-    shown = {"quantities": ["omega_b"], **{name: f"where({text}, 1, 0)" for name, text in texts.items()}}
-    scene = rbfmu.Scene.from_dict({"body": body, "outputs": shown, "constants": {"c": 0.0},
-                                   "loads": {"torque_b": "[sin(t), 0, 0]"},
-                                   "run": {"start": -1.0, "stop": 1.0, "step": 0.5}})  # fmt: skip
-    found, holds = rbfmu.simulate(scene), {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
+    shown = {name: f"where({text}, 1, 0)" for name, text in texts.items()}
+    found = rbfmu.simulate(ball("sin(t)", 1.0, start=-1.0, outputs=shown, constants={"c": 0.0}))
     zero = np.zeros(len(found.time))
     for name, numbers in (("o", found.time), ("minus", -2.0 * found.time), ("c_o", zero), ("minus_c", zero)):
-        np.testing.assert_array_equal(getattr(found, name), holds[sign](numbers, 0.0))
+        np.testing.assert_array_equal(getattr(found, name), HOLDS[sign](numbers, 0.0))
 
 
 @pytest.mark.parametrize(("rates", "slope"), [
@@ -222,40 +182,32 @@ def test_zero_of_either_sign_is_zero(sign):
 def test_a_motion_that_begins_at_a_corner_begins_with_the_rate_that_formulas_have_there(rates, slope):
     """Where either side leads away: of conditions that are the same it went either way, as they were written."""
     for rate in rates:
-        tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "states": {"x": {"start": 0.0, "rate": rate}},
-                  "outputs": {"quantities": [], "now": "x"}, "run": {"stop": 1.0, "step": 0.25}}  # fmt: skip
-        found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+        states = {"x": {"start": 0.0, "rate": rate}}
+        found = rbfmu.simulate(ball(stop=1.0, step=0.25, shows=[], states=states, outputs={"now": "x"}))
         np.testing.assert_allclose(found.now, slope * found.time, rtol=0, atol=1e-15, err_msg=rate)
 
 
 @pytest.mark.parametrize(("start", "rate", "torque", "rise"), [
-    (1.0, "1", "[0, 0, abs((t - 1)**3)]", 4.0),
-    (0.0, "abs(t - 0.5)", "[0, 0, abs((t - 0.5)**3)]", 1.28125),
+    (1.0, "1", "abs((t - 1)**3)", 4.0), (0.0, "abs(t - 0.5)", "abs((t - 0.5)**3)", 1.28125),
 ])  # fmt: skip
 def test_what_begins_at_its_corner_with_a_high_power_leaves_it(start, rate, torque, rise):
     """2026-11-28: refused, as a root of t^2, what t^3 is without the root at its corner, was found 1e-28 s later."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "loads": {"torque_b": torque},
-              "states": {"x": {"start": 0.0, "rate": rate}}, "outputs": {"quantities": ["omega_b"], "now": "x + 1"},
-              "run": {"start": start, "stop": start + 2.0, "step": 0.5, "accuracy": 1e-8}}  # fmt: skip
-    assert rbfmu.simulate(rbfmu.Scene.from_dict(tables)).omega_b[-1, 2] == pytest.approx(rise, abs=1e-8 * rise)
+    own = {"states": {"x": {"start": 0.0, "rate": rate}}, "outputs": {"now": "x + 1"}}
+    found = rbfmu.simulate(ball(torque, start + 2.0, accuracy=1e-8, start=start, **own))
+    assert found.omega_b[-1, 2] == pytest.approx(rise, abs=1e-8 * rise)
 
 
 def test_a_switch_at_a_communication_point_is_that_of_the_time_shown():
     """Five times 0.1, added up in double-double numbers, is more than 0.5: the plan was refused for round-off."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["alpha_b"]},
-              "loads": {"torque_b": "[where(t > 0.5, 1, 0), 0, 0]"}, "run": {"stop": 1.0, "step": 0.1}}  # fmt: skip
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
-    np.testing.assert_array_equal(found.alpha_b[:, 0], found.time > 0.5)
+    found = rbfmu.simulate(ball("where(t > 0.5, 1, 0)", 1.0, 0.1, shows=["alpha_b"]))
+    np.testing.assert_array_equal(found.alpha_b[:, 2], found.time > 0.5)
 
 
 @pytest.mark.thorough
 def test_a_body_at_rest_is_driven_by_a_table_from_its_first_point_on():
     """Its norm and the table both have a corner at the start: the motion was said not to be finite."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["omega_b"]},
-              "tables": {"drive": {"x": [0.0, 2.0], "y": [0.0, 2.0]}},
-              "loads": {"torque_b": "[table(drive, t), 0, 0] - 1e-9*norm(omega_b)*omega_b"},
-              "run": {"stop": 1.0, "step": 0.1, "accuracy": 1e-6}}  # fmt: skip
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+    loads = {"torque_b": "[table(drive, t), 0, 0] - 1e-9*norm(omega_b)*omega_b"}
+    found = rbfmu.simulate(ball(stop=1.0, step=0.1, loads=loads, tables={"drive": {"x": [0.0, 2.0], "y": [0.0, 2.0]}}))
     np.testing.assert_allclose(found.omega_b[:, 0], 0.5 * found.time**2, rtol=0, atol=1e-7)
 
 
@@ -263,10 +215,8 @@ def test_a_body_at_rest_is_driven_by_a_table_from_its_first_point_on():
 def test_dry_friction_with_a_slope_at_rest_brakes_a_body_as_it_says():
     """As the page writes it: the rate falls in proportion to time down to w, and exponentially from there."""
     c, w = 0.5, 1e-2
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "initial": {"omega_b": [0.0, 0.0, 2.0]},
-              "constants": {"c": c, "w": w}, "loads": {"torque_b": "[0, 0, -c*clip(omega_b[3]/w, -1, 1)]"},
-              "run": {"stop": 5.0, "step": 0.1, "accuracy": 1e-9}}  # fmt: skip
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+    tables = {"initial": {"omega_b": [0.0, 0.0, 2.0]}, "constants": {"c": c, "w": w}}
+    found = rbfmu.simulate(ball("-c*clip(omega_b[3]/w, -1, 1)", 5.0, 0.1, 1e-9, **tables))
     since = np.maximum(found.time - (2.0 - w) / c, 0.0)
     expected = np.where(since > 0.0, w * np.exp(-c / w * since), 2.0 - c * found.time)
     np.testing.assert_allclose(found.omega_b[:, 2], expected, rtol=0, atol=2e-9)
@@ -282,53 +232,37 @@ def test_a_root_may_begin_and_end_beside_its_zero(text, gained):
 
     Nor was any whose zero round-off does not meet, as that of 0.2 - t*t, or has below zero, as 1.1*t - 1.1*0.477.
     """
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]},
-              "loads": {"gravity_a": [0, 0, 0], "force_a": f"{text}*[1, 0, 0]"},
-              "outputs": {"quantities": ["velocity"]}, "run": {"stop": 1.0, "step": 0.5, "accuracy": 1e-9}}  # fmt: skip
-    found = rbfmu.simulate(rbfmu.Scene.from_dict(tables)).velocity[-1, 0]
+    found = rbfmu.simulate(pushed_ball(text, stop=1.0, accuracy=1e-9)).velocity[-1, 0]
     assert found == pytest.approx(gained, rel=0, abs=1e-9)
 
 
 @pytest.mark.thorough
 def test_a_contact_too_short_for_its_time_is_refused():
     """A root counts as zero in round-off of the time: plan and judge had it so alike, which was wrong by 3e-7."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["velocity"]},
-              "initial": {"position": [0.0, 0.0, 7311.0], "velocity": [0.0, 0.0, -1.0]},
-              "loads": {"gravity_a": [0, 0, 0], "force_a": "[0, 0, 1e6*sqrt(max(-position[3], 0))]"},
-              "run": {"stop": 1e4, "step": 1e4, "accuracy": 1e-9}}  # fmt: skip
+    initial = {"position": [7311.0, 0.0, 0.0], "velocity": [-1.0, 0.0, 0.0]}
+    scene = pushed_ball("1e6*sqrt(max(-position[1], 0))", stop=1e4, step=1e4, accuracy=1e-9, initial=initial)
     with pytest.raises(rbfmu.SceneError, match=r"the methods here reach \d\.\de-07 here"):
-        rbfmu.plan(rbfmu.Scene.from_dict(tables))
+        rbfmu.plan(scene)
 
 
-@pytest.mark.parametrize(
-    ("load", "at", "why"),
-    [
-        ("(t - 2.5)*abs(t - 2.5)**0.75*[1, 0, 0]", "2.5", "is not finite, or has no finite derivatives"),
-        ("log(1 + exp(1e3*t))*[1, 0, 0]", "2", r"is not finite, .*: exp\(2000\) is too large for a number"),
-        ("[where(omega_b[1] > 0, -1, 1), 0, 0]", "2.1", "slides along a corner"),
-    ],
-)
+@pytest.mark.parametrize(("load", "at", "why"), [
+    ("(t - 2.5)*abs(t - 2.5)**0.75", "2.5", "is not finite, or has no finite derivatives"),
+    ("log(1 + exp(1e3*t))", "2", r"is not finite, .*: exp\(2000\) is too large for a number"),
+    ("where(omega_b[3] > 0, -1, 1)", "2.1", "slides along a corner"),
+])  # fmt: skip
 def test_where_a_motion_ends_is_said_to_the_time(load, at, why):
     """It was the last communication point, or point between them, before."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "initial": {"omega_b": [0.1, 0.0, 0.0]},
-              "loads": {"torque_b": load}, "run": {"start": 2.0, "stop": 3.0, "step": 0.5}}  # fmt: skip
     with pytest.raises(rbfmu.SceneError, match=rf"expected one before t = {at} s, where loads\.torque_b {why}"):
-        rbfmu.simulate(rbfmu.Scene.from_dict(tables))
+        rbfmu.simulate(ball(load, 3.0, start=2.0, initial={"omega_b": [0.0, 0.0, 0.1]}))
 
 
-U = {
-    "body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}, "outputs": {"quantities": ["velocity"]},
-    "inputs": {"ports": ["torque_b", {"name": "u", "size": 1, "start": 1.0}]},
-    "run": {"stop": 3.0, "step": 1.0, "accuracy": 1e-9},
-}  # fmt: skip
-
-
-def driven_by(text, **run):
+def driven_by(text, step=1.0, **outputs):
     """A scene whose force along x is a formula of u."""
-    return rbfmu.Scene.from_dict(U | {"loads": {"gravity_a": [0, 0, 0], "force_a": text}, "run": U["run"] | run})
+    ports = ["torque_b", {"name": "u", "size": 1, "start": 1.0}]
+    return pushed_ball(text, stop=3.0, step=step, accuracy=1e-9, inputs={"ports": ports}, outputs=outputs)
 
 
-@pytest.mark.parametrize("text", ["[abs(t - u), 0, 0]", "[where(t > u, 1, -1), 0, 0]"])
+@pytest.mark.parametrize("text", ["abs(t - u)", "where(t > u, 1, -1)"])
 def test_an_input_that_jumps_where_a_formula_is_at_its_corner_counts_by_what_it_has_become(text):
     """At t = 1, a communication point, u goes from 1 to 3: abs(t - u) went on as t - u, and was negative."""
     scene = driven_by(text, step=0.25)
@@ -341,14 +275,14 @@ def test_an_input_that_jumps_where_a_formula_is_at_its_corner_counts_by_what_it_
 def test_an_input_that_comes_back_to_what_it_was_holds_from_there_on():
     """It rises from 1 to 2, and is 1 again at once: the series that it rose in went on, and the plan was refused."""
     rows = [0.0, 1.0, 1.0, 3.0], [1.0, 2.0, 1.0, 1.0]
-    found = rbfmu.simulate(driven_by("[u, 0, 0]"), inputs={"u": rows}, interpolate="linear")
+    found = rbfmu.simulate(driven_by("u"), inputs={"u": rows}, interpolate="linear")
     np.testing.assert_allclose(found.velocity[:, 0], [0.0, 1.5, 2.5, 3.5], rtol=1e-15)
 
 
 @pytest.mark.thorough
 def test_inputs_that_were_set_before_a_refused_step_stay_set():
     """They went back to those of the step before."""
-    scene = driven_by("[u, 0, 0]")
+    scene = driven_by("u")
     step, z = rbfmu.compiled_step(scene)
     blocks = rbfmu.plan(scene).kernels.BLOCKS
     assert step(z, 1.0) == 0
@@ -363,7 +297,7 @@ def test_inputs_that_were_set_before_a_refused_step_stay_set():
 @pytest.mark.thorough
 def test_inputs_that_have_changed_in_a_refused_step_are_what_they_were_before():
     """They reach the pole of an output just at the step's end, where the step is refused."""
-    scene = driven_by("[u, 0, 0]").replace({"outputs.pole": "1/(3 - u) + 1/(2 - torque_b[1])"})
+    scene = driven_by("u", pole="1/(3 - u) + 1/(2 - torque_b[1])")
     step, z = rbfmu.compiled_step(scene)
     blocks = rbfmu.plan(scene).kernels.BLOCKS
     assert step(z, 0.5) == 0
