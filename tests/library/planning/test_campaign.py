@@ -28,10 +28,14 @@ from tests.support.quadruple.errors import errors
 from tests.support.quadruple.hard_scenes import KINDS, hard_scene
 from tests.support.quadruple.plans import line, planned
 from tests.support.quadruple.scenes import random_scene
-from tests.support.scenes.mended_scenes import LOADED, run, scene
 
 pytestmark = pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision")
-SCENE = scene(**LOADED | {"run": run(10.0, 1.0, 1e-6)})
+RUN = {"stop": 10.0, "step": 1.0, "accuracy": 1e-6}
+SCENE = Scene(
+    body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [0.1, 0.2, 0.3]}, run=RUN,
+    loads={"gravity_a": [0.0, 0.0, 0.0], "torque_b": [0.01, 0.02, 0.0], "torque_a": [0.0, 0.01, 0.0]},
+    outputs={"quantities": ["quaternion", "omega_b"]},
+)  # fmt: skip
 
 
 def verdict(planned, setting=Setting()):  # noqa: B008
@@ -55,7 +59,7 @@ def test_a_torque_off_by_a_thousandth_is_found():
 def test_refusals_are_weighed():
     too_much = "run.accuracy = 1e-06: expected one that this scene can meet"
     assert verdict_of_refusal(SCENE, too_much)[0] == REFUSED
-    exacting = Scene.from_dict(SCENE.to_dict() | {"run": run(10.0, 1.0, 1e-17)})
+    exacting = Scene.from_dict(SCENE.to_dict() | {"run": RUN | {"accuracy": 1e-17}})
     assert verdict_of_refusal(exacting, too_much)[0] == HONEST
     changed = Setting(changes={"torque_b": [1.0, 0.0, 0.0]})
     assert verdict_of(SCENE, changed, Outcome('list "torque_b" under parameters'))[0] == HONEST
@@ -74,7 +78,7 @@ def test_refusals_of_plans_name_a_key_and_are_true(monkeypatch):
     monkeypatch.setattr(plans, "MAX_SUBSTEPS", 1e4)
     assert plans.verdict_on(SCENE, "the motion is too long") == KEYLESS
     assert plans.verdict_on(SCENE, "run.stop = 10.0: expected a shorter run") == REFUSED
-    spun_up = Scene.from_dict(SCENE.to_dict() | {"loads": {"torque_b": [5e7, 0.0, 0.0]}, "run": run(1000.0, 1.0, 1e-6)})
+    spun_up = SCENE.replace({"loads": {"torque_b": [5e7, 0.0, 0.0]}, "run.stop": 1000.0})
     assert plans.verdict_on(spun_up, "run.stop = 1000.0: expected a shorter run") == HONEST
 
 
@@ -89,16 +93,27 @@ def test_hard_scenes_come_from_their_seeds(seed):
 
 
 SETTINGS, BLOCKS = 100, 50
+CI = pytest.param(1007, 3 * SETTINGS, marks=pytest.mark.thorough)
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::rbfmu.planning.judge.PlanningWarning")  # said, and no verdict on the answer
-@pytest.mark.parametrize("seed", [1000 * block for block in range(BLOCKS)])
-def test_none_is_silently_wrong_and_none_refused_without_need(seed):
-    found = [finding for finding, _ in settings_from(seed, SETTINGS)]
+@pytest.mark.parametrize(("seed", "count"), [
+    CI, *(pytest.param(1000 * block, SETTINGS, marks=pytest.mark.slow) for block in range(BLOCKS)),
+])  # fmt: skip
+def test_none_is_silently_wrong_and_none_refused_without_need(seed, count):
+    found = [finding for finding, _ in settings_from(seed, count)]
     print(table(found))
     failures = [str(f) for f in found if f.verdict in FAILED]
     assert not failures, "\n\n".join(failures)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("steps", "accuracy"), [(100_000, 2.5e-12), (1_000_000, 1.5e-12)])
+def test_an_accuracy_above_the_round_off_of_many_steps_is_met(steps, accuracy):
+    """It was 4.6e-12 where 2.1e-13 was promised, or was refused; round-off is 1.7e-12 and 0.9e-12 in these."""
+    many = {"initial.omega_b": [3.0, 5.0, -4.0], "loads": {"gravity_a": [0.0] * 3, "torque_b": [0.01, 0.02, -0.03]}}
+    one = SCENE.replace(many | {"run.step": 10.0 / steps, "run.accuracy": accuracy})
+    assert verdict_of(one, Setting(), outcome(one, plan(one), Setting()))[0] == RIGHT
 
 
 @pytest.mark.slow
