@@ -22,3 +22,8 @@ SHARED_BY_WORKERS = Path(os.environ["RBFMU_TESTS"])
 def of_a_session(**more: str) -> dict[str, str]:
     """Return the environment of a session of tests that is started here: it makes FMUs of its own."""
     return {name: value for name, value in os.environ.items() if name != "RBFMU_TESTS"} | more
+
+
+def with_sources() -> dict[str, str]:
+    """Return the environment of a program that is started here and finds these sources."""
+    return os.environ | {"PYTHONPATH": os.pathsep.join(SOURCE_ROOTS)}

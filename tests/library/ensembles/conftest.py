@@ -2,6 +2,7 @@
 
 import pytest
 
+from rbfmu.ensembles.planning import plan_ensemble
 from tests.support.ensembles.satellite import run, satellite
 
 
@@ -13,3 +14,9 @@ def scene():
 @pytest.fixture(scope="module")
 def whole(scene):
     return run(scene, executor=1)
+
+
+@pytest.fixture(scope="module")
+def planned(scene):
+    """The plan of a module's own scene."""
+    return plan_ensemble(scene)

@@ -71,11 +71,6 @@ def scene():
     return rbfmu.Scene.from_dict(TABLES, "driven")
 
 
-@pytest.fixture(scope="module")
-def planned(scene):
-    return plan_ensemble(scene)
-
-
 def run(scene, planned, **options):
     return rbfmu.run_ensemble(scene, **{"executor": 1, "progress": False, "planned": planned} | options)
 

@@ -17,17 +17,10 @@ from rbfmu.ensembles.result import EnsembleResult
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from tests.support.command_line import call
 from tests.support.ensembles.satellite import FILE, PLAN, assert_same, run, satellite
-from tests.support.paths import ROOT
+from tests.support.paths import with_sources
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("default")  # of Dask's own
-
-PATHS = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "kernels"), str(ROOT / "fmu_build")])}
-
-
-@pytest.fixture(scope="module")
-def whole():
-    return run(satellite(), executor=1)
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +137,7 @@ def test_a_closed_client_is_refused(monkeypatch):
 
 def process(module, *arguments):
     command = [sys.executable, "-m", f"distributed.cli.{module}", *arguments, "--no-dashboard"]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ | PATHS)
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=with_sources())
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ import tomlkit
 
 import rbfmu
 from rbfmu.ensembles.members import draw, member
-from rbfmu.ensembles.planning import plan_ensemble
 from tests.support.command_line import call
 
 pytestmark = pytest.mark.thorough
@@ -33,11 +32,6 @@ TABLES = {
 @pytest.fixture(scope="module")
 def scene():
     return rbfmu.Scene.from_dict(TABLES, "flips")
-
-
-@pytest.fixture(scope="module")
-def planned(scene):
-    return plan_ensemble(scene)
 
 
 @pytest.fixture(scope="module")

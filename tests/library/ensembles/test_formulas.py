@@ -7,7 +7,6 @@ import pytest
 
 import rbfmu
 from rbfmu.ensembles.members import draw, member
-from rbfmu.ensembles.planning import plan_ensemble
 from tests.support.command_line import call
 from tests.support.scenes.balls import ball
 
@@ -34,11 +33,6 @@ TABLES = {
 @pytest.fixture(scope="module")
 def scene():
     return rbfmu.Scene.from_dict(TABLES, "magnets")
-
-
-@pytest.fixture(scope="module")
-def planned(scene):
-    return plan_ensemble(scene)
 
 
 @pytest.mark.thorough

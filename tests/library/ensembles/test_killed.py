@@ -1,7 +1,6 @@
 """Whatever is killed, and wherever: what was begun goes on, and ends with the same bits."""
 
 import errno
-import os
 import signal
 import subprocess
 import sys
@@ -12,24 +11,16 @@ from rbfmu import EnsembleResult
 from rbfmu.ensembles import store as stores
 from tests.support.ensembles.satellite import assert_same, run, satellite
 from tests.support.full_disk import full_disk
-from tests.support.paths import ROOT
+from tests.support.paths import ROOT, with_sources
 
 STORES = ["store.npz", "store.zarr"]
 
 
-@pytest.fixture(scope="module")
-def whole():
-    return run(satellite(), executor=1)
-
-
 def killed(store, moments):
     command = [sys.executable, "-m", "tests.support.ensembles.killed_runs", store, str(moments)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, env=os.environ | PATHS)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, env=with_sources())
     assert done.returncode == 0, done.stderr
     return [line.split() for line in done.stdout.splitlines()]
-
-
-PATHS = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "kernels"), str(ROOT / "fmu_build")])}
 
 
 def assert_all_go_on(whole, store, moments):

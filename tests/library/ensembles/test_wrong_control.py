@@ -5,18 +5,12 @@ import pytest
 
 import rbfmu
 from rbfmu import Controller, SceneError
-from rbfmu.ensembles.planning import plan_ensemble
 from tests.library.ensembles.test_control import RUNS, SEED, STEPS, TABLES, damp, run
 
 
 @pytest.fixture(scope="module")
 def scene():
     return rbfmu.Scene.from_dict(TABLES, "driven")
-
-
-@pytest.fixture(scope="module")
-def planned(scene):
-    return plan_ensemble(scene)
 
 
 def test_a_controller_that_gives_no_number_fails_its_member_alone(scene, planned):
