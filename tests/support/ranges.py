@@ -29,6 +29,7 @@ TESTS = (
     "tests/library/ensembles/test_chunks.py",
     "tests/library/ensembles/test_events.py",
     "tests/library/ensembles/test_result.py",
+    "tests/fmu/test_any_kind.py",
     "tests/fmu/python/test_python_fmu.py",
     "tests/fmu/python/test_fmu_traps.py",
     "tests/fmu/native/test_native_fmu.py",

@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from fmpy.fmi1 import FMICallException
-from fmpy.validation import validate_fmu
 
 import rbfmu_fmu
 from rbfmu.cli import main
-from rbfmu.simulation import simulate
-from rbfmu_fmu import builder, verify
+from rbfmu_fmu import builder
 from rbfmu_fmu.native.platforms import FMI_HEADERS, PLATFORMS
-from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
+from rbfmu_fmu.python.call_rules import CALLS, PHASES
+from tests.fmu.native.test_native_fmu_calls import MADE as OF_FMI_2, RULES
 from tests.support.covering import some_of
 from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
 from tests.support.fmu.elf import elf
@@ -41,32 +40,6 @@ def test_fmu_is_the_kernels_and_that_of_fmi_2_before_and_after_a_restore(name, k
         assert older.step(k * size, size) == OK
     assert older.outputs() == instance.outputs()
     instance.free()
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", some_of([*OWN], 2))
-def test_verify_finds_no_difference(name, kind):
-    found = verify(built(name, kind))
-    assert found.passed, found
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", ["class", *some_of([*OWN, "two_ports", "default"], 2)])
-def test_fmpy_validates(name, kind):
-    assert validate_fmu(str(built(name, kind))) == []
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_fmpy_gets_the_bits_of_simulate(kind):
-    run = scene("brick").run
-    recorded = fmpy.simulate_fmu(str(built("brick", kind)), stop_time=run.stop, output_interval=run.step)
-    result = simulate(scene("brick"))
-    for name in ("quaternion", "omega_b"):
-        values = getattr(result, name)
-        columns = recorded[name] if kind == "fmi3" else [recorded[f"{name}[{k + 1}]"] for k in range(len(values[0]))]
-        assert np.array_equal(np.transpose(columns) if kind == "fmi3" else columns, values.T), name
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -163,43 +136,20 @@ def references(instance, name):
     return instance.fmu.references[name]
 
 
-MADE = {
-    "enter": lambda i: i.enter(),
-    "exit": lambda i: i.exit(),
-    "set input": lambda i: i.set({"torque_b[1]": 0.5}),
-    "set parameter": lambda i: i.set({"mass": 3.0}),
-    "set output": lambda i: i.set({"rpy[1]": 3.0}),
+NOT_HERE = "setup", "set derivative", "cancel"
+NEVER = {
     "set time": lambda i: i.set({"time": 3.0}),
-    "get parameter": lambda i: i.get_references([references(i, "mass")])[0],
-    "get output": lambda i: i.get_references([references(i, "rpy[1]")])[0],
-    "get time": lambda i: i.get_references([references(i, "time")])[0],
-    "get derivative": lambda i: i.get_rates("rpy[1]")[0],
-    "get status": lambda i: i.get_integer(references(i, "status"))[0],
-    "directional": lambda i: i.derivative([references(i, "alpha_b[1]")], [], [])[0],
-    "adjoint": lambda i: i.derivative([references(i, "alpha_b[1]")], [], [0.0] * 3, adjoint=True)[0],
-    "step": lambda i: i.step(0.0, H),
-    "terminate": lambda i: i.terminate(),
-    "state": lambda i: i.restore(i.state()),
-    "reset": lambda i: i.reset(),
     "event mode": lambda i: i.lib.fmi3EnterEventMode(i.component),
     "step mode": lambda i: i.lib.fmi3EnterStepMode(i.component),
     "configuration mode": lambda i: i.lib.fmi3EnterConfigurationMode(i.component),
 }
-RULES = {
-    "enter": CALLS["enter_initialization"].phases,
-    "exit": CALLS["exit_initialization"].phases,
-    "set input": SETTABLE["input"],
-    "set parameter": SETTABLE["parameter"],
-    "set output": SETTABLE["output"],
-    "get output": CALLS["get_outputs"].phases,
-    "get derivative": CALLS["get_outputs"].phases,
-    "directional": CALLS["get_outputs"].phases,
-    "adjoint": CALLS["get_outputs"].phases,
-    "step": CALLS["do_step"].phases,
-    "terminate": CALLS["terminate"].phases,
-} | dict.fromkeys(["set time", "event mode", "step mode", "configuration mode"], ())
-"""The phases in which a call is allowed; any other call is in all."""
-ALLOWED = {phase: {name for name in MADE if k in RULES.get(name, range(4))} for k, phase in enumerate(PHASES)}
+MADE = {name: call for name, call in OF_FMI_2.items() if name not in NOT_HERE} | NEVER | {
+    "get time": lambda i: i.get_references([references(i, "time")])[0],
+    "directional": lambda i: i.derivative([references(i, "alpha_b[1]")], [], [])[0],
+    "adjoint": lambda i: i.derivative([references(i, "alpha_b[1]")], [], [0.0] * 3, adjoint=True)[0],
+}  # fmt: skip
+PHASES_OF = RULES | dict.fromkeys(NEVER, ()) | dict.fromkeys(["directional", "adjoint"], CALLS["get_outputs"].phases)
+ALLOWED = {phase: {name for name in MADE if k in PHASES_OF.get(name, range(4))} for k, phase in enumerate(PHASES)}
 
 
 @pytest.mark.parametrize("call", MADE)
@@ -320,22 +270,6 @@ def test_a_steps_answers():
     assert instance.get("time") == [H]
     assert (instance.step(H, 2 * H), instance.answer) == (OK, (False, False, False, 3 * H))
     assert instance.get("time", "mass") == [3 * H, 2.0]
-
-
-def test_a_state_holds_pending_inputs_status_time_and_phase():
-    instance = started(LOADED)
-    instance.steps(3)
-    assert instance.step(0.03, 1e300) == DISCARD
-    assert instance.set({"torque_b[1]": 5.0}) == OK  # not yet in the outputs
-    saved = instance.serialized(instance.state())
-    expected = [instance.status(), instance.last_time(), instance.outputs(), instance.steps(10, first=3)]
-    assert expected[:2] == [1, 0.03]
-    for other in (fmi3().instance(), started(), instance):
-        code, state = other.deserialized(saved)
-        assert code == other.restore(state) == OK
-        assert other.serialized(other.state()) == saved
-        assert [other.status(), other.last_time(), other.outputs(), other.steps(10, first=3)] == expected
-        assert other.free_state(state) == OK
 
 
 def test_a_state_of_fmi_2_is_none_of_fmi_3():

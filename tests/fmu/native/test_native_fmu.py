@@ -5,17 +5,13 @@ import math
 import fmpy
 import numpy as np
 import pytest
-from fmpy.validation import validate_fmu
 
-from rbfmu.simulation import simulate
-from rbfmu_fmu import verify
-from rbfmu_fmu.demo import ROUND_OFF
 from rbfmu_kernels.body import outputs as body_outputs
 from rbfmu_kernels.quantities import OUTPUT
 from tests.fmu.native.test_native_fmu_calls import ALLOWED, MADE, in_phase
 from tests.support.covering import some_of
 from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
-from tests.support.fmu.fmu_importer import DISCARD, ERROR, OK, Memory
+from tests.support.fmu.fmu_importer import ERROR, OK, Memory
 from tests.support.fmu.fmus import (  # noqa: F401
     SCENES,
     Kernels,
@@ -40,47 +36,6 @@ def test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore(name):
     instance, kernels = native(name).started(), Kernels(name)
     assert_same_before_and_after_a_restore(instance, kernels, inputs, size, 6000)
     instance.free()
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", some_of([*OWN], 2))
-def test_verify_finds_no_difference(name):
-    found = verify(built(name, "native"))
-    assert found.passed, found
-
-
-@pytest.mark.parametrize("name", ["class", *some_of([*OWN, "two_ports", "default"], 2)])
-def test_fmpy_validates(name):
-    assert validate_fmu(str(built(name, "native"))) == []
-
-
-def test_fmu_is_simulate_to_the_bit_at_the_same_communication_step():
-    run = scene("brick").run
-    recorded = fmpy.simulate_fmu(str(built("brick", "native")), stop_time=run.stop, output_interval=run.step)
-    for name, values in simulate(scene("brick")).columns().items():
-        assert np.max(np.abs(recorded[name] - values)) <= ROUND_OFF, name
-
-
-def test_threads_compute_the_same_bits():
-    assert run_case("threads", unzipped("driven", "native"))[0] == [True] * 16
-
-
-def test_outputs_follow_parameters_in_initialisation_and_inputs_at_any_time():
-    instance = native().instance()
-    assert instance.setup() == instance.enter() == OK
-    values = {"position_0[1]": 7.0, "gravity_a[3]": -1.0, "mass": 5.0, "inertia[1,1]": 1.5, "torque_b[2]": 3.0}
-    assert instance.outputs() == Kernels("driven").outputs()
-    assert instance.set(values) == OK
-    kernels = Kernels("driven", values)
-    assert instance.outputs() == kernels.outputs()
-    assert instance.exit() == OK
-    for _ in range(3):
-        kernels.step(H)
-    instance.steps(3)
-    assert instance.set(LOADED) == OK
-    kernels.set(LOADED)
-    assert instance.terminate() == OK
-    assert instance.outputs() == kernels.outputs()
 
 
 # --- derivatives with respect to time
@@ -191,26 +146,6 @@ def test_a_thousand_lives_leave_nothing_behind():
 
 
 # Saved states
-
-
-def test_a_state_holds_pending_inputs_status_time_and_phase():
-    fmu = native()
-    instance = fmu.started(LOADED)
-    instance.steps(3)
-    assert instance.step(0.03, 1e300) == DISCARD
-    assert instance.set({"torque_b[1]": 5.0}) == OK  # not yet in the outputs
-    saved = instance.serialized(instance.state())
-    expected = [instance.status(), instance.terminated(), instance.last_time(), instance.outputs()]
-    expected += [instance.get(*LOADED), instance.steps(10, first=3)]
-    assert expected[:3] == [1, True, 0.03]
-    for other in (fmu.instance(), fmu.started(), instance):  # also one that never was initialised
-        code, state = other.deserialized(saved)
-        assert code == other.restore(state) == OK
-        assert other.serialized(other.state()) == saved
-        found = [other.status(), other.terminated(), other.last_time(), other.outputs()]
-        assert [*found, other.get(*LOADED), other.steps(10, first=3)] == expected
-        assert other.set({"mass": 3.0}) == ERROR  # it is stepping
-        assert other.free_state(state) == OK
 
 
 @pytest.mark.parametrize("phase", ALLOWED)

@@ -12,12 +12,10 @@ from rbfmu_fmu.model_description import FMI2
 from rbfmu_fmu.native import headers, platforms
 from rbfmu_fmu.native.platforms import this_platform
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
-from tests.support.fmu.beside_kernels import LOADED
 from tests.support.fmu.builds import NAMED
 from tests.support.fmu.fmu_cases import WRONGS
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, OK, Memory
 from tests.support.fmu.fmus import (
-    ALL_PORTS,
     built,
     each_version,  # noqa: F401
     native,
@@ -134,21 +132,6 @@ def test_null_pointers_are_errors():
     assert instance.steps(5) == started().steps(5)
 
 
-@pytest.mark.thorough
-@pytest.mark.usefixtures("each_version")
-@pytest.mark.parametrize("size", [0.0, -0.01, math.nan, math.inf, -math.inf, 1e-300, 1e300])
-def test_a_refused_step_changes_nothing_but_the_status(size):
-    instance, other = started(LOADED), started(LOADED)
-    for one in (instance, other):
-        one.steps(3)
-    outputs = instance.outputs()
-    assert instance.step(0.03, size) == (DISCARD if size == 1e300 else ERROR)
-    assert (instance.status(), instance.last_time(), instance.outputs()) == (1, 0.03, outputs)
-    assert instance.terminated() == (size == 1e300)
-    assert instance.steps(5, first=3) == other.steps(5, first=3)
-    assert (instance.status(), instance.terminated()) == (0, False)
-
-
 @pytest.mark.usefixtures("each_version")
 def test_a_step_from_another_time_is_an_error_and_the_clocks_round_off_is_none():
     instance = started()
@@ -208,23 +191,6 @@ def test_an_experiment_without_sense_is_an_error(times):
     assert instance.setup() == OK
 
 
-@pytest.mark.usefixtures("each_version")
-@pytest.mark.parametrize("input_", [f"{port}[{i}]" for port in ALL_PORTS for i in (1, 3)])
-def test_a_step_that_leaves_the_range_of_numbers_never_happened(input_):
-    """Also one that fails after many good substeps; an importer that asks learns where it stands, and need not loop."""
-    instance, other = started(LOADED), started(LOADED)
-    instance.steps(3)
-    expected = other.steps(13)[3:]
-    usual = instance.get(input_)[0]
-    assert instance.set({input_: 1e300}) == OK
-    for size in (H, 10.0):
-        assert instance.step(0.03, size) == DISCARD
-        assert (instance.status(), instance.terminated(), instance.last_time()) == (1, True, 0.03)
-        assert "no finite motion" in instance.log[-1][-1].decode()
-    assert instance.set({input_: usual}) == OK
-    assert instance.steps(10, first=3) == expected
-
-
 def test_fmpy_ends_a_run_at_a_discarded_step():
     signals = np.array(
         [(0.0, 0.0), (0.5, 0.0), (0.5, 1e300), (1.0, 1e300)], dtype=[("time", "f8"), ("force_b[1]", "f8")]
@@ -254,19 +220,6 @@ def test_status_tells_times_past_the_scenes_stop():
     assert instance.status() == 2
 
 
-@pytest.mark.usefixtures("each_version")
-def test_refused_parameters_can_be_put_right():
-    instance, right = native().instance(), started({"mass": 3.0})
-    assert instance.setup() == instance.enter() == OK
-    for wrong in (-1.0, 0.0, -0.0):
-        assert instance.set({"mass": wrong}) == OK
-        assert instance.exit() == ERROR
-        assert instance.get_references([instance.fmu.references["rpy[1]"]])[0] == ERROR  # nor are there outputs
-    assert instance.set({"mass": 3.0}) == OK
-    assert instance.exit() == OK
-    assert instance.steps(5) == right.steps(5)
-
-
 @pytest.mark.parametrize(("kind", "refusal"), [("native", ERROR), ("fmi3", ERROR), ("python", FATAL)])
 def test_what_the_plan_rests_on_must_keep_its_value(kind, refusal):
     """Of both kinds: they ask when initialisation ends, and say what to list in the scene."""
@@ -279,17 +232,6 @@ def test_what_the_plan_rests_on_must_keep_its_value(kind, refusal):
     assert any(expected in text.decode() for *_, text in instance.log)
     assert instance.set({name: planned}) == OK
     assert instance.exit() == OK
-
-
-@pytest.mark.usefixtures("each_version")
-def test_a_set_that_is_refused_sets_nothing():
-    instance = started(LOADED)
-    for wrong in ({"force_a[1]": 9.0, "mass": 9.0}, {"force_a[1]": 9.0, "torque_b[1]": math.nan}):
-        assert instance.set(wrong) == ERROR
-        assert instance.get(*LOADED) == list(LOADED.values())
-    assert instance.set_references([instance.fmu.references["force_a[1]"], 9999], [9.0, 9.0]) == ERROR
-    assert instance.get(*LOADED) == list(LOADED.values())
-    assert instance.set_references([], []) == OK
 
 
 @pytest.mark.parametrize("value", [

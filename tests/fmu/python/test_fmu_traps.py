@@ -227,10 +227,6 @@ def test_two_fmus_of_one_name_each_compute_with_their_own_kernels(other_kernels,
     assert found[1] == again[0]
 
 
-def test_threads_compute_the_same_bits():
-    assert run_case("threads", unzipped("driven"))[0] == [True] * 16
-
-
 def test_the_first_instances_may_be_made_by_many_threads_at_once():
     assert run_case("threads_from_the_start", unzipped("driven"))[0] == [True, alone("driven")]
 

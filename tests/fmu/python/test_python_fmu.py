@@ -7,20 +7,17 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
-import fmpy
 import numpy as np
 import pytest
-from fmpy.validation import validate_fmu
 
 import rbfmu_kernels
 from rbfmu.simulation import simulate
-from rbfmu_fmu import verify
 from rbfmu_fmu.builder import kernel_sources
 from rbfmu_fmu.demo import ROUND_OFF
 from tests.support.covering import some_of
 from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
 from tests.support.fmu.fmu_importer import DISCARD, FATAL, OK
-from tests.support.fmu.fmus import ALL_PORTS, Kernels, built, opened, planned, scene, signal, unzipped
+from tests.support.fmu.fmus import Kernels, built, opened, planned, scene, signal, unzipped
 
 # From CPython 3.13 on ctypes reports that pythonfmu calls the importer's logger while an exception is on its way.
 pytestmark = pytest.mark.filterwarnings(
@@ -38,24 +35,6 @@ def test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore(name):
     instance.free()
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", some_of(["brick", "driven", "pendulum", "prescribed"], 2))
-def test_verify_finds_no_difference(name):
-    found = verify(built(name))
-    assert found.passed, found
-
-
-def test_fmu_is_simulate_to_the_bit_at_the_same_communication_step():
-    run = scene("brick").run
-    recorded = fmpy.simulate_fmu(
-        str(built("brick")), start_time=run.start, stop_time=run.stop, output_interval=run.step, validate=False
-    )
-    columns = simulate(scene("brick")).columns()
-    assert len(recorded) == len(columns["time"]) == 301
-    for name, values in columns.items():
-        assert np.max(np.abs(recorded[name] - values)) <= ROUND_OFF, name
-
-
 def test_fmpy_command_line_writes_the_same_bits(tmp_path):
     command = [sys.executable, "-m", "fmpy", "simulate", str(built("brick")), "--output-file", str(tmp_path / "o.csv")]
     command += ["--start-time", "0", "--stop-time", "30", "--output-interval", "0.1"]
@@ -63,11 +42,6 @@ def test_fmpy_command_line_writes_the_same_bits(tmp_path):
     rows = np.genfromtxt(tmp_path / "o.csv", delimiter=",", names=True, deletechars="")
     for name, values in simulate(scene("brick")).columns().items():
         assert np.max(np.abs(rows[name] - values)) <= ROUND_OFF, name
-
-
-@pytest.mark.parametrize("name", ["driven", "class", *some_of(["brick", "two_ports", "pendulum", "prescribed"], 1)])
-def test_fmpy_validates(name):
-    assert validate_fmu(str(built(name))) == []
 
 
 def test_reset_forgets_everything():
@@ -126,24 +100,6 @@ def test_every_start_value_of_every_scene_is_written_in_full():
         assert opened(name).instance().get(*start) == list(start.values())
 
 
-def test_a_state_holds_pending_inputs_status_and_phase():
-    fmu = opened("driven")
-    instance = fmu.started(LOADED)
-    instance.steps(3)
-    assert instance.step(0.03, -1.0) == DISCARD
-    assert instance.set({"torque_b[1]": 5.0}) == OK  # not yet in the outputs
-    saved = instance.serialized(instance.state())
-    expected = [instance.status(), instance.outputs(), instance.get(*LOADED), instance.steps(10, first=3)]
-    assert expected[0] == 1
-    for other in (fmu.instance(), fmu.started(), instance):  # also one that never was initialised
-        code, state = other.deserialized(saved)
-        assert code == other.restore(state) == OK
-        assert other.serialized(other.state()) == saved
-        assert [other.status(), other.outputs(), other.get(*LOADED), other.steps(10, first=3)] == expected
-        assert other.set({"mass": 3.0}) == FATAL  # it is stepping
-        assert other.free_state(state) == OK
-
-
 def test_a_state_of_the_initialisation_goes_on_initialising():
     instance = opened("driven").instance()
     assert instance.setup() == instance.enter() == OK
@@ -166,62 +122,6 @@ def test_restored_states_do_not_share_memory():
     assert instance.restore(state) == OK
     assert instance.steps(10) == first
     assert instance.serialized(state) == before
-
-
-@pytest.mark.parametrize("size", [0.0, -0.0, -0.01, math.nan, math.inf, -math.inf, 1e300])
-def test_refused_step_size_is_a_discard_that_says_where_it_stands(size):
-    instance = opened("driven").started(LOADED)
-    instance.steps(3)
-    outputs = instance.outputs()
-    assert instance.step(0.03, size) == DISCARD
-    assert instance.terminated()
-    assert instance.last_time() == 0.03
-    assert instance.status() == 1
-    assert instance.outputs() == outputs
-    assert instance.steps(5, first=3) == opened("driven").started(LOADED).steps(8)[3:]
-    assert instance.status() == 0
-
-
-@pytest.mark.parametrize("input_", [f"{port}[{i}]" for port in ALL_PORTS for i in (1, 3)])
-def test_a_step_that_leaves_the_range_of_numbers_never_happened(input_):
-    """Also one that fails after many good substeps."""
-    instance, other = opened("driven").started(LOADED), opened("driven").started(LOADED)
-    instance.steps(3)
-    expected = other.steps(13)[3:]
-    usual = instance.get(input_)[0]
-    assert instance.set({input_: 1e300}) == OK
-    for size in (H, 10.0):
-        assert instance.step(0.03, size) == DISCARD
-        assert instance.status() == 1
-        assert "no finite motion" in instance.log[-1][2].decode()
-    assert instance.set({input_: usual}) == OK
-    assert instance.steps(10, first=3) == expected
-
-
-def test_refused_parameters_can_be_put_right():
-    instance, right = opened("driven").instance(), opened("driven").started({"mass": 3.0})
-    assert instance.setup() == instance.enter() == OK
-    for wrong in (-1.0, 0.0, -0.0):
-        assert instance.set({"mass": wrong}) == OK
-        assert instance.exit() == FATAL
-        assert f": mass = {wrong}: expected" in str(instance.log[-1])
-    assert instance.set({"mass": 3.0}) == OK
-    assert instance.exit() == OK
-    assert instance.steps(5) == right.steps(5)
-
-
-def test_outputs_follow_parameters_in_initialisation():
-    instance = opened("driven").instance()
-    assert instance.setup() == instance.enter() == OK
-    before = instance.get("acceleration[3]", "position[1]")
-    values = {"position_0[1]": 7.0, "gravity_a[3]": -1.0, "mass": 5.0, "inertia[1,1]": 1.5, "torque_b[2]": 3.0}
-    assert instance.set(values) == OK
-    kernels = Kernels("driven", values)
-    assert instance.outputs() == kernels.outputs()
-    assert instance.get("position[1]")[0] == pytest.approx(7.0)
-    assert instance.get("acceleration[3]")[0] != before[0]
-    assert instance.exit() == OK
-    assert instance.outputs() == kernels.outputs()
 
 
 def test_accelerations_follow_an_input_set_since_the_step():
@@ -260,23 +160,6 @@ def test_inputs_keep_their_values_over_steps_and_can_be_set_in_any_order():
         assert other.set({name: values[name]}) == OK
     assert instance.steps(5) == other.steps(5)
     assert instance.get(*names) == other.get(*names) == list(values.values())
-
-
-def test_a_set_that_is_refused_sets_nothing():
-    instance = opened("driven").started(LOADED)
-    for wrong in ({"force_a[1]": 9.0, "mass": 9.0}, {"force_a[1]": 9.0, "torque_b[1]": math.nan}):
-        assert instance.set(wrong) == FATAL
-        assert instance.get(*LOADED) == list(LOADED.values())
-    assert instance.set_references([instance.fmu.references["force_a[1]"], 9999], [9.0, 9.0]) == FATAL
-    assert instance.get(*LOADED) == list(LOADED.values())
-
-
-def test_calls_without_variables_do_nothing():
-    instance = opened("driven").started(LOADED)
-    before = instance.outputs()
-    assert instance.set_references([], []) == OK
-    assert instance.get_references([]) == (OK, [])
-    assert instance.outputs() == before
 
 
 def test_huge_finite_inputs_are_taken_though_their_sum_is_not_finite():
