@@ -317,7 +317,7 @@ def test_events_on_the_way_are_none_of_its_business():
     """More than a step takes, 4,096, made it refuse a motion that a run follows."""
     scene = rbfmu.Scene.from_dict(FREE | {"loads": {"torque_b": "-0.1*omega_b"}})
     watched = rbfmu.Scene.from_dict(scene.to_dict() | {"events": {"often": "sin(3e4*t)"}})
-    for found, expected in zip(rbfmu.linearize(watched, 1.0), rbfmu.linearize(scene, 1.0), strict=True):
+    for found, expected in zip(rbfmu.linearize(watched, 0.5), rbfmu.linearize(scene, 0.5), strict=True):
         np.testing.assert_array_equal(found, expected)
 
 

@@ -13,7 +13,8 @@ from rbfmu import simulation
 from rbfmu_kernels.buffer import OK
 from tests.support.paths import SCENES
 
-SATELLITE = SCENES / "controlled_satellite.toml"
+FILE = SCENES / "controlled_satellite.toml"
+SATELLITE = rbfmu.load_scene(FILE).replace({"run.stop": 6.0})
 
 
 def torques(n, seed=1):
@@ -30,9 +31,9 @@ def assert_same(one, other):
 
 
 def test_steps_have_the_bits_of_a_run_with_the_same_inputs():
-    sim, u = rbfmu.Simulator(SATELLITE), torques(600)
+    sim, u = rbfmu.Simulator(FILE), torques(600)
     u[0] = 0.0  # a run has its first inputs at initialisation, a simulator none
-    run = rbfmu.simulate(SATELLITE, inputs={"torque_b": u})
+    run = rbfmu.simulate(FILE, inputs={"torque_b": u})
     for k in range(600):
         assert sim.time == run.time[k]
         assert_same({n: v[k] for n, v in run.quantities.items()}, state_of(sim))
@@ -82,7 +83,7 @@ def test_a_restored_state_goes_on_with_the_same_bits_in_another_simulator():
 def test_what_is_no_state_of_the_scene_is_refused_and_changes_nothing():
     sim = rbfmu.Simulator(SATELLITE)
     sim.step()
-    before, longer = sim.save(), rbfmu.Simulator(rbfmu.load_scene(SATELLITE).replace({"run.stop": 70.0})).save()
+    before, longer = sim.save(), rbfmu.Simulator(SATELLITE.replace({"run.stop": 7.0})).save()
     damaged = before[:-9] + bytes([before[-9] ^ 64]) + before[-8:]  # with which a step could end the process
     for wrong in (b"", before[:-1], b"x" + before[1:], longer, damaged):
         with pytest.raises(ValueError, match=f"these {len(wrong)} bytes are no state of controlled_satellite"):
@@ -153,7 +154,7 @@ def test_a_step_of_no_given_size_goes_to_the_next_communication_point(parts):
 
 def test_the_last_step_to_a_communication_point_ends_where_the_run_does():
     """It went on to a time beyond the scene's stop where that is no whole number of steps."""
-    scene = rbfmu.load_scene(SATELLITE).replace({"run": {"start": -0.2, "stop": 0.8, "step": 0.3}})
+    scene = SATELLITE.replace({"run": {"start": -0.2, "stop": 0.8, "step": 0.3}})
     sim, run = rbfmu.Simulator(scene), rbfmu.simulate(scene)
     rows = [sim.values()]
     while sim.time < scene.run.stop:
@@ -178,7 +179,7 @@ def test_a_step_that_leaves_the_range_of_numbers_is_refused_and_changes_nothing(
 
 
 def test_reset_begins_anew_with_the_parameters_that_the_scene_lists():
-    scene = rbfmu.load_scene(SATELLITE).replace({"inputs.parameters": ["omega_b_0", "inertia"]})
+    scene = SATELLITE.replace({"inputs.parameters": ["omega_b_0", "inertia"]})
     sim = rbfmu.Simulator(scene, omega_b_0=[0.1, 0.2, 0.3])
     np.testing.assert_array_equal(sim.omega_b, [0.1, 0.2, 0.3])
     fresh = sim.save()
@@ -254,7 +255,7 @@ def test_an_attribute_that_would_do_nothing_is_refused(name):
 
 
 def test_a_number_is_read_as_a_float():
-    scene = rbfmu.load_scene(SATELLITE).replace({"outputs.quantities": ["kinetic_energy"]})
+    scene = SATELLITE.replace({"outputs.quantities": ["kinetic_energy"]})
     sim = rbfmu.Simulator(scene)
     assert type(sim.kinetic_energy) is float
     assert sim.kinetic_energy > 0.0
@@ -275,7 +276,7 @@ def test_simulators_of_one_scene_run_in_threads_side_by_side():
 
 
 def test_the_compiled_step_works_on_its_buffer():
-    scene = rbfmu.load_scene(SATELLITE)
+    scene = SATELLITE
     planned = rbfmu.plan(scene)
     step, z = rbfmu.compiled_step(scene, planned)
     sim, blocks = rbfmu.Simulator(scene), planned.kernels.BLOCKS
@@ -314,7 +315,7 @@ def test_a_loop_becomes_a_result():
 
 
 def test_a_loop_becomes_a_result_with_outputs_of_one_s_own():
-    scene = rbfmu.load_scene(SATELLITE).replace({"outputs.turning": {"value": "norm(omega_b)", "unit": "rad/s"}})
+    scene = SATELLITE.replace({"outputs.turning": {"value": "norm(omega_b)", "unit": "rad/s"}})
     sim = rbfmu.Simulator(scene)
     looped = rbfmu.Result.of_rows([sim.values()])
     assert looped.turning.tolist() == [sim.turning]

@@ -17,6 +17,7 @@ import rbfmu
 import rbfmu_fmu
 from rbfmu_fmu.native.platforms import PLATFORMS
 from tests.support.command_line import call
+from tests.support.covering import some_of
 from tests.support.scenes.bad_scenes import BAD_SCENES, BadScene
 
 SHORT = """
@@ -55,7 +56,7 @@ def test_help_says_what_is_chosen_by_default(command: str, default: str) -> None
 
 
 @pytest.mark.parametrize("command", ["run", "build"])
-@pytest.mark.parametrize("bad", BAD_SCENES, ids=lambda bad: bad.name)
+@pytest.mark.parametrize("bad", some_of(BAD_SCENES, 40), ids=lambda bad: bad.name)  # `test_bad_scenes` reads all
 def test_bad_scene_is_one_message_and_status_2(command: str, bad: BadScene, tmp_path: Path) -> None:
     path = tmp_path / "bad.toml"
     path.write_bytes(bad.content)
