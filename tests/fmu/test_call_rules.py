@@ -43,11 +43,9 @@ Parameters here are fixed, initial = exact; outputs are calculated; inputs have 
 """
 
 STATES = {
-    INSTANTIATED: {"instantiated"},
-    INITIALIZING: {"initialization"},
-    STEPPING: {"complete", "failed"},
+    INSTANTIATED: {"instantiated"}, INITIALIZING: {"initialization"}, STEPPING: {"complete", "failed"},
     TERMINATED: {"terminated"},
-}
+}  # fmt: skip
 """The standard's states that a phase stands for. No step is pending here, and no refused call leads to `error`."""
 RULES = {name: rule.phases for name, rule in CALLS.items()} | {f"set_{c}": allowed for c, allowed in SETTABLE.items()}
 OURS = {

@@ -38,30 +38,12 @@ EXPECTED = {  # inputs, parameters, outputs
     "class": ([], [*BODY, "force_a", *START], ALL),
 }
 DIMENSIONS = {
-    "mass": "kg",
-    "inertia": "kg m2",
-    "r_oc_b": "m",
-    "gravity_a": "m s-2",
-    "damping_b": "kg m2 s-1 rad-1",
-    "force_a": "kg m s-2",
-    "force_b": "kg m s-2",
-    "torque_a": "kg m2 s-2",
-    "torque_b": "kg m2 s-2",
-    "position_0": "m",
-    "velocity_0": "m s-1",
-    "quaternion_0": "",
-    "omega_b_0": "rad s-1",
-    "position": "m",
-    "velocity": "m s-1",
-    "acceleration": "m s-2",
-    "quaternion": "",
-    "rpy": "rad",
-    "omega_b": "rad s-1",
-    "omega_a": "rad s-1",
-    "alpha_b": "rad s-2",
-    "angular_momentum_a": "kg m2 s-1",
-    "kinetic_energy": "kg m2 s-2",
-}
+    "mass": "kg", "inertia": "kg m2", "r_oc_b": "m", "gravity_a": "m s-2", "damping_b": "kg m2 s-1 rad-1",
+    "force_a": "kg m s-2", "force_b": "kg m s-2", "torque_a": "kg m2 s-2", "torque_b": "kg m2 s-2", "position_0": "m",
+    "velocity_0": "m s-1", "quaternion_0": "", "omega_b_0": "rad s-1", "position": "m", "velocity": "m s-1",
+    "acceleration": "m s-2", "quaternion": "", "rpy": "rad", "omega_b": "rad s-1", "omega_a": "rad s-1",
+    "alpha_b": "rad s-2", "angular_momentum_a": "kg m2 s-1", "kinetic_energy": "kg m2 s-2",
+}  # fmt: skip
 
 
 def variables_of(block):

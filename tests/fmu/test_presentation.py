@@ -141,14 +141,11 @@ def test_the_page_says_model_frames_variables_and_accuracy(name):
         assert (Path("documentation") / place).as_posix().replace("documentation/../", "") in files
 
 
-@pytest.mark.parametrize(
-    ("version", "python", "unless"),
-    [
-        (FMI2, True, ""),
-        (FMI2, False, ", unless the importer gives their derivatives with respect to time"),
-        (FMI3, False, ", unless the importer sets them in intermediate updates"),
-    ],
-)
+@pytest.mark.parametrize(("version", "python", "unless"), [
+    (FMI2, True, ""),
+    (FMI2, False, ", unless the importer gives their derivatives with respect to time"),
+    (FMI3, False, ", unless the importer sets them in intermediate updates"),
+])  # fmt: skip
 def test_the_page_says_how_inputs_can_change_within_a_step(version, python, unless):
     assert described("driven").interpolates_inputs
     made = presentation_files(described("driven"), version, python)

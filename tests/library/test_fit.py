@@ -182,14 +182,11 @@ def test_a_fit_is_written_with_comments_and_read_again(tmp_path, found):
     assert rbfmu.load_scene(tmp_path / "alone.toml").initial.omega_b == found.scene.initial.omega_b
 
 
-@pytest.mark.parametrize(
-    ("text", "key"),
-    [
-        ("body.mass = 2.0\nbody.inertia = [1.0, 2.0, 2.5]\n", "body.mass"),
-        ('[body]\nmass = 2.0\n[run]\nstop = 2.0\n[body.shape]\nkind = "sphere"\nradius = 0.5\n', "body.inertia"),
-        ('[body]\nmass = 2.0\nshape = { kind = "sphere", radius = 0.5 }\n', "body.mass"),
-    ],
-)
+@pytest.mark.parametrize(("text", "key"), [
+    ("body.mass = 2.0\nbody.inertia = [1.0, 2.0, 2.5]\n", "body.mass"),
+    ('[body]\nmass = 2.0\n[run]\nstop = 2.0\n[body.shape]\nkind = "sphere"\nradius = 0.5\n', "body.inertia"),
+    ('[body]\nmass = 2.0\nshape = { kind = "sphere", radius = 0.5 }\n', "body.mass"),
+])  # fmt: skip
 def test_any_spelling_of_a_table_may_be_written_over(tmp_path, text, key):
     """Keys with dots, and tables in parts, ended in a traceback; a shape gave another inertia beside a fitted mass."""
     file = tmp_path / "scene.toml"
@@ -274,28 +271,25 @@ def test_nasas_tumbling_brick_is_found_from_a_simulation_of_nasas():
     np.testing.assert_allclose(np.degrees(one.scene.initial.omega_b), [10.0, 20.0, 30.0], rtol=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("asked", "said"),
-    [
-        ({"free": []}, "free: expected at least one key"),
-        ({"free": ["body.colour"]}, r"'body\.colour': expected one of"),
-        ({"free": ["body.inertia[1,1]"]}, r"expected body\.inertia as a whole"),
-        ({"free": ["initial.omega_b", "initial.omega_b[1]"]}, "expected each number once"),
-        ({"loss": "square"}, "loss = 'square': expected one of linear"),
-        ({"sigma": 0.0}, r"sigma: omega_b = 0\.0: expected a number > 0"),
-        ({"sigma": {"rpy": 1.0}}, "sigma: 'rpy': expected some of omega_b"),
-        ({"data": 3.0}, "expected a file, a Result, a DataFrame, or a mapping"),
-        ({"data": {"time": [0, 1], "omega_b": [[1, 2], [1, 2]]}}, r"omega_b has shape \(2, 2\): expected \(2, 3\)"),
-        ({"data": {"time": [0, 1], "omega_b": "x"}}, "omega_b must be real numbers"),
-        ({"data": {"time": [0, 1], "omega_b": [[1, 2, 3], [1]]}}, "omega_b: expected an array of numbers"),
-        ({"data": {"time": np.array([0, 1], "timedelta64[s]"), "omega_b": np.ones((2, 3))}}, "time must be real numb"),
-        ({"data": {"time": [0, 1], "omega_b": np.ma.masked_less(np.eye(2, 3), 1)}}, "omega_b must have no mask"),
-        ({"data": {"time": [0, 1], "rpy": [0.0, 1.0]}}, r"rpy has shape \(2,\): expected \(2, 3\)"),
-        ({"data": {"time": [0, 1], "momentum": [1.0, 2.0]}}, r"momentum has shape \(2,\): expected \(2, 3\)"),
-        ({"data": {"time": [0, 1], "energy": np.ones((2, 3))}}, r"energy has shape \(2, 3\): expected \(2, 1\)"),
-        ({"data": {"time": [0, 1], "omega_b": [[1, 1, 1], [None] * 3]}}, "3 numbers: expected at least 4, more than"),
-    ],
-)
+@pytest.mark.parametrize(("asked", "said"), [
+    ({"free": []}, "free: expected at least one key"),
+    ({"free": ["body.colour"]}, r"'body\.colour': expected one of"),
+    ({"free": ["body.inertia[1,1]"]}, r"expected body\.inertia as a whole"),
+    ({"free": ["initial.omega_b", "initial.omega_b[1]"]}, "expected each number once"),
+    ({"loss": "square"}, "loss = 'square': expected one of linear"),
+    ({"sigma": 0.0}, r"sigma: omega_b = 0\.0: expected a number > 0"),
+    ({"sigma": {"rpy": 1.0}}, "sigma: 'rpy': expected some of omega_b"),
+    ({"data": 3.0}, "expected a file, a Result, a DataFrame, or a mapping"),
+    ({"data": {"time": [0, 1], "omega_b": [[1, 2], [1, 2]]}}, r"omega_b has shape \(2, 2\): expected \(2, 3\)"),
+    ({"data": {"time": [0, 1], "omega_b": "x"}}, "omega_b must be real numbers"),
+    ({"data": {"time": [0, 1], "omega_b": [[1, 2, 3], [1]]}}, "omega_b: expected an array of numbers"),
+    ({"data": {"time": np.array([0, 1], "timedelta64[s]"), "omega_b": np.ones((2, 3))}}, "time must be real numb"),
+    ({"data": {"time": [0, 1], "omega_b": np.ma.masked_less(np.eye(2, 3), 1)}}, "omega_b must have no mask"),
+    ({"data": {"time": [0, 1], "rpy": [0.0, 1.0]}}, r"rpy has shape \(2,\): expected \(2, 3\)"),
+    ({"data": {"time": [0, 1], "momentum": [1.0, 2.0]}}, r"momentum has shape \(2,\): expected \(2, 3\)"),
+    ({"data": {"time": [0, 1], "energy": np.ones((2, 3))}}, r"energy has shape \(2, 3\): expected \(2, 1\)"),
+    ({"data": {"time": [0, 1], "omega_b": [[1, 1, 1], [None] * 3]}}, "3 numbers: expected at least 4, more than"),
+])  # fmt: skip
 def test_what_cannot_be_fitted_is_refused_by_one_message(asked, said):
     scene = rbfmu.Scene(
         body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},

@@ -20,11 +20,9 @@ TRIAXIAL = [[1.0, 0.1, -0.05], [0.1, 2.0, 0.2], [-0.05, 0.2, 2.5]]
 START = {"attitude": {"euler": "ZYX", "angles_deg": [25, -40, 70]}, "omega_b": [0.7, -0.4, 1.1]}
 PORTS = ["force_a", "force_b", "torque_a", "torque_b"]
 LOADS = {
-    "gravity_a": [0.3, -0.2, -9.81],
-    "torque_a": [0.2, -0.1, 0.3],
-    "torque_b": [0.1, 0.4, -0.2],
+    "gravity_a": [0.3, -0.2, -9.81], "torque_a": [0.2, -0.1, 0.3], "torque_b": [0.1, 0.4, -0.2],
     "damping_b": [0.02, 0.5, 0.03],
-}
+}  # fmt: skip
 FREE = {
     "body": {"mass": 2.0, "inertia": TRIAXIAL, "r_oc_b": [0.3, -0.2, 0.1]},
     "initial": START | {"position": [1.0, 2.0, 3.0], "velocity": [0.4, -0.5, 0.6]},
@@ -41,12 +39,9 @@ UNLOADED = {"body": {"mass": 2.0, "inertia": TRIAXIAL}, "inputs": {"ports": PORT
 RATES = {"inputs": {"ports": ["omega_b"]}, "initial": {"attitude": START["attitude"]}}
 CASES = {"free": FREE, "pivot": PIVOT, "unloaded": UNLOADED, "rates": RATES}
 HELD = {
-    "force_a": [0.1, -0.2, 0.3],
-    "force_b": [0.4, 0.5, -0.6],
-    "torque_a": [-0.7, 0.8, 0.9],
-    "torque_b": [0.15, -0.25, 0.35],
-    "omega_b": [0.3, -0.6, 0.2],
-}
+    "force_a": [0.1, -0.2, 0.3], "force_b": [0.4, 0.5, -0.6], "torque_a": [-0.7, 0.8, 0.9],
+    "torque_b": [0.15, -0.25, 0.35], "omega_b": [0.3, -0.6, 0.2],
+}  # fmt: skip
 
 
 def vec(x):
@@ -234,17 +229,14 @@ def test_rpy_has_no_derivative_at_its_pole():
     assert rbfmu.linearize(scene.replace({"outputs.quantities": ["quaternion"]})).C.shape == (4, 6)
 
 
-@pytest.mark.parametrize(
-    ("t", "ports", "message"),
-    [
-        (-1.0, {}, "t = -1.0: expected a time from run.start = 0.0 to run.stop"),
-        (math.nan, {}, "t = nan"),
-        (1e9, {}, "t = 1000000000.0"),
-        (0.0, {"omega_b": [1, 2, 3]}, "input 'omega_b': expected one of force_a"),
-        (0.0, {"torque_b": [1, 2]}, "torque_b = .*expected 3 finite numbers"),
-        (1.0, {"torque_b": [1, 2, math.inf]}, "torque_b = .*expected 3 finite numbers"),
-    ],
-)
+@pytest.mark.parametrize(("t", "ports", "message"), [
+    (-1.0, {}, "t = -1.0: expected a time from run.start = 0.0 to run.stop"),
+    (math.nan, {}, "t = nan"),
+    (1e9, {}, "t = 1000000000.0"),
+    (0.0, {"omega_b": [1, 2, 3]}, "input 'omega_b': expected one of force_a"),
+    (0.0, {"torque_b": [1, 2]}, "torque_b = .*expected 3 finite numbers"),
+    (1.0, {"torque_b": [1, 2, math.inf]}, "torque_b = .*expected 3 finite numbers"),
+])  # fmt: skip
 def test_what_is_wrong_is_refused(t, ports, message):
     with pytest.raises(ValueError, match=message):
         rbfmu.linearize(rbfmu.Scene.from_dict(FREE), t, **ports)
@@ -260,19 +252,13 @@ def test_a_linear_system_says_what_it_is():
 
 
 FREE_BODY = {
-    "body": {
-        "mass": 2.0,
-        "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]],
-        "r_oc_b": [0.1, -0.2, 0.3],
-    },
-    "initial": {
-        "omega_b": [0.3, -0.5, 0.9],
-        "velocity": [0.1, 0.2, 0.3],
-        "attitude": {"quaternion": [0.8, 0, -0.6, 0]},
-    },
+    "body": {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]],
+        "r_oc_b": [0.1, -0.2, 0.3]},
+    "initial": {"omega_b": [0.3, -0.5, 0.9], "velocity": [0.1, 0.2, 0.3],
+        "attitude": {"quaternion": [0.8, 0, -0.6, 0]}},
     "inputs": {"ports": ["torque_b", "force_a"]},
     "run": {"stop": 3.0, "step": 0.1, "accuracy": 1e-11},
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("pivot", [False, True])

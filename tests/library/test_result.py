@@ -238,22 +238,19 @@ def test_numbers_in_quotes_are_the_same_numbers(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.omega_b, [[1.5, 2.0, 3.0], [4.0, 5.0, -0.006]])
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("a,b\n1,2\n", "'time' is missing"),
-        ("time,omega_b[1],omega_b[3]\n0,1,2\n", r"omega_b\[2\] is missing"),
-        (GOOD + "0,1,2,3\n0,1,2,3\n", r"time = 0.0 in row 2: expected times that increase"),
-        (GOOD + "0,1,2,3\n1,1,nan,3\n", r"omega_b = nan in row 2: expected numbers"),
-        (GOOD + "0,1,2,3\n1,1,2\n", "row 2 has 3 cells: expected 4"),
-        (GOOD + "0,1,2\n", "row 1 has 3 cells: expected 4"),
-        (GOOD + "0,1,2,x\n", r'omega_b\[3\] = "x" in row 1: expected a number'),
-        ("time,omega_b\n0,1 2 3\n1,5\n", r'omega_b\[1\] = "\[5\]" in row 2: expected a number'),
-        ("time,omega_b\n0,1 2\n1,1 2\n", r"omega_b\[3\] is missing"),
-        ("time,omega_b[1],omega_b\n0,1,1 2 3\n", r"'omega_b\[1\]' stands twice"),
-        ("time,kinetic_energy\n0 1,5\n", 'time = "0 1" in row 1: expected a number'),
-    ],
-)
+@pytest.mark.parametrize(("text", "message"), [
+    ("a,b\n1,2\n", "'time' is missing"),
+    ("time,omega_b[1],omega_b[3]\n0,1,2\n", r"omega_b\[2\] is missing"),
+    (GOOD + "0,1,2,3\n0,1,2,3\n", r"time = 0.0 in row 2: expected times that increase"),
+    (GOOD + "0,1,2,3\n1,1,nan,3\n", r"omega_b = nan in row 2: expected numbers"),
+    (GOOD + "0,1,2,3\n1,1,2\n", "row 2 has 3 cells: expected 4"),
+    (GOOD + "0,1,2\n", "row 1 has 3 cells: expected 4"),
+    (GOOD + "0,1,2,x\n", r'omega_b\[3\] = "x" in row 1: expected a number'),
+    ("time,omega_b\n0,1 2 3\n1,5\n", r'omega_b\[1\] = "\[5\]" in row 2: expected a number'),
+    ("time,omega_b\n0,1 2\n1,1 2\n", r"omega_b\[3\] is missing"),
+    ("time,omega_b[1],omega_b\n0,1,1 2 3\n", r"'omega_b\[1\]' stands twice"),
+    ("time,kinetic_energy\n0 1,5\n", 'time = "0 1" in row 1: expected a number'),
+])  # fmt: skip
 def test_what_is_no_result_is_refused(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "it.csv").write_text(text)
     with pytest.raises(ValueError, match=message):
@@ -281,15 +278,9 @@ def test_arrays_that_are_no_result_are_refused(tmp_path: Path) -> None:
 
 
 NAMES = {
-    "About": About,
-    "Scene": Scene,
-    "Body": Body,
-    "Initial": Initial,
-    "Inputs": Inputs,
-    "Loads": Loads,
-    "Outputs": Outputs,
-    "Run": Run,
-}
+    "About": About, "Scene": Scene, "Body": Body, "Initial": Initial, "Inputs": Inputs, "Loads": Loads,
+    "Outputs": Outputs, "Run": Run,
+}  # fmt: skip
 
 
 class Cells(HTMLParser):

@@ -21,22 +21,16 @@ WRONG = [
     (lambda: rbfmu.simulate(SCENE, planned="x"), TypeError, NO_PLAN.format('"x"')),
     (lambda: rbfmu.simulate(SCENE, planned={}), TypeError, NO_PLAN.format("{}")),
     (lambda: rbfmu.simulate(SCENE, progress=True), TypeError, "progress = true: expected a function"),
-    (
-        lambda: rbfmu.simulate(SCENE, interpolate="x"),
-        rbfmu.SceneError,
-        "interpolate = \"x\": expected 'hold' or 'linear'",
-    ),
+    (lambda: rbfmu.simulate(SCENE, interpolate="x"), rbfmu.SceneError,
+     "interpolate = \"x\": expected 'hold' or 'linear'"),
     (lambda: rbfmu.compiled_step(SCENE, 3), TypeError, NO_PLAN.format("3")),
     (lambda: rbfmu.run_ensemble(SCENE, planned="x"), TypeError, NO_PLAN.format('"x"')),
     (lambda: rbfmu.sensitivity(SCENE, ["body.inertia"], planned="x"), TypeError, NO_PLAN.format('"x"')),
     (lambda: rbfmu.sensitivity(SCENE, by=[3]), ValueError, "by = 3: expected one of initial.attitude, "),
     (lambda: rbfmu.sensitivity(SCENE, by=3), ValueError, "by = 3: expected one of initial.attitude, "),
     (lambda: rbfmu.sensitivity(SCENE, by=None), ValueError, "by = None: expected one of initial.attitude, "),
-    (
-        lambda: rbfmu.sensitivity(SCENE, by=["body.mass", "body.mass"]),
-        ValueError,
-        "by: expected each number once, not body.mass, body.mass",
-    ),
+    (lambda: rbfmu.sensitivity(SCENE, by=["body.mass", "body.mass"]), ValueError,
+     "by: expected each number once, not body.mass, body.mass"),
     (lambda: rbfmu.sensitivity(SCENE, "body.mass", covariance="x"), ValueError, "covariance: expected a matrix (1, 1)"),
     (lambda: rbfmu.sensitivity(SCENE, "body.mass", covariance={}), ValueError, "covariance: expected a matrix (1, 1)"),
     (lambda: rbfmu.fit(SCENE, RESULT, free=[3]), ValueError, "free = 3: expected one of initial.attitude, "),
@@ -48,11 +42,8 @@ WRONG = [
     (lambda: rbfmu.Simulator(SCENE).restore("x"), TypeError, 'state = "x": expected the bytes that `save` returned'),
     (lambda: rbfmu.Result.of_rows([3]), ValueError, "rows[0]: expected time and the same quantities in each"),
     (lambda: rbfmu.Result.of_rows([{}]), ValueError, "rows[0]: expected time and the same quantities in each"),
-    (
-        lambda: rbfmu.Result.of_rows([{"time": 0, "rpy": [1, 2, 3]}, {"time": 1, "rpy": [1]}]),
-        ValueError,
-        "rpy must be a",
-    ),
+    (lambda: rbfmu.Result.of_rows([{"time": 0, "rpy": [1, 2, 3]}, {"time": 1, "rpy": [1]}]), ValueError,
+     "rpy must be a"),
     (lambda: rbfmu.Result.of_rows([{"time": 0.0}, {"x": 1}]), ValueError, "rows[1]: expected time and the same"),
     (lambda: RESULT.until("x"), ValueError, "stop = 'x': expected a time from 0.0 s on"),
     (lambda: rbfmu.run_ensemble(SCENE, 4), TypeError, "store = 4: expected a path"),
@@ -63,7 +54,7 @@ WRONG = [
     (lambda: rbfmu.EnsembleResult.load(RESULT), TypeError, "path = Result("),
     (lambda: rbfmu.Simulator(SCENE).step(True), TypeError, "h = true: expected a number (s)"),
     (lambda: SCENE.replace(3), rbfmu.SceneError, "scene: changes = 3: expected a mapping from keys to their values"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("call", "error", "said"), WRONG, ids=[str(k) for k in range(len(WRONG))])
@@ -78,13 +69,10 @@ SEEN = [
     (lambda: rbfmu.view(SCENE, 3), TypeError, "path = 3: expected the path of a page to write, or None"),
     (lambda: rbfmu.view(RESULT, scene=3), TypeError, "scene = 3: expected a rbfmu.Scene or the path of a scene file"),
     (lambda: rbfmu.view(RESULT, stop="x"), ValueError, "stop = 'x': expected a time from 0.0 s on"),
-    (
-        lambda: rbfmu.view(SCENE, stop="x"),
-        rbfmu.SceneError,
-        "scene with stop 'x': run.stop = \"x\": expected a number (s)",
-    ),
+    (lambda: rbfmu.view(SCENE, stop="x"), rbfmu.SceneError,
+     "scene with stop 'x': run.stop = \"x\": expected a number (s)"),
     (lambda: rbfmu.view(SCENE, interpolate="x"), rbfmu.SceneError, "interpolate = \"x\": expected 'hold' or 'linear'"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("call", "error", "said"), SEEN, ids=[str(k) for k in range(len(SEEN))])

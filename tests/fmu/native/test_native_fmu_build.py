@@ -275,15 +275,12 @@ def test_what_the_c_compiler_says_is_in_the_message(tmp_path, monkeypatch):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native")
 
 
-@pytest.mark.parametrize(
-    ("platforms", "folders"),
-    [
-        (["linux64"], {"linux64": "linux64"}),
-        (["linux-aarch64"], {"aarch64-linux": "linux-aarch64", "linux64": "linux-aarch64"}),
-        (["linux-aarch64", "linux64"], {"aarch64-linux": "linux-aarch64", "linux64": "linux64"}),
-        (["linux-aarch64", "win64"], {"aarch64-linux": "linux-aarch64", "linux64": "linux-aarch64", "win64": "win64"}),
-    ],
-)
+@pytest.mark.parametrize(("platforms", "folders"), [
+    (["linux64"], {"linux64": "linux64"}),
+    (["linux-aarch64"], {"aarch64-linux": "linux-aarch64", "linux64": "linux-aarch64"}),
+    (["linux-aarch64", "linux64"], {"aarch64-linux": "linux-aarch64", "linux64": "linux64"}),
+    (["linux-aarch64", "win64"], {"aarch64-linux": "linux-aarch64", "linux64": "linux-aarch64", "win64": "win64"}),
+])  # fmt: skip
 def test_aarch64_lies_where_importers_look_unless_another_platform_does(platforms, folders, tmp_path, monkeypatch):
     """FMPy looks into binaries/linux64 on any Linux; FMI 2.0.5 has aarch64-linux."""
     monkeypatch.setattr(builder.object_code, "object_files", lambda kernels, platform: {})

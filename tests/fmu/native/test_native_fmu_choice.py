@@ -71,11 +71,8 @@ def test_the_choice_is_what_linux_says_of_the_processor(chooser):
 
 
 CASES = {
-    "closed form": "brick",
-    "exact rotation": "prescribed",
-    "Taylor series": "driven",
-    "pendulum": "pendulum",
-}
+    "closed form": "brick", "exact rotation": "prescribed", "Taylor series": "driven", "pendulum": "pendulum",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -219,19 +219,16 @@ def test_check_inertia_looks_past_the_diagonal_for_negative_moments():
     assert inertia.check_inertia(inertia.diagonal((-1.0, -1.0, -1.0))) == inertia.NEGATIVE
 
 
-@pytest.mark.parametrize(
-    ("M", "message"),
-    [
-        (np.full((3, 3), np.nan), "M is not finite"),
-        ([[1, 2, 3]] * 3, "M is not symmetric"),
-        (np.diag([-1, 1, 1]), "M has a negative principal moment: -1, 1, 1 kg m2"),
-        (np.diag([1, 3, 1]), r"M breaks the triangle inequality: 3 kg m2 is above 1 \+ 1 by 1"),
-        (np.diag([1, 2 + 1e-10, 1]), r"M breaks the triangle inequality: 2 kg m2 is above 1 \+ 1 by 1e-10"),
-        ([[np.eye(3)], [np.diag([1, 3, 1])]], r"M\[1, 0\] breaks the triangle inequality"),
-        (np.eye(2), r"M must have trailing shape \(3, 3\), got \(2, 2\)"),
-        ("brick", "M must be real numbers, got 'brick'"),
-    ],
-)
+@pytest.mark.parametrize(("M", "message"), [
+    (np.full((3, 3), np.nan), "M is not finite"),
+    ([[1, 2, 3]] * 3, "M is not symmetric"),
+    (np.diag([-1, 1, 1]), "M has a negative principal moment: -1, 1, 1 kg m2"),
+    (np.diag([1, 3, 1]), r"M breaks the triangle inequality: 3 kg m2 is above 1 \+ 1 by 1"),
+    (np.diag([1, 2 + 1e-10, 1]), r"M breaks the triangle inequality: 2 kg m2 is above 1 \+ 1 by 1e-10"),
+    ([[np.eye(3)], [np.diag([1, 3, 1])]], r"M\[1, 0\] breaks the triangle inequality"),
+    (np.eye(2), r"M must have trailing shape \(3, 3\), got \(2, 2\)"),
+    ("brick", "M must be real numbers, got 'brick'"),
+])  # fmt: skip
 def test_check_inertia_says_why(M, message):
     with pytest.raises(ValueError, match=message):
         rbfmu.check_inertia(M)

@@ -176,18 +176,15 @@ def test_inertia_of_points_broadcasts_and_keeps_to_one_cloud_at_a_time():
         np.testing.assert_array_equal(many[1, 2], single)
 
 
-@pytest.mark.parametrize(
-    ("masses", "positions", "message"),
-    [
-        ([1.0, 2.0], [[0, 0, 0]], r"masses must have trailing shape \(1,\), got \(2,\)"),
-        (1.0, [[0, 0, 0]], r"masses must have trailing shape \(1,\), got \(\)"),
-        ([1.0], [0, 0, 0], r"positions must have trailing shape \(n, 3\), got \(3,\)"),
-        ([1.0], [[0, 0]], r"positions must have trailing shape \(n, 3\), got \(1, 2\)"),
-        (["x"], [[0, 0, 0]], "masses must be real numbers"),
-        ([0.0, 0.0], [[0, 0, 0], [1, 1, 1]], "masses must have a sum above 0"),
-        (np.zeros(0), np.zeros((0, 3)), "masses must have a sum above 0"),
-    ],
-)
+@pytest.mark.parametrize(("masses", "positions", "message"), [
+    ([1.0, 2.0], [[0, 0, 0]], r"masses must have trailing shape \(1,\), got \(2,\)"),
+    (1.0, [[0, 0, 0]], r"masses must have trailing shape \(1,\), got \(\)"),
+    ([1.0], [0, 0, 0], r"positions must have trailing shape \(n, 3\), got \(3,\)"),
+    ([1.0], [[0, 0]], r"positions must have trailing shape \(n, 3\), got \(1, 2\)"),
+    (["x"], [[0, 0, 0]], "masses must be real numbers"),
+    ([0.0, 0.0], [[0, 0, 0], [1, 1, 1]], "masses must have a sum above 0"),
+    (np.zeros(0), np.zeros((0, 3)), "masses must have a sum above 0"),
+])  # fmt: skip
 def test_inertia_of_points_names_a_wrong_argument(masses, positions, message):
     with pytest.raises(ValueError, match=message):
         rbfmu.inertia_of_points(masses, positions)

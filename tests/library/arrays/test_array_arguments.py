@@ -15,52 +15,41 @@ from tests.support.covering import some_of
 from tests.support.references.hard_cases import rng
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: rbfmu.rotate(Q[:, :3], V), r"rotate: q_ab must have trailing shape \(4,\), got \(100, 3\)"),
-        (lambda: rbfmu.rotate(Q, 3.0), r"rotate: v_b must have trailing shape \(3,\), got \(\)"),
-        (lambda: rbfmu.transform(R[0, 0], V), r"transform: R_ab must have trailing shape \(3, 3\), got \(3,\)$"),
-        (lambda: rbfmu.angular_momentum([1, 2, 3], V[0]), r"M_c must .* got \(3,\); .* np\.diag\(moments\)$"),
-        (lambda: rbfmu.euler_from_matrix("ZYX", Q), r"euler_from_matrix: R_ab must have trailing shape \(3, 3\)"),
-        (lambda: rbfmu.euler_from_matrix("ZZX", R), "Euler sequence"),
-        (lambda: rbfmu.euler_from_matrix(R, R), "Euler sequence"),
-        (lambda: rbfmu.rotate(Q[:7], V[:6]), "do not broadcast"),
-        (lambda: rbfmu.inertia_of_points(np.ones((2, 3)), np.ones((4, 3, 3))), "points: leading .* do not broadcast"),
-        (lambda: rbfmu.rotate(["a", "b", "c", "d"], V[0]), "q_ab must be real numbers"),
-        (lambda: rbfmu.normalize(Q * 1j), "q must be real numbers"),
-        (lambda: rbfmu.rotate([[1.0], [1.0, 2.0]], V[0]), "q_ab must be a regular array"),
-    ],
-)
+@pytest.mark.parametrize(("call", "message"), [
+    (lambda: rbfmu.rotate(Q[:, :3], V), r"rotate: q_ab must have trailing shape \(4,\), got \(100, 3\)"),
+    (lambda: rbfmu.rotate(Q, 3.0), r"rotate: v_b must have trailing shape \(3,\), got \(\)"),
+    (lambda: rbfmu.transform(R[0, 0], V), r"transform: R_ab must have trailing shape \(3, 3\), got \(3,\)$"),
+    (lambda: rbfmu.angular_momentum([1, 2, 3], V[0]), r"M_c must .* got \(3,\); .* np\.diag\(moments\)$"),
+    (lambda: rbfmu.euler_from_matrix("ZYX", Q), r"euler_from_matrix: R_ab must have trailing shape \(3, 3\)"),
+    (lambda: rbfmu.euler_from_matrix("ZZX", R), "Euler sequence"),
+    (lambda: rbfmu.euler_from_matrix(R, R), "Euler sequence"),
+    (lambda: rbfmu.rotate(Q[:7], V[:6]), "do not broadcast"),
+    (lambda: rbfmu.inertia_of_points(np.ones((2, 3)), np.ones((4, 3, 3))), "points: leading .* do not broadcast"),
+    (lambda: rbfmu.rotate(["a", "b", "c", "d"], V[0]), "q_ab must be real numbers"),
+    (lambda: rbfmu.normalize(Q * 1j), "q must be real numbers"),
+    (lambda: rbfmu.rotate([[1.0], [1.0, 2.0]], V[0]), "q_ab must be a regular array"),
+])  # fmt: skip
 def test_what_does_not_fit_is_a_value_error_that_names_the_argument(call, message):
     for _ in range(2):  # before and after compilation
         with pytest.raises(ValueError, match=message):
             call()
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: rbfmu.rotate(Q), r"rotate takes 2 arguments \(q_ab, v_b\), got 1"),
-        (lambda: rbfmu.rotate(Q, V, speed=3), "rotate: unexpected keyword 'speed'; arguments are q_ab, v_b, out"),
-        (lambda: rbfmu.rotate(q_ab=Q, v_a=V), "rotate: unexpected keyword 'v_a'; arguments are q_ab, v_b, out"),
-        (lambda: rbfmu.rotate(v_b=V), "rotate: q_ab missing; arguments are q_ab, v_b, out"),
-        (lambda: rbfmu.rotate(Q, q_ab=Q), "rotate: q_ab is given twice, by position and by name"),
-        (lambda: rbfmu.rotate(Q, V, v_b=V), "rotate: v_b is given twice, by position and by name"),
-        (
-            lambda: rbfmu.matrix_from_euler("ZYX", rpy=V),
-            "matrix_from_euler: unexpected keyword 'rpy'; arguments are seq, angles, out",
-        ),
-        (
-            lambda: rbfmu.matrix_from_euler("ZYX", V, seq="XYZ"),
-            "matrix_from_euler.* multiple values for argument 'seq'",
-        ),
-        (lambda: rbfmu.matrix_from_euler("ZYX", 0.1, 0.2, 0.3), r"takes 2 arguments \(seq, angles\), got 4"),
-        (lambda: rbfmu.matrix_from_euler(angles=V), "matrix_from_euler.* missing .* 'seq'"),
-        (lambda: rbfmu.free_rotation(V[0], Q[0], omega_b_0=V[0]), "free_rotation: t missing"),
-        (lambda: rbfmu.free_rotation(V[0], Q[0], V[0], 1.0, t=2.0), "free_rotation: t is given twice"),
-    ],
-)
+@pytest.mark.parametrize(("call", "message"), [
+    (lambda: rbfmu.rotate(Q), r"rotate takes 2 arguments \(q_ab, v_b\), got 1"),
+    (lambda: rbfmu.rotate(Q, V, speed=3), "rotate: unexpected keyword 'speed'; arguments are q_ab, v_b, out"),
+    (lambda: rbfmu.rotate(q_ab=Q, v_a=V), "rotate: unexpected keyword 'v_a'; arguments are q_ab, v_b, out"),
+    (lambda: rbfmu.rotate(v_b=V), "rotate: q_ab missing; arguments are q_ab, v_b, out"),
+    (lambda: rbfmu.rotate(Q, q_ab=Q), "rotate: q_ab is given twice, by position and by name"),
+    (lambda: rbfmu.rotate(Q, V, v_b=V), "rotate: v_b is given twice, by position and by name"),
+    (lambda: rbfmu.matrix_from_euler("ZYX", rpy=V),
+     "matrix_from_euler: unexpected keyword 'rpy'; arguments are seq, angles, out"),
+    (lambda: rbfmu.matrix_from_euler("ZYX", V, seq="XYZ"), "matrix_from_euler.* multiple values for argument 'seq'"),
+    (lambda: rbfmu.matrix_from_euler("ZYX", 0.1, 0.2, 0.3), r"takes 2 arguments \(seq, angles\), got 4"),
+    (lambda: rbfmu.matrix_from_euler(angles=V), "matrix_from_euler.* missing .* 'seq'"),
+    (lambda: rbfmu.free_rotation(V[0], Q[0], omega_b_0=V[0]), "free_rotation: t missing"),
+    (lambda: rbfmu.free_rotation(V[0], Q[0], V[0], 1.0, t=2.0), "free_rotation: t is given twice"),
+])  # fmt: skip
 def test_a_call_that_does_not_fit_is_a_type_error_that_names_the_argument(call, message):
     for _ in range(2):  # before and after compilation
         with pytest.raises(TypeError, match=message):
@@ -136,38 +125,25 @@ def test_masked_items_are_refused():
 
 
 @compiled_only
-@pytest.mark.parametrize(
-    ("function", "args", "keywords", "error", "message"),
-    [
-        ("rotate", (Q, V), {"out": np.empty((99, 3))}, ValueError, r"out must have shape \(100, 3\), got \(99, 3\)"),
-        ("rotate", (Q, V, np.empty((100, 4))), {}, ValueError, r"out must have shape \(100, 3\), got \(100, 4\)"),
-        ("rotate", (Q, V), {"out": np.empty((100, 3), int)}, TypeError, "out must hold floats, got int64"),
-        ("rotate", (Q, V), {"out": [1.0]}, TypeError, r"out must be an array, got \[1.0\]"),
-        ("rotate", (Q, V), {"out": (V, V)}, ValueError, "out must be one array, got 2"),
-        (
-            "rotate",
-            (Q, V),
-            {"out": np.broadcast_to(V[0], (100, 3))},
-            ValueError,
-            "out must be an array that can be written",
-        ),
-        ("axis_angle_from_quaternion", (Q,), {"out": V}, ValueError, "out must be a tuple of 2 arrays, got 1"),
-        ("axis_angle_from_quaternion", (Q,), {"out": (None, V)}, ValueError, r"out\[1\] must have shape \(100,\)"),
-        ("rotvec_rate_a", (V, V), {"out": Q}, ValueError, r"out must have shape \(100, 3\), got \(100, 4\)"),
-        ("rotate", (Q, V), {"where": Q[:, 0] > 0}, TypeError, r"where is not supported; .* q_ab\[mask\]"),
-        ("rotvec_rate_a", (V, V), {"where": True}, TypeError, r"where is not supported; .* u\[mask\]"),
-        ("rotate", (Q, V), {"dtype": np.float32}, TypeError, "dtype = float32: all is computed in float64"),
-        ("rotate", (Q, V), {"casting": "bold"}, ValueError, "casting must be one of"),
-        ("rotate", (Q, V), {"axes": [(0,)]}, ValueError, "axes should be a list"),
-        (
-            "free_rotation",
-            (np.array([1.0, 2.0, 2.5]), Q[0], V[0], V),
-            {"out": (Q, V)},
-            ValueError,
-            r"out\[0\] must have shape \(100, 3, 4\)",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("function", "args", "keywords", "error", "message"), [
+    ("rotate", (Q, V), {"out": np.empty((99, 3))}, ValueError, r"out must have shape \(100, 3\), got \(99, 3\)"),
+    ("rotate", (Q, V, np.empty((100, 4))), {}, ValueError, r"out must have shape \(100, 3\), got \(100, 4\)"),
+    ("rotate", (Q, V), {"out": np.empty((100, 3), int)}, TypeError, "out must hold floats, got int64"),
+    ("rotate", (Q, V), {"out": [1.0]}, TypeError, r"out must be an array, got \[1.0\]"),
+    ("rotate", (Q, V), {"out": (V, V)}, ValueError, "out must be one array, got 2"),
+    ("rotate", (Q, V), {"out": np.broadcast_to(V[0], (100, 3))}, ValueError,
+     "out must be an array that can be written"),
+    ("axis_angle_from_quaternion", (Q,), {"out": V}, ValueError, "out must be a tuple of 2 arrays, got 1"),
+    ("axis_angle_from_quaternion", (Q,), {"out": (None, V)}, ValueError, r"out\[1\] must have shape \(100,\)"),
+    ("rotvec_rate_a", (V, V), {"out": Q}, ValueError, r"out must have shape \(100, 3\), got \(100, 4\)"),
+    ("rotate", (Q, V), {"where": Q[:, 0] > 0}, TypeError, r"where is not supported; .* q_ab\[mask\]"),
+    ("rotvec_rate_a", (V, V), {"where": True}, TypeError, r"where is not supported; .* u\[mask\]"),
+    ("rotate", (Q, V), {"dtype": np.float32}, TypeError, "dtype = float32: all is computed in float64"),
+    ("rotate", (Q, V), {"casting": "bold"}, ValueError, "casting must be one of"),
+    ("rotate", (Q, V), {"axes": [(0,)]}, ValueError, "axes should be a list"),
+    ("free_rotation", (np.array([1.0, 2.0, 2.5]), Q[0], V[0], V), {"out": (Q, V)}, ValueError,
+     r"out\[0\] must have shape \(100, 3, 4\)"),
+])  # fmt: skip
 def test_a_keyword_that_does_not_fit_is_named(function, args, keywords, error, message):
     for _ in range(2):  # before and after compilation
         with pytest.raises(error, match=f"^{function}: {message}"):

@@ -161,60 +161,38 @@ NORMAL = {"normal": [[0, 0, 0], 1]}
 FAULTS = [
     ({"vary": {}}, "ensemble.vary = {}: expected a table: keys of the scene"),
     ({"vary": 5}, "ensemble.vary = 5: expected a table"),
-    (
-        {"vary": {"body.mas": MASS["body.mass"]}},
-        '"body.mas" = { normal = [50.0, 0.5] }: unknown key; did you mean body.mass?',
-    ),
+    ({"vary": {"body.mas": MASS["body.mass"]}},
+     '"body.mas" = { normal = [50.0, 0.5] }: unknown key; did you mean body.mass?'),
     ({"vary": {"a": MASS["body.mass"]}}, "body.shape, constants.NAME, states.NAME"),
-    (
-        {"vary": {"body.mass": 5}},
-        '"body.mass" = 5: expected a table with one of normal = [mean, standard deviation], uniform',
-    ),
-    (
-        {"vary": {"body.mass": {"normal": [50]}}},
-        '"body.mass".normal = [50]: expected [mean, standard deviation], each a number > 0',
-    ),
-    (
-        {"vary": {"body.mass": {"normal": [50, -1]}}},
-        '"body.mass".normal = [50, -1]: expected [mean, standard deviation]: a number >= 0',
-    ),
-    (
-        {"vary": {"body.mass": {"normal": [-50, 1]}}},
-        '"body.mass".normal = [-50, 1]: expected [mean, standard deviation]: a number > 0',
-    ),
+    ({"vary": {"body.mass": 5}},
+     '"body.mass" = 5: expected a table with one of normal = [mean, standard deviation], uniform'),
+    ({"vary": {"body.mass": {"normal": [50]}}},
+     '"body.mass".normal = [50]: expected [mean, standard deviation], each a number > 0'),
+    ({"vary": {"body.mass": {"normal": [50, -1]}}},
+     '"body.mass".normal = [50, -1]: expected [mean, standard deviation]: a number >= 0'),
+    ({"vary": {"body.mass": {"normal": [-50, 1]}}},
+     '"body.mass".normal = [-50, 1]: expected [mean, standard deviation]: a number > 0'),
     ({"vary": {"body.mass": {"normal": [50, 0]}}}, "expected a distribution in which something varies"),
     ({"vary": {"body.mass": {"normal": [50, float("nan")]}}}, "a finite number >= 0 (kg)"),
     ({"vary": {"body.mass": {"uniform": [60, 50]}}}, "expected [low, high] in ascending order"),
     ({"vary": {"body.mass": {"triangular": [60, 50, 70]}}}, "expected [low, most likely, high] in ascending order"),
-    (
-        {"vary": {"body.mass": {"lognormal": [0, 1]}}},
-        "[median, standard deviation of the logarithm]: a number > 0 (kg)",
-    ),
+    ({"vary": {"body.mass": {"lognormal": [0, 1]}}},
+     "[median, standard deviation of the logarithm]: a number > 0 (kg)"),
     ({"vary": {"body.mass": {"gauss": [50, 1]}}}, "expected a table with one of normal"),
     ({"vary": {"body.mass": {"normal": [50, 1], "uniform": [1, 2]}}}, "expected a table with one of normal"),
     ({"vary": {"loads.torque_b": {"normal": [[0, 0], 1]}}}, "[mean, standard deviation]: 3 numbers (N m)"),
-    (
-        {"vary": {"loads.torque_b": {"relative": 0.1}}},
-        '"loads.torque_b".relative = 0.1: expected 0 for loads.torque_b[1], as it is 0',
-    ),
+    ({"vary": {"loads.torque_b": {"relative": 0.1}}},
+     '"loads.torque_b".relative = 0.1: expected 0 for loads.torque_b[1], as it is 0'),
     ({"vary": {"loads.damping_b": {"normal": [[-1, 0, 0], 1]}}}, "3 numbers >= 0 (N m s/rad)"),
-    (
-        {"vary": {"run.stop": {"normal": [5, 1]}}},
-        '"run.stop" = { normal = [5, 1] }: expected a key of body, initial or loads',
-    ),
-    (
-        {"vary": {"initial.attitude": "random"}},
-        '"initial.attitude" = "random": expected "uniform", { rotvec_deg = 2.0 }',
-    ),
-    (
-        {"vary": {"initial.attitude": {"quaternion": {"normal": [[1, 0, 0, 0], 0.1]}}}},
-        'expected "uniform", { rotvec_deg = 2.0 }',
-    ),
+    ({"vary": {"run.stop": {"normal": [5, 1]}}},
+     '"run.stop" = { normal = [5, 1] }: expected a key of body, initial or loads'),
+    ({"vary": {"initial.attitude": "random"}},
+     '"initial.attitude" = "random": expected "uniform", { rotvec_deg = 2.0 }'),
+    ({"vary": {"initial.attitude": {"quaternion": {"normal": [[1, 0, 0, 0], 0.1]}}}},
+     'expected "uniform", { rotvec_deg = 2.0 }'),
     ({"vary": {"initial.attitude": {"euler": "ABC", "angles": NORMAL}}}, '.euler = "ABC": expected an Euler sequence'),
-    (
-        {"vary": {"initial.attitude": {"rotvec_deg": -1}}},
-        ".rotvec_deg = -1: expected a number >= 0: standard deviations",
-    ),
+    ({"vary": {"initial.attitude": {"rotvec_deg": -1}}},
+     ".rotvec_deg = -1: expected a number >= 0: standard deviations"),
     ({"vary": {"initial.attitude": {"rotvec_deg": 0}}}, "expected a distribution in which something varies"),
     ({"vary": {"initial.attitude.angles_deg": NORMAL}}, 'expected "initial.attitude" = { rotvec_deg = 2.0 }'),
     ({"vary": {"body.inertia": {"normal": [np.eye(3).tolist(), 0.1], "axes_deg": 1}}}, "a matrix has its axes"),
@@ -223,27 +201,17 @@ FAULTS = [
     ({"vary": {"body.inertia": {"relative": 0.1}}, "body": ALMOST_BEAM}, "body.mass, or the length of its shape"),
     ({"vary": {"body.shape.radius": {"normal": [1, 0.1]}}}, "expected no such key without body.shape"),
     ({"vary": {"body.shape.sides": NORMAL}, "body": SPHERE}, "expected a sphere with radius"),
-    (
-        {"vary": {"body.shape.radius": {"normal": [1, 0.1]}, "body.inertia": NORMAL}, "body": SPHERE},
-        "expected relative or axes_deg",
-    ),
+    ({"vary": {"body.shape.radius": {"normal": [1, 0.1]}, "body.inertia": NORMAL}, "body": SPHERE},
+     "expected relative or axes_deg"),
     ({"vary": {"initial.velocity": NORMAL}, "body": BODY | {"pivot": True}}, "expected no such key: the pivot holds o"),
-    (
-        {"vary": {"initial.omega_b": NORMAL, "initial.omega_b_deg": NORMAL}},
-        "expected initial.omega_b or this, not both",
-    ),
-    (
-        {"vary": MASS | {"body": {"mass": {"normal": [50, 1]}}}},
-        "= { normal = [50, 1] }: expected this or { normal = [50.0,",
-    ),
-    (
-        {"vary": {"body": {"shape": {"radius": {"normal": [1, 0.1]}}}, "body.shape": VARIED_SPHERE}, "body": SPHERE},
-        '"body.shape.radius" = { normal = [1, 0.1] }: expected this or { kind = "sphere"',
-    ),
-    (
-        {"inputs": {"ports": ["omega_b"]}, "body": None},
-        '"body.mass" = { normal = [50.0, 0.5] }: expected initial.attitude at most',
-    ),
+    ({"vary": {"initial.omega_b": NORMAL, "initial.omega_b_deg": NORMAL}},
+     "expected initial.omega_b or this, not both"),
+    ({"vary": MASS | {"body": {"mass": {"normal": [50, 1]}}}},
+     "= { normal = [50, 1] }: expected this or { normal = [50.0,"),
+    ({"vary": {"body": {"shape": {"radius": {"normal": [1, 0.1]}}}, "body.shape": VARIED_SPHERE}, "body": SPHERE},
+     '"body.shape.radius" = { normal = [1, 0.1] }: expected this or { kind = "sphere"'),
+    ({"inputs": {"ports": ["omega_b"]}, "body": None},
+     '"body.mass" = { normal = [50.0, 0.5] }: expected initial.attitude at most'),
     ({"ensemble": {"runs": 0}}, "ensemble.runs = 0: expected a whole number from 1 to 1000000000"),
     ({"ensemble": {"runs": 1.5}}, "ensemble.runs = 1.5: expected a whole number"),
     ({"ensemble": {"seed": -1}}, "ensemble.seed = -1: expected a whole number from 0"),
@@ -251,35 +219,21 @@ FAULTS = [
     ({"ensemble": {"keep": ["some"]}}, 'ensemble.keep = ["some"]: expected a list of distinct names out of final'),
     ({"ensemble": {"rums": 3}}, "ensemble.rums = 3: unknown key; did you mean runs?"),
     ({"ensemble": {"design": "grid"}}, "expected points = the number of values in the grid"),
-    (
-        {"ensemble": {"design": "grid"}, "vary": {"initial.attitude": {"rotvec_deg": 2.0}}},
-        '"initial.attitude" = { rotvec_deg = 2.0 }: expected no such key in a grid; or angles_deg, angles, rotvec',
-    ),
-    (
-        {"ensemble": {"design": "grid"}, "vary": {"initial.attitude": "uniform"}},
-        '"initial.attitude" = "uniform": expected no such key in a grid; or',
-    ),
-    (
-        {"ensemble": {"design": "grid"}, "vary": {"body.inertia": {"relative": 0.1, "points": 3, "axes_deg": 1}}},
-        '"body.inertia".axes_deg = 1: expected no such key in a grid',
-    ),
-    (
-        {"ensemble": {"design": "grid"}, "vary": {"initial.attitude": {"rotvec": NORMAL}}},
-        '"initial.attitude" = { rotvec = { normal = [[0, 0, 0], 1] } }: expected points = the number',
-    ),
+    ({"ensemble": {"design": "grid"}, "vary": {"initial.attitude": {"rotvec_deg": 2.0}}},
+     '"initial.attitude" = { rotvec_deg = 2.0 }: expected no such key in a grid; or angles_deg, angles, rotvec'),
+    ({"ensemble": {"design": "grid"}, "vary": {"initial.attitude": "uniform"}},
+     '"initial.attitude" = "uniform": expected no such key in a grid; or'),
+    ({"ensemble": {"design": "grid"}, "vary": {"body.inertia": {"relative": 0.1, "points": 3, "axes_deg": 1}}},
+     '"body.inertia".axes_deg = 1: expected no such key in a grid'),
+    ({"ensemble": {"design": "grid"}, "vary": {"initial.attitude": {"rotvec": NORMAL}}},
+     '"initial.attitude" = { rotvec = { normal = [[0, 0, 0], 1] } }: expected points = the number'),
     ({"vary": {"body.mass": {"normal": [50, 1], "points": 3}}}, 'expected points in a grid alone: design = "grid"'),
-    (
-        {"vary": {"body.mass": {"normal": [50, 1], "points": 2.5}}},
-        ".points = 2.5: expected a number of points of the grid, at most 1000000",
-    ),
-    (
-        {"vary": {"body.mass": {"normal": [50, 1], "points": 2000000}}},
-        ".points = 2000000: expected a number of points of the grid, at most 1000000",
-    ),
-    (
-        {"vary": {"body.mass": {"normal": [50, 1], "points": 3}}, "ensemble": {"design": "grid", "runs": 7}},
-        "ensemble.runs = 7: expected no such key, or 3: the points of the grid",
-    ),
+    ({"vary": {"body.mass": {"normal": [50, 1], "points": 2.5}}},
+     ".points = 2.5: expected a number of points of the grid, at most 1000000"),
+    ({"vary": {"body.mass": {"normal": [50, 1], "points": 2000000}}},
+     ".points = 2000000: expected a number of points of the grid, at most 1000000"),
+    ({"vary": {"body.mass": {"normal": [50, 1], "points": 3}}, "ensemble": {"design": "grid", "runs": 7}},
+     "ensemble.runs = 7: expected no such key, or 3: the points of the grid"),
     (
         {
             "vary": {"loads.torque_b": {"uniform": [[0.0] * 3, [1.0] * 3], "points": 10_000}},
@@ -287,26 +241,22 @@ FAULTS = [
         },
         "ensemble.vary: a grid of 1000000000000 points: expected at most 1000000000",
     ),
-]
+]  # fmt: skip
 PAIR = ["body.mass", "loads.torque_b[3]"]
 CORRELATIONS = [
     ({}, "ensemble.correlation.components is missing"),
     ({"components": ["body.mass"], "matrix": [[1.0]]}, "expected a list of at least two distinct numbers that vary"),
-    (
-        {"components": ["body.mass", "loads.torque_b"], "matrix": [[1, 0], [0, 1]]},
-        "out of body.mass, loads.torque_b[3]",
-    ),
+    ({"components": ["body.mass", "loads.torque_b"], "matrix": [[1, 0], [0, 1]]},
+     "out of body.mass, loads.torque_b[3]"),
     ({"components": PAIR}, "expected either matrix (of correlations) or covariance"),
     ({"components": PAIR, "matrix": [[1, 1.5], [1.5, 1]]}, "expected a positive semidefinite matrix"),
     ({"components": PAIR, "matrix": [[1, 0.5], [0.4, 1]]}, "expected a symmetric matrix; rows 2 and 1 differ"),
     ({"components": PAIR, "matrix": [[2, 0.5], [0.5, 1]]}, "expected 1 on the diagonal; or the key covariance"),
     ({"components": PAIR, "matrix": [[1.0]]}, "expected 2 rows of 2 numbers, as components has"),
-    (
-        {"components": PAIR, "covariance": [[0.25, 0], [0, 0.2]]},
-        "covariance = 0.2: expected the square of the standard deviation",
-    ),
+    ({"components": PAIR, "covariance": [[0.25, 0], [0, 0.2]]},
+     "covariance = 0.2: expected the square of the standard deviation"),
     ({"components": PAIR, "covariance": [[0.25, 0], [0, -0.01]]}, "expected numbers > 0 on the diagonal"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("changes", "message"), FAULTS, ids=[message for _, message in FAULTS])

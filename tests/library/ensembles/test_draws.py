@@ -114,17 +114,14 @@ def test_a_scene_without_an_ensemble_is_refused():
 # Distributions
 
 
-@pytest.mark.parametrize(
-    ("distribution", "expected"),
-    [
-        ({"normal": [50.0, 0.5]}, stats.norm(50.0, 0.5)),
-        ({"uniform": [40.0, 60.0]}, stats.uniform(40.0, 20.0)),
-        ({"lognormal": [50.0, 0.1]}, stats.lognorm(0.1, scale=50.0)),
-        ({"triangular": [40.0, 42.0, 60.0]}, stats.triang(0.1, 40.0, 20.0)),
-        ({"triangular": [40.0, 40.0, 60.0]}, stats.triang(0.0, 40.0, 20.0)),
-        ({"relative": 0.02}, stats.norm(50.0, 1.0)),
-    ],
-)
+@pytest.mark.parametrize(("distribution", "expected"), [
+    ({"normal": [50.0, 0.5]}, stats.norm(50.0, 0.5)),
+    ({"uniform": [40.0, 60.0]}, stats.uniform(40.0, 20.0)),
+    ({"lognormal": [50.0, 0.1]}, stats.lognorm(0.1, scale=50.0)),
+    ({"triangular": [40.0, 42.0, 60.0]}, stats.triang(0.1, 40.0, 20.0)),
+    ({"triangular": [40.0, 40.0, 60.0]}, stats.triang(0.0, 40.0, 20.0)),
+    ({"relative": 0.02}, stats.norm(50.0, 1.0)),
+])  # fmt: skip
 @pytest.mark.parametrize("design", ["random", "sobol", "latin_hypercube"])
 def test_values_are_distributed_as_stated(distribution, expected, design):
     scene = ensemble({"body.mass": distribution}, design=design, runs=4096)
@@ -258,14 +255,11 @@ def test_uniform_attitudes_turn_a_vector_to_all_directions_alike():
         assert all(stats.kstest(column, stats.uniform(-1.0, 2.0).cdf).pvalue > LIKELY for column in v.T)
 
 
-@pytest.mark.parametrize(
-    ("vary", "written"),
-    [
-        ({"euler": "ZYX", "angles_deg": {"normal": [[90.0, 0.0, 10.0], [5.0, 1.0, 1.0]]}}, "angles_deg"),
-        ({"euler": "xyz", "angles": {"uniform": [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]}}, "angles"),
-        ({"rotvec": {"normal": [[0.1, 0.2, 0.3], 0.1]}}, "rotvec"),
-    ],
-)
+@pytest.mark.parametrize(("vary", "written"), [
+    ({"euler": "ZYX", "angles_deg": {"normal": [[90.0, 0.0, 10.0], [5.0, 1.0, 1.0]]}}, "angles_deg"),
+    ({"euler": "xyz", "angles": {"uniform": [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]}}, "angles"),
+    ({"rotvec": {"normal": [[0.1, 0.2, 0.3], 0.1]}}, "rotvec"),
+])  # fmt: skip
 def test_attitudes_may_vary_in_their_own_representation(vary, written):
     scene = ensemble({"initial.attitude": vary}, runs=20)
     found = draw(scene, 0, 20)

@@ -129,14 +129,11 @@ def test_every_member_meets_the_accuracy_by_the_plan_for_all(name):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("name", "single", "together"),
-    [
-        ("a free symmetric body of any inertia", "torque-free symmetric body", "torque-free body"),
-        ("a torque that is zero in the scene", "torque-free symmetric body", "body under loads, by series"),
-        ("a heavy top", "symmetric top", "body under loads, by series"),
-    ],
-)
+@pytest.mark.parametrize(("name", "single", "together"), [
+    ("a free symmetric body of any inertia", "torque-free symmetric body", "torque-free body"),
+    ("a torque that is zero in the scene", "torque-free symmetric body", "body under loads, by series"),
+    ("a heavy top", "symmetric top", "body under loads, by series"),
+])  # fmt: skip
 def test_a_model_that_holds_for_the_scene_alone_is_not_taken(name, single, together):
     scene = scene_of(name, 1e-4)
     assert plan(scene.replace({"ensemble": None})).model == single

@@ -88,21 +88,18 @@ def test_a_wrong_controller_is_told_what_was_expected(scene, planned, wrong):
         run(scene, planned, controller=wrong)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"function": 3.0}, "controller = 3.0: expected a function"),
-        ({"state": [[0.0]]}, "state = .*: expected finite numbers in one row"),
-        ({"state": [np.nan]}, "state = .*: expected finite numbers"),
-        ({"noise": -1}, "noise = -1: expected how many"),
-        ({"noise": 1.5}, "noise = 1.5: expected how many"),
-        ({"noise": True}, "noise = True: expected how many"),
-        ({"noise": "x"}, "noise = 'x': expected how many"),
-        ({"state": "x"}, "state = 'x': expected finite numbers"),
-        ({"state": 3}, "state = 3: expected finite numbers"),
-        ({"state": {}}, "state = {}: expected finite numbers"),
-    ],
-)
+@pytest.mark.parametrize(("wrong", "said"), [
+    ({"function": 3.0}, "controller = 3.0: expected a function"),
+    ({"state": [[0.0]]}, "state = .*: expected finite numbers in one row"),
+    ({"state": [np.nan]}, "state = .*: expected finite numbers"),
+    ({"noise": -1}, "noise = -1: expected how many"),
+    ({"noise": 1.5}, "noise = 1.5: expected how many"),
+    ({"noise": True}, "noise = True: expected how many"),
+    ({"noise": "x"}, "noise = 'x': expected how many"),
+    ({"state": "x"}, "state = 'x': expected finite numbers"),
+    ({"state": 3}, "state = 3: expected finite numbers"),
+    ({"state": {}}, "state = {}: expected finite numbers"),
+])  # fmt: skip
 def test_a_controllers_numbers_are_checked(wrong, said):
     with pytest.raises(ValueError, match=said):
         Controller(**{"function": damp} | wrong)

@@ -31,11 +31,9 @@ def scene(loads=None, own=None, quantities=("omega_b",), initial=TURNING, **more
 
 
 OWN = {
-    "wave": "k*sin(t)*R_ab[1,1]",
-    "far": "position + velocity",
-    "spin": "norm(omega_b)",
+    "wave": "k*sin(t)*R_ab[1,1]", "far": "position + velocity", "spin": "norm(omega_b)",
     "total_energy": "total_energy",
-}
+}  # fmt: skip
 
 
 def test_own_outputs_leave_a_closed_form_closed():

@@ -14,31 +14,28 @@ V, M = np.array([1.0, 2.0, 4.0], object), np.array([[1.0, 2.0, 3.0], [0.0, 1.0, 
 NAMES = {"v": V, "M": M, "x": 0.5, "ramp": Table.through((0.0, 1.0, 3.0), (1.0, 2.0, 0.0), cubic=False)}
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("2*x + 1", 2.0),
-        ("-x**2", -0.25),
-        ("2**-2", 0.25),
-        ("4**0.5", 2.0),
-        ("v[3]/v[1]", 4.0),
-        ("M[3,1]", 5.0),
-        ("dot(v, v)", 21.0),
-        ("norm(3*v - [0, 2, 12])", 5.0),
-        ("cross([1,0,0], [0,1,0])", [0.0, 0.0, 1.0]),
-        ("M @ v", [17.0, 18.0, 17.0]),
-        ("(M @ M)[1,3]", 11.0),
-        ("[x, 2*x, 3*x] + v", [1.5, 3.0, 5.5]),
-        ("abs(-3) + min(1, 2) + max(1, 2) + clip(5, 0, 1)", 7.0),
-        ("where(x > 1 or not x < 0.2, 1, 2)", 1.0),
-        ("where(0 < x < 1 and x >= 0.5, v, 2*v)", [1.0, 2.0, 4.0]),
-        ("180*deg/pi + 60*rpm/(2*pi)", 2.0),
-        ("acos(0) + asin(1) + atan2(1, 0) - 1.5*pi", 0.0),
-        ("tan(pi/4) + log(exp(2)) + sqrt(9)", 6.0),
-        ("table(ramp, -1) + table(ramp, 0.5) + table(ramp, 2) + table(ramp, 9)", 3.5),
-        ("\n  x\n  + 1\n", 1.5),
-    ],
-)
+@pytest.mark.parametrize(("text", "expected"), [
+    ("2*x + 1", 2.0),
+    ("-x**2", -0.25),
+    ("2**-2", 0.25),
+    ("4**0.5", 2.0),
+    ("v[3]/v[1]", 4.0),
+    ("M[3,1]", 5.0),
+    ("dot(v, v)", 21.0),
+    ("norm(3*v - [0, 2, 12])", 5.0),
+    ("cross([1,0,0], [0,1,0])", [0.0, 0.0, 1.0]),
+    ("M @ v", [17.0, 18.0, 17.0]),
+    ("(M @ M)[1,3]", 11.0),
+    ("[x, 2*x, 3*x] + v", [1.5, 3.0, 5.5]),
+    ("abs(-3) + min(1, 2) + max(1, 2) + clip(5, 0, 1)", 7.0),
+    ("where(x > 1 or not x < 0.2, 1, 2)", 1.0),
+    ("where(0 < x < 1 and x >= 0.5, v, 2*v)", [1.0, 2.0, 4.0]),
+    ("180*deg/pi + 60*rpm/(2*pi)", 2.0),
+    ("acos(0) + asin(1) + atan2(1, 0) - 1.5*pi", 0.0),
+    ("tan(pi/4) + log(exp(2)) + sqrt(9)", 6.0),
+    ("table(ramp, -1) + table(ramp, 0.5) + table(ramp, 2) + table(ramp, 9)", 3.5),
+    ("\n  x\n  + 1\n", 1.5),
+])  # fmt: skip
 def test_formulas_mean_what_they_say(text, expected):
     np.testing.assert_allclose(np.array(value_of(text, NAMES), float), expected, rtol=1e-15, atol=1e-15)
 

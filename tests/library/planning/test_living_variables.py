@@ -72,40 +72,26 @@ def check(scene, planned):
 
 
 CASES = {
-    "disc held at its centre of mass": (
-        made(DISC, {"omega_b": [0, 0, 9]}, {"damping_b": [0, 0, 0.1]}, ["omega_b"]),
-        {"inertia", "omega_b_0", "damping_b"},
-    ),
+    "disc held at its centre of mass": (made(DISC, {"omega_b": [0, 0, 9]}, {"damping_b": [0, 0, 0.1]}, ["omega_b"]),
+        {"inertia", "omega_b_0", "damping_b"}),
     "path alone": (
         made(TRIAXIAL, {"omega_b": [1, 2, 3]}, {"torque_b": [1, 0, 0], "damping_b": [1, 1, 1]}, ["position"]),
         {"gravity_a", "position_0", "velocity_0"},
     ),
     "speed alone": (made(TRIAXIAL, {"velocity": [1, 2, 3]}, {}, ["velocity"]), {"gravity_a", "velocity_0"}),
-    "pushed": (
-        made(TRIAXIAL, {}, {"force_a": [1, 0, 0], "torque_b": [1, 0, 0]}, ["velocity"]),
-        {"gravity_a", "velocity_0", "force_a", "mass"},
-    ),
-    "torque beside a path": (
-        made(TRIAXIAL, {"velocity": [1, 0, 0]}, {"torque_b": [0, 0, 1]}, ["velocity", "omega_b"]),
-        {"gravity_a", "velocity_0", "torque_b", "inertia", "omega_b_0"},
-    ),
-    "listed all the same": (
-        made(TRIAXIAL, {"velocity": [1, 0, 0]}, {}, ["velocity"], parameters=["mass", "torque_b"]),
-        {"gravity_a", "velocity_0", "mass", "torque_b"},
-    ),
-    "a force to come": (
-        made(TRIAXIAL, {"velocity": [1, 0, 0]}, {}, ["velocity"], ports=["force_a"]),
-        {"gravity_a", "velocity_0", "mass"},
-    ),
-    "momentum": (
-        made(TRIAXIAL, {"omega_b": [1, 2, 3]}, {"torque_a": [1, 0, 0]}, ["angular_momentum_a"]),
-        {"inertia", "omega_b_0", "quaternion_0", "torque_a"},
-    ),
-    "no lever": (
-        made(TRIAXIAL | {"r_oc_b": [0, 0, 1]}, {"omega_b": [0, 0, 3]}, {"force_b": [0, 0, 1]}, ["quaternion"]),
-        {"omega_b_0", "quaternion_0"},
-    ),
-}
+    "pushed": (made(TRIAXIAL, {}, {"force_a": [1, 0, 0], "torque_b": [1, 0, 0]}, ["velocity"]),
+        {"gravity_a", "velocity_0", "force_a", "mass"}),
+    "torque beside a path": (made(TRIAXIAL, {"velocity": [1, 0, 0]}, {"torque_b": [0, 0, 1]}, ["velocity", "omega_b"]),
+        {"gravity_a", "velocity_0", "torque_b", "inertia", "omega_b_0"}),
+    "listed all the same": (made(TRIAXIAL, {"velocity": [1, 0, 0]}, {}, ["velocity"], parameters=["mass", "torque_b"]),
+        {"gravity_a", "velocity_0", "mass", "torque_b"}),
+    "a force to come": (made(TRIAXIAL, {"velocity": [1, 0, 0]}, {}, ["velocity"], ports=["force_a"]),
+        {"gravity_a", "velocity_0", "mass"}),
+    "momentum": (made(TRIAXIAL, {"omega_b": [1, 2, 3]}, {"torque_a": [1, 0, 0]}, ["angular_momentum_a"]),
+        {"inertia", "omega_b_0", "quaternion_0", "torque_a"}),
+    "no lever": (made(TRIAXIAL | {"r_oc_b": [0, 0, 1]}, {"omega_b": [0, 0, 3]}, {"force_b": [0, 0, 1]}, ["quaternion"]),
+        {"omega_b_0", "quaternion_0"}),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -140,15 +140,11 @@ def test_a_sphere_turns_about_one_axis_however_oblique(name, arm):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("omega_b", "loads"),
-    [
-        (2.0 * ALONG + [1e-9, 0.0, 0.0], {"torque_b": ALONG}),
-        (2.0 * ALONG, {"damping_b": [0.2, 0.2, 0.2 + 1e-9]}),
-        ([0.0] * 3, {"torque_b": ALONG, "torque_a": ALONG}),
-    ],
-    ids=["rate beside the torque", "uneven damping", "two torques"],
-)
+@pytest.mark.parametrize(("omega_b", "loads"), [
+    (2.0 * ALONG + [1e-9, 0.0, 0.0], {"torque_b": ALONG}),
+    (2.0 * ALONG, {"damping_b": [0.2, 0.2, 0.2 + 1e-9]}),
+    ([0.0] * 3, {"torque_b": ALONG, "torque_a": ALONG}),
+], ids=["rate beside the torque", "uneven damping", "two torques"])  # fmt: skip
 def test_a_sphere_driven_beside_its_rate_turns_about_more(omega_b, loads):
     scene = made(BALL, map(float, omega_b), as_lists(loads))
     found = plan(scene)
@@ -188,17 +184,14 @@ def momentum_errors(scene, result):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("body", "quantities"),
-    [
-        (TRIAXIAL, ["angular_momentum_a"]),
-        (TRIAXIAL | {"r_oc_b": [0.1, 0.2, 0.3]}, ["angular_momentum_a"]),
-        (TRIAXIAL | {"r_oc_b": [0.1, 0.2, 0.3], "pivot": True}, ["angular_momentum_a"]),
-        (TRIAXIAL, ["angular_momentum_a", "position", "velocity", "acceleration"]),
-        (BALL, ["omega_a"]),
-        (BALL, ["omega_a", "angular_momentum_a", "kinetic_energy", "position"]),
-    ],
-)
+@pytest.mark.parametrize(("body", "quantities"), [
+    (TRIAXIAL, ["angular_momentum_a"]),
+    (TRIAXIAL | {"r_oc_b": [0.1, 0.2, 0.3]}, ["angular_momentum_a"]),
+    (TRIAXIAL | {"r_oc_b": [0.1, 0.2, 0.3], "pivot": True}, ["angular_momentum_a"]),
+    (TRIAXIAL, ["angular_momentum_a", "position", "velocity", "acceleration"]),
+    (BALL, ["omega_a"]),
+    (BALL, ["omega_a", "angular_momentum_a", "kinetic_energy", "position"]),
+])  # fmt: skip
 def test_angular_momentum_is_linear_in_time_under_a_torque_fixed_in_space(body, quantities):
     scene = made(body, SPIN_ANY, TORQUE, quantities)
     found = plan(scene)
@@ -213,36 +206,30 @@ def test_angular_momentum_is_linear_in_time_under_a_torque_fixed_in_space(body, 
         np.testing.assert_allclose(result.position, path, rtol=0.0, atol=8 * EPS * 4.0)
 
 
-@pytest.mark.parametrize(
-    ("body", "loads", "quantities"),
-    [
-        (TRIAXIAL, TORQUE, ["angular_momentum_a", "omega_a"]),
-        (TRIAXIAL, TORQUE, ["kinetic_energy"]),
-        (BALL, TORQUE, ["omega_a", "omega_b"]),
-        (BALL, TORQUE, ["omega_a", "alpha_b"]),
-        (BALL, TORQUE, ["omega_a", "rpy"]),
-        (BALL | {"r_oc_b": [0.1, 0.0, 0.0]}, TORQUE, ["omega_a", "position"]),
-        (TRIAXIAL, TORQUE | {"torque_b": [0.0, 0.0, 0.1]}, ["angular_momentum_a"]),
-        (TRIAXIAL, TORQUE | {"damping_b": [0.0, 0.0, 0.1]}, ["angular_momentum_a"]),
-        (TRIAXIAL | {"r_oc_b": [0.1, 0.0, 0.0]}, TORQUE | {"force_a": [0.0, 0.0, 0.1]}, ["angular_momentum_a"]),
-        (TRIAXIAL, TORQUE | {"force_b": [0.0, 0.0, 0.1]}, ["angular_momentum_a", "position"]),
-    ],
-)
+@pytest.mark.parametrize(("body", "loads", "quantities"), [
+    (TRIAXIAL, TORQUE, ["angular_momentum_a", "omega_a"]),
+    (TRIAXIAL, TORQUE, ["kinetic_energy"]),
+    (BALL, TORQUE, ["omega_a", "omega_b"]),
+    (BALL, TORQUE, ["omega_a", "alpha_b"]),
+    (BALL, TORQUE, ["omega_a", "rpy"]),
+    (BALL | {"r_oc_b": [0.1, 0.0, 0.0]}, TORQUE, ["omega_a", "position"]),
+    (TRIAXIAL, TORQUE | {"torque_b": [0.0, 0.0, 0.1]}, ["angular_momentum_a"]),
+    (TRIAXIAL, TORQUE | {"damping_b": [0.0, 0.0, 0.1]}, ["angular_momentum_a"]),
+    (TRIAXIAL | {"r_oc_b": [0.1, 0.0, 0.0]}, TORQUE | {"force_a": [0.0, 0.0, 0.1]}, ["angular_momentum_a"]),
+    (TRIAXIAL, TORQUE | {"force_b": [0.0, 0.0, 0.1]}, ["angular_momentum_a", "position"]),
+])  # fmt: skip
 def test_what_needs_the_attitude_is_not_left_to_the_angular_momentum(body, loads, quantities):
     assert plan(made(body, SPIN_ANY, loads, quantities, accuracy=1e-6)).model != "angular momentum"
 
 
-@pytest.mark.parametrize(
-    ("body", "quantities", "varies", "model"),
-    [
-        (TRIAXIAL, ["angular_momentum_a"], ["omega_b_0", "quaternion_0", "inertia", "mass", "torque_a"], True),
-        (TRIAXIAL, ["angular_momentum_a"], ["torque_b"], False),
-        (TRIAXIAL, ["angular_momentum_a"], ["damping_b"], False),
-        (TRIAXIAL, ["angular_momentum_a", "position"], ["r_oc_b"], False),
-        (BALL, ["omega_a"], ["omega_b_0", "torque_a"], True),
-        (BALL, ["omega_a"], ["inertia"], False),
-    ],
-)
+@pytest.mark.parametrize(("body", "quantities", "varies", "model"), [
+    (TRIAXIAL, ["angular_momentum_a"], ["omega_b_0", "quaternion_0", "inertia", "mass", "torque_a"], True),
+    (TRIAXIAL, ["angular_momentum_a"], ["torque_b"], False),
+    (TRIAXIAL, ["angular_momentum_a"], ["damping_b"], False),
+    (TRIAXIAL, ["angular_momentum_a", "position"], ["r_oc_b"], False),
+    (BALL, ["omega_a"], ["omega_b_0", "torque_a"], True),
+    (BALL, ["omega_a"], ["inertia"], False),
+])  # fmt: skip
 def test_the_angular_momentum_holds_for_every_value_listed(body, quantities, varies, model):
     found = plan(made(body, SPIN_ANY, TORQUE, quantities, accuracy=1e-6, parameters=varies))
     assert (found.model == "angular momentum") == model
@@ -324,16 +311,13 @@ def test_a_pushed_path_gathers_no_round_off():
     assert max(reference.errors(last, *(column[-1:] for column in rows)).values()) <= 20 * EPS
 
 
-@pytest.mark.parametrize(
-    ("body", "loads", "varies"),
-    [
-        (TRIAXIAL, PUSH | {"torque_b": [0.0, 0.0, 0.1]}, {}),
-        (TRIAXIAL, PUSH | {"damping_b": [0.1, 0.0, 0.0]}, {}),
-        (TRIAXIAL | {"r_oc_b": [0.1, 0.0, 0.0]}, PUSH, {}),
-        *((TRIAXIAL, PUSH, {"parameters": [name]}) for name in ("force_b", "mass", "omega_b_0", "r_oc_b", "torque_a")),
-        (TRIAXIAL, PUSH, {"ports": ["force_b"]}),
-    ],
-)
+@pytest.mark.parametrize(("body", "loads", "varies"), [
+    (TRIAXIAL, PUSH | {"torque_b": [0.0, 0.0, 0.1]}, {}),
+    (TRIAXIAL, PUSH | {"damping_b": [0.1, 0.0, 0.0]}, {}),
+    (TRIAXIAL | {"r_oc_b": [0.1, 0.0, 0.0]}, PUSH, {}),
+    *((TRIAXIAL, PUSH, {"parameters": [name]}) for name in ("force_b", "mass", "omega_b_0", "r_oc_b", "torque_a")),
+    (TRIAXIAL, PUSH, {"ports": ["force_b"]}),
+])  # fmt: skip
 def test_what_turns_or_varies_is_integrated(body, loads, varies):
     assert plan(made(body, SPUN, loads, accuracy=1e-6, **varies)).model == "body under loads, by series"
 

@@ -135,15 +135,11 @@ def test_a_free_body_far_from_its_start_is_exact():
     assert np.max(np.abs(energy / energy[0] - 1.0)) <= 20 * EPS
 
 
-@pytest.mark.parametrize(
-    "scene",
-    [
-        made(OFFSET, MOVING, LOADED, accuracy=1e-15),
-        made(TRIAXIAL, {"omega_b": [1.0, 2.0, 3.0]}, accuracy=1e-15),
-        pytest.param(CHAOTIC, marks=compiled),
-    ],
-    ids=["under loads", "free", "chaotic"],
-)
+@pytest.mark.parametrize("scene", [
+    made(OFFSET, MOVING, LOADED, accuracy=1e-15),
+    made(TRIAXIAL, {"omega_b": [1.0, 2.0, 3.0]}, accuracy=1e-15),
+    pytest.param(CHAOTIC, marks=compiled),
+], ids=["under loads", "free", "chaotic"])  # fmt: skip
 def test_an_accuracy_out_of_reach_is_a_scene_error(scene):
     with pytest.raises(SceneError, match=f"run.accuracy = {re.escape(repr(scene.run.accuracy))}: expected "):
         plan(scene)
@@ -220,33 +216,26 @@ ROTATION = {"quantities": ["quaternion", "omega_b"]}
 LOADED = "body under loads, by series"
 
 
-@pytest.mark.parametrize(
-    ("model", "states", "scene"),
-    [
-        (FREE, 13, made(OFFSET, MOVING, GRAVITY)),
-        (FREE, 13, made(TRIAXIAL, MOVING, NO_GRAVITY | {"force_a": [1.0, 2.0, 3.0]})),
-        (FREE, 7, made(OFFSET | {"pivot": True}, {"omega_b": [1.0, 2.0, 3.0]})),
-        (FREE, 7, made(TRIAXIAL | {"pivot": True}, {"omega_b": [1.0, 2.0, 3.0]}, GRAVITY)),
-        (FREE, 13, made(TRIAXIAL, MOVING, inputs={"ports": ["force_a"]})),
-        (FREE, 13, made(TRIAXIAL, MOVING, inputs={"parameters": ["omega_b_0", "inertia", "gravity_a"]})),
-        (LOADED, 13, made(OFFSET, MOVING, inputs={"ports": ["force_a"]})),
-        (LOADED, 13, made(TRIAXIAL, MOVING, inputs={"ports": ["force_b"]})),
-        (LOADED, 13, made(TRIAXIAL, MOVING, inputs={"ports": ["torque_a"]})),
-        (LOADED, 13, made(TRIAXIAL, MOVING, inputs={"parameters": ["damping_b"]})),
-        (
-            LOADED,
-            13,
-            made(TRIAXIAL, MOVING, NO_GRAVITY | {"force_a": [1.0, 0.0, 0.0]}, inputs={"parameters": ["r_oc_b"]}),
-        ),
-        (LOADED, 13, made(OFFSET, MOVING, NO_GRAVITY | {"force_a": [1.0, 0.0, 0.0]})),
-        (LOADED, 7, made(OFFSET | {"pivot": True}, {"attitude": {"rotvec": [1.0, 0.0, 0.0]}}, GRAVITY)),
-        (LOADED, 7, made(TRIAXIAL | {"pivot": True}, {}, inputs={"parameters": ["r_oc_b", "gravity_a"]})),
-        ("symmetric top", 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY, accuracy=1e-6, outputs=ROTATION)),
-        (LOADED, 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY | {"damping_b": [0.0, 0.0, 1e-3]}, stop=0.5)),
-        (LOADED, 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY, stop=0.5, inputs={"parameters": ["inertia"]})),
-        ("prescribed rates", 4, Scene(inputs={"ports": ["omega_b"]})),
-    ],
-)
+@pytest.mark.parametrize(("model", "states", "scene"), [
+    (FREE, 13, made(OFFSET, MOVING, GRAVITY)),
+    (FREE, 13, made(TRIAXIAL, MOVING, NO_GRAVITY | {"force_a": [1.0, 2.0, 3.0]})),
+    (FREE, 7, made(OFFSET | {"pivot": True}, {"omega_b": [1.0, 2.0, 3.0]})),
+    (FREE, 7, made(TRIAXIAL | {"pivot": True}, {"omega_b": [1.0, 2.0, 3.0]}, GRAVITY)),
+    (FREE, 13, made(TRIAXIAL, MOVING, inputs={"ports": ["force_a"]})),
+    (FREE, 13, made(TRIAXIAL, MOVING, inputs={"parameters": ["omega_b_0", "inertia", "gravity_a"]})),
+    (LOADED, 13, made(OFFSET, MOVING, inputs={"ports": ["force_a"]})),
+    (LOADED, 13, made(TRIAXIAL, MOVING, inputs={"ports": ["force_b"]})),
+    (LOADED, 13, made(TRIAXIAL, MOVING, inputs={"ports": ["torque_a"]})),
+    (LOADED, 13, made(TRIAXIAL, MOVING, inputs={"parameters": ["damping_b"]})),
+    (LOADED, 13, made(TRIAXIAL, MOVING, NO_GRAVITY | {"force_a": [1.0, 0.0, 0.0]}, inputs={"parameters": ["r_oc_b"]})),
+    (LOADED, 13, made(OFFSET, MOVING, NO_GRAVITY | {"force_a": [1.0, 0.0, 0.0]})),
+    (LOADED, 7, made(OFFSET | {"pivot": True}, {"attitude": {"rotvec": [1.0, 0.0, 0.0]}}, GRAVITY)),
+    (LOADED, 7, made(TRIAXIAL | {"pivot": True}, {}, inputs={"parameters": ["r_oc_b", "gravity_a"]})),
+    ("symmetric top", 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY, accuracy=1e-6, outputs=ROTATION)),
+    (LOADED, 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY | {"damping_b": [0.0, 0.0, 1e-3]}, stop=0.5)),
+    (LOADED, 7, made(TOP, leaning(0.0, 0.0, 200.0), GRAVITY, stop=0.5, inputs={"parameters": ["inertia"]})),
+    ("prescribed rates", 4, Scene(inputs={"ports": ["omega_b"]})),
+])  # fmt: skip
 def test_a_scene_gets_the_least_model_that_holds_for_all_of_its_inputs(model, states, scene):
     found = plan(scene)
     assert (found.model, found.states) == (model, states)
@@ -302,17 +291,14 @@ def test_the_largest_error_is_the_worst_of_all_quantities():
     assert largest_error(motion | {"velocity": np.array([[math.nan, 0.0, 0.0]])}, motion, motion) == math.inf
 
 
-@pytest.mark.parametrize(
-    ("loads", "wanted", "closed"),
-    [
-        ({"torque_b": [0.0, 0.0, 0.3], "damping_b": [0.1, 0.1, 0.0]}, "omega_b", True),
-        ({"torque_b": [0.0, 0.0, 0.3]}, "alpha_b", True),
-        ({"torque_b": [0.0, 0.0, 0.3]}, "quaternion", False),
-        ({"torque_b": [0.0, 0.1, 0.3]}, "omega_b", False),
-        ({"torque_a": [0.0, 0.0, 0.3]}, "omega_b", False),
-        ({"damping_b": [0.1, 0.2, 0.0]}, "omega_b", False),
-    ],
-)
+@pytest.mark.parametrize(("loads", "wanted", "closed"), [
+    ({"torque_b": [0.0, 0.0, 0.3], "damping_b": [0.1, 0.1, 0.0]}, "omega_b", True),
+    ({"torque_b": [0.0, 0.0, 0.3]}, "alpha_b", True),
+    ({"torque_b": [0.0, 0.0, 0.3]}, "quaternion", False),
+    ({"torque_b": [0.0, 0.1, 0.3]}, "omega_b", False),
+    ({"torque_a": [0.0, 0.0, 0.3]}, "omega_b", False),
+    ({"damping_b": [0.1, 0.2, 0.0]}, "omega_b", False),
+])  # fmt: skip
 def test_rates_of_a_symmetric_body_under_a_torque_about_its_axis_have_a_closed_form(loads, wanted, closed):
     body, outputs = {"mass": 1.0, "inertia": [2.0, 2.0, 1.0]}, {"quantities": [wanted]}
     found = plan(made(body, {"omega_b": [0.3, 0.2, 2.0]}, NO_GRAVITY | loads, outputs=outputs))

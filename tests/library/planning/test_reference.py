@@ -156,13 +156,10 @@ def test_a_term_that_is_no_number_gives_no_step(place):
 
 
 @compiled
-@pytest.mark.parametrize(
-    ("bound", "most", "words"),
-    [
-        ("MAX_SUBSTEPS", 20, r"[0-9.e+]+ substeps take it on by [0-9.]+ s: it turns at [0-9.]+ rad/s"),
-        ("MAX_TRIED", 20, r"pilot runs take more than 2e\+01 substeps"),
-    ],
-)
+@pytest.mark.parametrize(("bound", "most", "words"), [
+    ("MAX_SUBSTEPS", 20, r"[0-9.e+]+ substeps take it on by [0-9.]+ s: it turns at [0-9.]+ rad/s"),
+    ("MAX_TRIED", 20, r"pilot runs take more than 2e\+01 substeps"),
+])  # fmt: skip
 def test_a_run_too_long_to_be_planned_is_refused(bound, most, words, monkeypatch):
     monkeypatch.setattr(judge_module, "MAX_REFERENCE_STEPS", 5)
     monkeypatch.setattr(judge_module, bound, most)
@@ -171,24 +168,13 @@ def test_a_run_too_long_to_be_planned_is_refused(bound, most, words, monkeypatch
         plan(scene_of("all loads"))
 
 
-@pytest.mark.parametrize(
-    ("rates", "substeps", "words"),
-    [
-        ([0.3, 1e-6, np.nan], 4e6, r"4\.0e\+06 substeps take it on by 0\.0001 s: damping is stiff, or another load"),
-        ([1e9, 1e12, np.nan], 4e6, r"4\.0e\+06 substeps take it on by 0\.0001 s: it turns at 1e\+12 rad/s$"),
-        (
-            [0.3, np.nan, np.nan],
-            0,
-            r"the 0\.0001 s from t = 0 s take too many substeps, or .* numbers: damping is stiff",
-        ),
-        ([1e9, np.nan, np.nan], 0, r"the 0\.0001 s from t = 0 s take too many .* numbers: it turns at 1e\+09 rad/s$"),
-        (
-            [1e9, 2.0, np.nan],
-            50,
-            r"the 0\.5 s from t = 0\.0001 s take too many .* numbers: damping is stiff, or another",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("rates", "substeps", "words"), [
+    ([0.3, 1e-6, np.nan], 4e6, r"4\.0e\+06 substeps take it on by 0\.0001 s: damping is stiff, or another load"),
+    ([1e9, 1e12, np.nan], 4e6, r"4\.0e\+06 substeps take it on by 0\.0001 s: it turns at 1e\+12 rad/s$"),
+    ([0.3, np.nan, np.nan], 0, r"the 0\.0001 s from t = 0 s take too many substeps, or .* numbers: damping is stiff"),
+    ([1e9, np.nan, np.nan], 0, r"the 0\.0001 s from t = 0 s take too many .* numbers: it turns at 1e\+09 rad/s$"),
+    ([1e9, 2.0, np.nan], 50, r"the 0\.5 s from t = 0\.0001 s take too many .* numbers: damping is stiff, or another"),
+])  # fmt: skip
 def test_a_motion_that_was_given_up_says_how_far_it_came_and_why(rates, substeps, words):
     """As where series in doubles are refused, though those of more digits are not."""
     rows = np.array([[rate, 0.0, 0.0] for rate in rates])

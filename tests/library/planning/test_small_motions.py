@@ -24,18 +24,15 @@ def swinging(omega_b, accuracy, arm=DOWN, wanted=("quaternion", "omega_b"), **ru
     return Scene(body=body, initial=initial, loads=loads, outputs={"quantities": list(wanted)}, run=run)
 
 
-@pytest.mark.parametrize(
-    ("omega_b", "accuracy", "arm", "wanted"),
-    [
-        ([3e-5, -1e-4, 0.0], 1e-12, DOWN, ("quaternion", "omega_b")),
-        ([3e-5, -1e-4, 0.0], 1e-12, DOWN, RATES),
-        ([3e-9, -1e-8, 0.0], 1e-8, DOWN, ("omega_b",)),
-        ([3e-13, -1e-12, 0.0], 1e-9, DOWN, RATES),
-        ([3e-10, 1e-9, 0.0], 1e-6, [0.0, 0.0, 1.46], RATES),
-        ([3e-10, 1e-9, 0.0], 1e-12, [0.0, 0.0, 1.46], RATES),
-        ([3e-5, -1e-5, 0.0], 1e-9, TILTED, RATES),
-    ],
-)
+@pytest.mark.parametrize(("omega_b", "accuracy", "arm", "wanted"), [
+    ([3e-5, -1e-4, 0.0], 1e-12, DOWN, ("quaternion", "omega_b")),
+    ([3e-5, -1e-4, 0.0], 1e-12, DOWN, RATES),
+    ([3e-9, -1e-8, 0.0], 1e-8, DOWN, ("omega_b",)),
+    ([3e-13, -1e-12, 0.0], 1e-9, DOWN, RATES),
+    ([3e-10, 1e-9, 0.0], 1e-6, [0.0, 0.0, 1.46], RATES),
+    ([3e-10, 1e-9, 0.0], 1e-12, [0.0, 0.0, 1.46], RATES),
+    ([3e-5, -1e-5, 0.0], 1e-9, TILTED, RATES),
+])  # fmt: skip
 def test_a_small_motion_is_as_accurate_as_it_is_said_to_be(omega_b, accuracy, arm, wanted):
     scene = swinging(omega_b, accuracy, arm, wanted)
     found = plan(scene)

@@ -202,10 +202,8 @@ BAD = {
     "rows": ({"force_a": np.zeros((7, 3))}, r"shape \(7, 3\): expected \(times, values\), or 4 rows, one a step"),
     "text": ({"force_a": "abc"}, r"inputs 'force_a': values must be real numbers, got 'abc': expected \(times"),
     "ragged": ({"force_a": (T, [[0, 0, 0], [0, 0], [0]])}, r"'force_a': values must be a regular array .*: expected"),
-    "dates": (
-        {"force_a": (np.array([0, 1, 2], "datetime64[s]"), ZEROS)},
-        "times must be real numbers, got an array of dat",
-    ),
+    "dates": ({"force_a": (np.array([0, 1, 2], "datetime64[s]"), ZEROS)},
+        "times must be real numbers, got an array of dat"),
     "mask": ({"force_a": (T, np.ma.masked_greater(ZEROS, 1.0))}, "'force_a': values must have no mask"),
     "complex": ({"force_a": (T, ZEROS + 1j)}, "'force_a': values must be real numbers, got an array of complex128"),
     "NaN": ({"force_a": (T, [[0, 0, 0], [0, math.nan, 0], [0, 0, 0]])}, r"force_a\[2\] = nan in row 2: expected a fin"),
@@ -214,7 +212,7 @@ BAD = {
     "begin": ({"force_a": ([0.1, 1.0, 2.0], ZEROS)}, "times of force_a = 0.1 in row 1: expected at most 0.0 s"),
     "end": ({"force_a": ([0.0, 0.1, 0.2], ZEROS)}, "0.2 in row 3, the last: expected at least 1.4 s, as a last row"),
     "kind": (3, 'inputs = "int": expected a mapping'),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -233,36 +231,26 @@ def test_linear_inputs_must_reach_the_end_and_the_way_to_interpolate_must_be_kno
 
 FILES = {
     "unknown": ("time,torque_x\n0,1\n", 'column "torque_x": expected one of time, force_a'),
-    "missing": (
-        "time,force_a[1],force_a[3]\n0,1,1\n",
-        r"column 'force_a\[2\]' is missing: expected all of time, force",
-    ),
-    "columns before cells": (
-        "time,force_a[1],force_a[2],torque_x\n0,1,x,y\n1,2\n",
-        r'column "torque_x": .*\n.*\'force_a\[3\]\' is missing: .*\n.*force_a\[2\] = "x" .*\n.*row 2 has 2 cells.*\Z',
-    ),
+    "missing": ("time,force_a[1],force_a[3]\n0,1,1\n",
+        r"column 'force_a\[2\]' is missing: expected all of time, force"),
+    "columns before cells": ("time,force_a[1],force_a[2],torque_x\n0,1,x,y\n1,2\n",
+        r'column "torque_x": .*\n.*\'force_a\[3\]\' is missing: .*\n.*force_a\[2\] = "x" .*\n.*row 2 has 2 cells.*\Z'),
     "no time": ("force_a[1],force_a[2],force_a[3]\n1,1,1\n", "column 'time' is missing"),
-    "semicolons": (
-        "time;force_a[1]\n1;1,5\n",
-        "expected it in the header, with commas between columns, not time;force",
-    ),
+    "semicolons": ("time;force_a[1]\n1;1,5\n",
+        "expected it in the header, with commas between columns, not time;force"),
     "twice": ("time,time,force_a[1],force_a[2],force_a[3]\n0,0,1,1,1\n", "column 'time' stands twice"),
-    "text": (
-        "time,force_a[1],force_a[2],force_a[3]\n0,1,x,1\n",
-        r'force_a\[2\] = "x" in row 1: expected a finite numb',
-    ),
+    "text": ("time,force_a[1],force_a[2],force_a[3]\n0,1,x,1\n",
+        r'force_a\[2\] = "x" in row 1: expected a finite numb'),
     "underscore": ("time,force_a[1],force_a[2],force_a[3]\n0,1_0,1,1\n", r'force_a\[1\] = "1_0" in row 1: expected'),
-    "other digits": (
-        "time,force_a[1],force_a[2],force_a[3]\n0,\u0661,1,1\n",
-        r'force_a\[1\] = ".*" in row 1: expected',
-    ),
+    "other digits": ("time,force_a[1],force_a[2],force_a[3]\n0,\u0661,1,1\n",
+        r'force_a\[1\] = ".*" in row 1: expected'),
     "NaN": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1,1\n3,1,nan,1\n", r'force_a\[2\] = "nan" in row 2: expected'),
     "short": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1\n", "row 1 has 3 cells: expected 4, as many as the header"),
     "header": ("time,force_a[1],force_a[2],force_a[3]\n", "no rows: expected a header, and a row of numbers a time"),
     "empty": ("", "column 'time' is missing"),
     "bytes": (b"\xff\xfe\x00", "not a CSV file"),
     "order": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1,1\n0,1,1,1\n", "time = 0.0 in row 2: expected a time aft"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FILES)

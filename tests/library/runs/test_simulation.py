@@ -38,17 +38,10 @@ def scene(run=None, **tables):
 # The grid
 
 
-@pytest.mark.parametrize(
-    ("start", "stop", "step", "points"),
-    [
-        (0.0, 1.0, 0.1, 11),
-        (0.0, 30.0, 0.1, 301),
-        (2.0, 3.0, 0.25, 5),
-        (0.0, 1.0, 0.3, 5),
-        (0.1, 0.1 + 0.2, 0.1, 3),
-        (0.0, 0.7, 0.7, 2),
-    ],
-)
+@pytest.mark.parametrize(("start", "stop", "step", "points"), [
+    (0.0, 1.0, 0.1, 11), (0.0, 30.0, 0.1, 301), (2.0, 3.0, 0.25, 5), (0.0, 1.0, 0.3, 5), (0.1, 0.1 + 0.2, 0.1, 3),
+    (0.0, 0.7, 0.7, 2),
+])  # fmt: skip
 def test_the_grid_goes_from_start_to_stop(start, stop, step, points):
     time = rbfmu.simulate(scene({"start": start, "stop": stop, "step": step})).time
     assert len(time) == points
@@ -229,16 +222,13 @@ def test_a_plan_that_cannot_be_run_is_refused_by_name_and_value(setting, value):
         rbfmu.simulate(scene(), planned=planned)
 
 
-@pytest.mark.parametrize(
-    ("planned", "tables", "expected"),
-    [
-        ("body under loads, by series", {"loads": {"torque_b": "-norm(omega_b)*omega_b"}}, "'formulas', as formulas"),
-        ("torque-free body", {"states": {"x": {"start": 1.0, "rate": "-x"}}}, "'formulas', as formulas take part"),
-        ("torque-free body", {"events": {"over": "omega_b[1]"}}, "'formulas', as formulas take part"),
-        ("prescribed rates", {}, "a model of a body"),
-        ("formulas", {"body": None, "inputs": {"ports": ["omega_b"]}}, "'prescribed rates'"),
-    ],
-)
+@pytest.mark.parametrize(("planned", "tables", "expected"), [
+    ("body under loads, by series", {"loads": {"torque_b": "-norm(omega_b)*omega_b"}}, "'formulas', as formulas"),
+    ("torque-free body", {"states": {"x": {"start": 1.0, "rate": "-x"}}}, "'formulas', as formulas take part"),
+    ("torque-free body", {"events": {"over": "omega_b[1]"}}, "'formulas', as formulas take part"),
+    ("prescribed rates", {}, "a model of a body"),
+    ("formulas", {"body": None, "inputs": {"ports": ["omega_b"]}}, "'prescribed rates'"),
+])  # fmt: skip
 def test_a_plan_by_hand_whose_model_has_no_place_for_what_moves_the_body_is_refused(planned, tables, expected):
     """Loads that were formulas went unheard, and other plans ended in a KeyError."""
     given = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, "outputs": {"quantities": ["quaternion"]}, **tables}

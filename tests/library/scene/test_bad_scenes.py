@@ -176,28 +176,19 @@ def faults_of(**changes):
     return caught.value.faults
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"initial": {"omega_b": [0, 1, 2]}},
-        {"loads": {"torque_b": [0, 1, 2]}},
-        {"loads": {"damping_b": [1, 2, 3]}},
-        {"loads": {"force_a": [1, 2, 3], "force_b": [1, 2, 3]}, "inputs": {"ports": ["force_a", "force_b"]}},
-        {"body": {"r_oc_b": [3, 0, 0]}, "loads": {"force_a": [1, 2, 3]}, "inputs": {"ports": ["force_a"]}},
-        {"body": {"r_oc_b": [1, 1, 0]}, "loads": {"force_b": [1, 2, 0]}},
-        {"body": {"r_oc_b": [1, 0, 0], "pivot": True}, "loads": {"force_a": [1, 2, 3], "torque_b": [0, 1, 0]}},
-        {
-            "body": {"r_oc_b": [1, 1e-8, 0], "pivot": True},
-            "loads": {"force_a": [1, 2, 3]},
-            "inputs": {"ports": ["force_b"]},
-        },
-        {
-            "body": {"r_oc_b": [1, 1, 0], "pivot": True},
-            "inputs": {"ports": ["torque_a"]},
-            "initial": {"omega_b": [1, 2, 3]},
-        },
-    ],
-)
+@pytest.mark.parametrize("changes", [
+    {"initial": {"omega_b": [0, 1, 2]}},
+    {"loads": {"torque_b": [0, 1, 2]}},
+    {"loads": {"damping_b": [1, 2, 3]}},
+    {"loads": {"force_a": [1, 2, 3], "force_b": [1, 2, 3]}, "inputs": {"ports": ["force_a", "force_b"]}},
+    {"body": {"r_oc_b": [3, 0, 0]}, "loads": {"force_a": [1, 2, 3]}, "inputs": {"ports": ["force_a"]}},
+    {"body": {"r_oc_b": [1, 1, 0]}, "loads": {"force_b": [1, 2, 0]}},
+    {"body": {"r_oc_b": [1, 0, 0], "pivot": True}, "loads": {"force_a": [1, 2, 3], "torque_b": [0, 1, 0]}},
+    {"body": {"r_oc_b": [1, 1e-8, 0], "pivot": True}, "loads": {"force_a": [1, 2, 3]},
+     "inputs": {"ports": ["force_b"]}},
+    {"body": {"r_oc_b": [1, 1, 0], "pivot": True}, "inputs": {"ports": ["torque_a"]},
+     "initial": {"omega_b": [1, 2, 3]}},
+])  # fmt: skip
 def test_a_beam_may_do_what_does_not_turn_it_about_its_axis(changes):
     body = {"mass": 1, "shape": {"kind": "beam", "length": 2}} | changes.get("body", {})
     assert Scene.from_dict(changes | {"body": body}).body is not None

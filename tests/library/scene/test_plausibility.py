@@ -14,15 +14,12 @@ from tests.support.scenes.scene_tables import SMALLEST, scene
 SLOW = {"stop": 1.0, "step": 0.1}
 
 
-@pytest.mark.parametrize(
-    ("radius", "said"),
-    [
-        (3.9, None),
-        (3.93, "at least 3.93 m, beyond 3.91 m, where 3 kg"),
-        (1.01e-4, None),
-        (0.99e-4, "9.9e-05 m, below 0.1 mm"),
-    ],
-)
+@pytest.mark.parametrize(("radius", "said"), [
+    (3.9, None),
+    (3.93, "at least 3.93 m, beyond 3.91 m, where 3 kg"),
+    (1.01e-4, None),
+    (0.99e-4, "9.9e-05 m, below 0.1 mm"),
+])  # fmt: skip
 def test_a_radius_of_gyration_out_of_the_common(radius: float, said: str | None) -> None:
     made = scene(body={"mass": 3.0, "inertia": [3.0 * radius**2] * 3})
     found = list(doubts_before(made))

@@ -94,16 +94,13 @@ def test_a_matrix_symmetric_to_round_off_is_stored_symmetric():
     assert M[0][1] == M[1][0] == 0.5 * (0.1 + (0.1 + 1e-14))
 
 
-@pytest.mark.parametrize(
-    ("shape", "moments"),
-    [
-        ({"kind": "box", "sides": [1, 2, 3]}, [13 / 12, 10 / 12, 5 / 12]),
-        ({"kind": "beam", "length": 6}, [0, 3, 3]),
-        ({"kind": "cylinder", "radius": 2, "length": 6}, [4, 4, 2]),
-        ({"kind": "sphere", "radius": 5}, [10, 10, 10]),
-        ({"kind": "ellipsoid", "semiaxes": [1, 2, 3]}, [13 / 5, 10 / 5, 5 / 5]),
-    ],
-)
+@pytest.mark.parametrize(("shape", "moments"), [
+    ({"kind": "box", "sides": [1, 2, 3]}, [13 / 12, 10 / 12, 5 / 12]),
+    ({"kind": "beam", "length": 6}, [0, 3, 3]),
+    ({"kind": "cylinder", "radius": 2, "length": 6}, [4, 4, 2]),
+    ({"kind": "sphere", "radius": 5}, [10, 10, 10]),
+    ({"kind": "ellipsoid", "semiaxes": [1, 2, 3]}, [13 / 5, 10 / 5, 5 / 5]),
+])  # fmt: skip
 def test_a_shape_is_its_inertia(shape, moments):
     made = Body(mass=2, shape=shape)
     np.testing.assert_allclose(made.M_c, 2 * np.diag(moments), rtol=3 * EPS)
@@ -241,20 +238,17 @@ def test_quantities_that_nobody_asked_for_by_name_follow_from_the_motion() -> No
     assert asked.replace({"body.pivot": True}).outputs.quantities == ("position",)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"run.stop": -5}, "run.stop = -5.0: expected a time after run.start"),
-        ({"run.accuracy": math.nan}, "run.accuracy = nan: expected a finite number"),
-        ({"run.stpo": 5}, "run.stpo = 5: unknown key; did you mean stop?"),
-        ({"rn.stop": 5}, "rn = { stop = 5 }: unknown key; did you mean run?"),
-        ({"run": 5}, "run = 5: expected a table"),
-        ({"run.stop.x": 5}, "run.stop = { x = 5 }: expected a number"),
-        ({"body": None}, "body is missing"),
-        ({"initial": {"omega_b": [1, 0, 0], "omega_b_deg": [1, 0, 0]}}, "not both"),
-        ({"body.mass": -1}, "body.mass = -1: expected a number > 0"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"run.stop": -5}, "run.stop = -5.0: expected a time after run.start"),
+    ({"run.accuracy": math.nan}, "run.accuracy = nan: expected a finite number"),
+    ({"run.stpo": 5}, "run.stpo = 5: unknown key; did you mean stop?"),
+    ({"rn.stop": 5}, "rn = { stop = 5 }: unknown key; did you mean run?"),
+    ({"run": 5}, "run = 5: expected a table"),
+    ({"run.stop.x": 5}, "run.stop = { x = 5 }: expected a number"),
+    ({"body": None}, "body is missing"),
+    ({"initial": {"omega_b": [1, 0, 0], "omega_b_deg": [1, 0, 0]}}, "not both"),
+    ({"body.mass": -1}, "body.mass = -1: expected a number > 0"),
+])  # fmt: skip
 def test_a_bad_change_is_a_scene_error(changes: dict[str, object], message: str) -> None:
     with pytest.raises(SceneError) as caught:
         SCENE.replace(changes)

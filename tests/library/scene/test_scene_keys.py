@@ -134,19 +134,16 @@ def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
 BODY = "[body]\nmass = 2.0\ninertia = [1.0, 2.0, 2.5]\n"
 
 
-@pytest.mark.parametrize(
-    ("before", "description"),
-    [
-        ("# A brick\n#   that tumbles\n#\n# and more\n", "A brick that tumbles"),
-        ("# my.toml\n# A brick\n", "A brick"),
-        ("#\n# A brick\n\n# of the body\n", "A brick"),
-        ("# bell \x7f rings\n".replace("\x7f", "\u200b"), "bell  rings"),
-        ("# " + "x" * 2000 + "\n", "x" * 1000),
-        ("# my.toml\n", ""),
-        ("\n# of the body\n", ""),
-        ("", ""),
-    ],
-)
+@pytest.mark.parametrize(("before", "description"), [
+    ("# A brick\n#   that tumbles\n#\n# and more\n", "A brick that tumbles"),
+    ("# my.toml\n# A brick\n", "A brick"),
+    ("#\n# A brick\n\n# of the body\n", "A brick"),
+    ("# bell \x7f rings\n".replace("\x7f", "\u200b"), "bell  rings"),
+    ("# " + "x" * 2000 + "\n", "x" * 1000),
+    ("# my.toml\n", ""),
+    ("\n# of the body\n", ""),
+    ("", ""),
+])  # fmt: skip
 def test_a_scene_s_description_is_its_file_s_first_paragraph(before: str, description: str, tmp_path: Path) -> None:
     path = tmp_path / "my.toml"
     path.write_text(before + BODY, encoding="utf-8")

@@ -51,17 +51,14 @@ def test_time_to_compile_is_that_of_the_first_run_beyond_what_two_runs_take(monk
     assert first_calls == {method.name: 5.0}
 
 
-@pytest.mark.parametrize(
-    ("errors", "seconds", "points", "smallest", "why"),
-    [
-        ([1e-2, 1e-4, 1e-6, 1e-8], [0.01, 0.1, 0.25, 0.4], 3, 1e-6, STOPPED),
-        ([1e-2, 1e-4], [0.01, 0.1], 2, 1e-4, "all settings tried"),
-        ([1e-3, *(1.01e-3 + 1e-5 * k for k in range(9))], [0.01] * 10, 6, 1e-3, "no more digits"),
-        ([3.0, 3.0], [0.01, 0.3], 0, math.inf, STOPPED),
-        ([-1.0, -1.0], [0.0, 0.0], 0, math.inf, "not run at 1: not with me"),
-        ([-1.0, 1e-3], [0.0, 0.1], 1, 1e-3, "all settings tried"),
-    ],
-)
+@pytest.mark.parametrize(("errors", "seconds", "points", "smallest", "why"), [
+    ([1e-2, 1e-4, 1e-6, 1e-8], [0.01, 0.1, 0.25, 0.4], 3, 1e-6, STOPPED),
+    ([1e-2, 1e-4], [0.01, 0.1], 2, 1e-4, "all settings tried"),
+    ([1e-3, *(1.01e-3 + 1e-5 * k for k in range(9))], [0.01] * 10, 6, 1e-3, "no more digits"),
+    ([3.0, 3.0], [0.01, 0.3], 0, math.inf, STOPPED),
+    ([-1.0, -1.0], [0.0, 0.0], 0, math.inf, "not run at 1: not with me"),
+    ([-1.0, 1e-3], [0.0, 0.1], 1, 1e-3, "all settings tried"),
+])  # fmt: skip
 def test_why_a_method_ended_is_kept(errors, seconds, points: int, smallest: float, why: str) -> None:
     found, ending = explore(WHAT, CASES["a"], _made(errors, seconds), {})
     assert len(found) == points
@@ -210,15 +207,12 @@ def made_up(peer: float, scene: str = "it", **changes: object) -> Chart:
     return replace(chart, **changes)
 
 
-@pytest.mark.parametrize(
-    ("peer", "first", "second"),
-    [
-        (3.0, "it at 1e-6, ports at zero: use rbfmu's plan, 1.0 µs per", "best peer heyoka.py, 3.0 x that"),
-        (1.02, "use rbfmu's plan", "heyoka.py is even"),
-        (0.97, "use rbfmu's plan", "heyoka.py is even"),
-        (0.5, "cheapest is heyoka.py, 500 ns per simulated second", "rbfmu's plan costs 2.0 x that"),
-    ],
-)
+@pytest.mark.parametrize(("peer", "first", "second"), [
+    (3.0, "it at 1e-6, ports at zero: use rbfmu's plan, 1.0 µs per", "best peer heyoka.py, 3.0 x that"),
+    (1.02, "use rbfmu's plan", "heyoka.py is even"),
+    (0.97, "use rbfmu's plan", "heyoka.py is even"),
+    (0.5, "cheapest is heyoka.py, 500 ns per simulated second", "rbfmu's plan costs 2.0 x that"),
+])  # fmt: skip
 def test_the_headline_names_what_to_use(peer: float, first: str, second: str) -> None:
     lines = list(made_up(peer).headline)
     assert first in lines[0]
@@ -286,19 +280,10 @@ def test_a_part_of_a_run_is_said_to_be_one() -> None:
     assert "the first 2 s of 500 s" in made_up(3.0, whole=500.0).conditions
 
 
-@pytest.mark.parametrize(
-    ("seconds", "text"),
-    [
-        (1.2e-15, "1.2 fs"),
-        (3.4e-13, "340 fs"),
-        (5e-12, "5.0 ps"),
-        (1.54e-8, "15 ns"),
-        (9.96e-6, "10 µs"),
-        (1.06e-6, "1.1 µs"),
-        (0.25, "250 ms"),
-        (1.5, "1.5 s"),
-    ],
-)
+@pytest.mark.parametrize(("seconds", "text"), [
+    (1.2e-15, "1.2 fs"), (3.4e-13, "340 fs"), (5e-12, "5.0 ps"), (1.54e-8, "15 ns"), (9.96e-6, "10 µs"),
+    (1.06e-6, "1.1 µs"), (0.25, "250 ms"), (1.5, "1.5 s"),
+])  # fmt: skip
 def test_costs_have_units_of_their_size(seconds: float, text: str) -> None:
     assert cost_text(seconds) == text
 

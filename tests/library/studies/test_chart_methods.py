@@ -235,15 +235,12 @@ def test_what_is_not_finite_has_an_infinite_error() -> None:
 # Peers' motions, where the peers are not installed: what they are given
 
 
-@pytest.mark.parametrize(
-    ("key", "asked", "states"),
-    [
-        *((key, "omega_b", WHOLE[4:7]) for key in "ae"),
-        *((key, "quaternion", WHOLE[:7]) for key in "ace"),
-        ("a", "position", WHOLE[7:]),
-        ("f", "position", WHOLE),
-    ],
-)
+@pytest.mark.parametrize(("key", "asked", "states"), [
+    *((key, "omega_b", WHOLE[4:7]) for key in "ae"),
+    *((key, "quaternion", WHOLE[:7]) for key in "ace"),
+    ("a", "position", WHOLE[7:]),
+    ("f", "position", WHOLE),
+])  # fmt: skip
 def test_heyoka_is_given_the_kernels_equations_of_motion(key: str, asked: str, states, monkeypatch) -> None:
     case = replace(CASES[key], scene=CASES[key].scene.replace({"outputs.quantities": [asked]}))
     q, w, r, v = case.start.q_ab, (0.3, -0.2, 0.5), (1.0, 2.0, 3.0), (-1.0, 0.5, 0.25)

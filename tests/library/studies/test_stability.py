@@ -198,17 +198,14 @@ def test_crossing_finds_the_end_of_stability() -> None:
     assert growth(method_laws.RK4_ON_Q, 5.7) > 1.0
 
 
-@pytest.mark.parametrize(
-    ("name", "h", "ratio", "verdict"),
-    [
-        ("semi-implicit Euler", 0.01, 0.1, motions.WRONG),
-        ("semi-implicit Euler", 1.0, 0.1, motions.NOT_FINITE),
-        ("RK4, quaternion", 0.1, 0.1, motions.RIGHT),
-        ("RK4, quaternion", 1.5, 0.1, motions.WRONG),
-        ("RK4, quaternion", 8.0, 0.1, motions.NOT_FINITE),
-        ("implicit midpoint", 5.0, 0.1, motions.NOT_FINITE),
-    ],
-)
+@pytest.mark.parametrize(("name", "h", "ratio", "verdict"), [
+    ("semi-implicit Euler", 0.01, 0.1, motions.WRONG),
+    ("semi-implicit Euler", 1.0, 0.1, motions.NOT_FINITE),
+    ("RK4, quaternion", 0.1, 0.1, motions.RIGHT),
+    ("RK4, quaternion", 1.5, 0.1, motions.WRONG),
+    ("RK4, quaternion", 8.0, 0.1, motions.NOT_FINITE),
+    ("implicit midpoint", 5.0, 0.1, motions.NOT_FINITE),
+])  # fmt: skip
 def test_verdicts_on_fixed_steps(name: str, h: float, ratio: float, verdict: int) -> None:
     assert motions.verdict_of_steps(REFERENCE_INTEGRATORS[name], h, ratio)[0] == verdict
 

@@ -44,16 +44,13 @@ def test_a_box_in_any_axes_is_drawn_along_its_own() -> None:
     assert sorted(shape.sides) == pytest.approx(sorted(SIDES), rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("written", "kind", "sides"),
-    [
-        ({"kind": "box", "sides": [1, 2, 3]}, "box", (1, 2, 3)),
-        ({"kind": "beam", "length": 2.0}, "box", (2, 2 * THINNEST, 2 * THINNEST)),
-        ({"kind": "cylinder", "radius": 0.5, "length": 3}, "cylinder", (1, 1, 3)),
-        ({"kind": "sphere", "radius": 0.5}, "ellipsoid", (1, 1, 1)),
-        ({"kind": "ellipsoid", "semiaxes": [1, 2, 3]}, "ellipsoid", (2, 4, 6)),
-    ],
-)
+@pytest.mark.parametrize(("written", "kind", "sides"), [
+    ({"kind": "box", "sides": [1, 2, 3]}, "box", (1, 2, 3)),
+    ({"kind": "beam", "length": 2.0}, "box", (2, 2 * THINNEST, 2 * THINNEST)),
+    ({"kind": "cylinder", "radius": 0.5, "length": 3}, "cylinder", (1, 1, 3)),
+    ({"kind": "sphere", "radius": 0.5}, "ellipsoid", (1, 1, 1)),
+    ({"kind": "ellipsoid", "semiaxes": [1, 2, 3]}, "ellipsoid", (2, 4, 6)),
+])  # fmt: skip
 def test_a_shape_of_a_scene_is_drawn_as_it_is(written: dict, kind: str, sides: tuple[float, ...]) -> None:
     shape = shape_of(scene(body={"mass": MASS, "shape": written, "r_oc_b": [0.1, 0.0, 0.0]}), written)
     assert (shape.kind, shape.sides, shape.centre) == (kind, sides, (0.1, 0.0, 0.0))

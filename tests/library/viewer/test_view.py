@@ -130,14 +130,11 @@ def test_a_result_without_attitude_is_refused(keep: tuple[str, ...], tmp_path: P
     assert not (tmp_path / "it.html").exists()
 
 
-@pytest.mark.parametrize(
-    ("changed", "said"),
-    [
-        ({"quaternion": 0.0}, "quaternion in row 2 has length 0: expected 1"),
-        ({"quaternion": math.nan}, "quaternion = nan in row 2: expected numbers"),
-        ({"position": math.inf}, "position = inf in row 2: expected numbers"),
-    ],
-)
+@pytest.mark.parametrize(("changed", "said"), [
+    ({"quaternion": 0.0}, "quaternion in row 2 has length 0: expected 1"),
+    ({"quaternion": math.nan}, "quaternion = nan in row 2: expected numbers"),
+    ({"position": math.inf}, "position = inf in row 2: expected numbers"),
+])  # fmt: skip
 def test_what_is_no_motion_is_refused(changed: dict[str, float], said: str) -> None:
     """It stood in the page without a word."""
     rows = {"quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)), "position": np.zeros((3, 3))}

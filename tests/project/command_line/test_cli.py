@@ -106,17 +106,14 @@ def test_plan_says_why_and_speaks_json(short: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["plan", "run", "build"])
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["--accuracy", "2"], "with --accuracy 2.0: run.accuracy = 2.0: expected a number in (0, 1]"),
-        (["--accuracy", "nan"], "with --accuracy nan: run.accuracy = nan: expected a finite number in (0, 1]"),
-        (["--stop", "-1"], "with --stop -1.0: run.stop = -1.0: expected a time after run.start = 0.0 (s)"),
-        (["--stop", "0.05"], "with --stop 0.05: run.step = 0.1: expected at most stop - start = 0.05 (s)"),
-        (["--step", "0", "--stop", "9"], "with --step 0.0 and --stop 9.0: run.step = 0.0: expected a number > 0 (s)"),
-        (["--accuracy", "1e-16"], "with --accuracy 1e-16: run.accuracy = 1e-16: expected at least"),
-    ],
-)
+@pytest.mark.parametrize(("options", "said"), [
+    (["--accuracy", "2"], "with --accuracy 2.0: run.accuracy = 2.0: expected a number in (0, 1]"),
+    (["--accuracy", "nan"], "with --accuracy nan: run.accuracy = nan: expected a finite number in (0, 1]"),
+    (["--stop", "-1"], "with --stop -1.0: run.stop = -1.0: expected a time after run.start = 0.0 (s)"),
+    (["--stop", "0.05"], "with --stop 0.05: run.step = 0.1: expected at most stop - start = 0.05 (s)"),
+    (["--step", "0", "--stop", "9"], "with --step 0.0 and --stop 9.0: run.step = 0.0: expected a number > 0 (s)"),
+    (["--accuracy", "1e-16"], "with --accuracy 1e-16: run.accuracy = 1e-16: expected at least"),
+])  # fmt: skip
 def test_a_bad_option_is_one_message_that_names_file_and_option(
     command: str, options: list[str], said: str, short: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -205,14 +202,11 @@ def test_a_run_says_its_model_and_the_error_to_expect(short: Path) -> None:
     assert head == [f"{planned.model}: {planned.method}", expected, *planned.reasons]
 
 
-@pytest.mark.parametrize(
-    ("inputs", "which"),
-    [
-        ('ports = ["torque_b"]', " with inputs at zero"),
-        ('parameters = ["omega_b_0"]', " with the scene's parameters"),
-        ('ports = ["torque_b"]\nparameters = ["omega_b_0"]', " with inputs at zero and the scene's parameters"),
-    ],
-)
+@pytest.mark.parametrize(("inputs", "which"), [
+    ('ports = ["torque_b"]', " with inputs at zero"),
+    ('parameters = ["omega_b_0"]', " with the scene's parameters"),
+    ('ports = ["torque_b"]\nparameters = ["omega_b_0"]', " with inputs at zero and the scene's parameters"),
+])  # fmt: skip
 def test_an_expected_error_says_of_which_run_it_is(short: Path, inputs: str, which: str) -> None:
     """Another unit may supply other inputs, of which the pilot run knows nothing."""
     short.write_text(f"{short.read_text()}\n[inputs]\n{inputs}\n")
@@ -319,15 +313,12 @@ def test_build_names_the_fmu_after_its_scene(short: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("name", "file", "identifier"),
-    [
-        ("Kreisel größer: é 陀螺-2.1?", "Kreisel_größer__é_陀螺-2.1_.fmu", "Kreisel_gro_er__e____2_1_"),
-        pytest.param("陀螺-2.1", "陀螺-2.1.fmu", "___2_1", marks=pytest.mark.thorough),
-        pytest.param("été", "été.fmu", "ete", marks=pytest.mark.thorough),
-        pytest.param("a: b?", "a__b_.fmu", "a__b_", marks=pytest.mark.thorough),
-    ],
-)
+@pytest.mark.parametrize(("name", "file", "identifier"), [
+    ("Kreisel größer: é 陀螺-2.1?", "Kreisel_größer__é_陀螺-2.1_.fmu", "Kreisel_gro_er__e____2_1_"),
+    pytest.param("陀螺-2.1", "陀螺-2.1.fmu", "___2_1", marks=pytest.mark.thorough),
+    pytest.param("été", "été.fmu", "ete", marks=pytest.mark.thorough),
+    pytest.param("a: b?", "a__b_.fmu", "a__b_", marks=pytest.mark.thorough),
+])  # fmt: skip
 def test_an_fmu_s_name_keeps_letters(
     name: str, file: str, identifier: str, short: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -66,17 +66,14 @@ def test_a_model_that_is_wrong_is_status_1(scene: Path, tmp_path: Path) -> None:
     assert "times the noise that was given" in result.output
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["sensitivity"], "Missing option '--by'"),
-        (["sensitivity", "--by", "body.colour"], "by = 'body.colour': expected one of initial.attitude"),
-        (["sensitivity", "--by", "body.mass", "-o", "s.txt"], "ends in .csv or .npz"),
-        (["fit", "none.csv", "--free", "body.mass"], "none.csv"),
-        (["fit", "bad.csv", "--free", "body.mass"], 'Error: bad.csv: omega_b[1] = "x" in row 1: expected a number'),
-        (["fit", "none.csv"], "Missing option '--free'"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["sensitivity"], "Missing option '--by'"),
+    (["sensitivity", "--by", "body.colour"], "by = 'body.colour': expected one of initial.attitude"),
+    (["sensitivity", "--by", "body.mass", "-o", "s.txt"], "ends in .csv or .npz"),
+    (["fit", "none.csv", "--free", "body.mass"], "none.csv"),
+    (["fit", "bad.csv", "--free", "body.mass"], 'Error: bad.csv: omega_b[1] = "x" in row 1: expected a number'),
+    (["fit", "none.csv"], "Missing option '--free'"),
+])  # fmt: skip
 def test_what_cannot_be_done_is_one_message_and_status_2(
     arguments: list[str], said: str, scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

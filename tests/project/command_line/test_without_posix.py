@@ -80,18 +80,15 @@ exec("Path('x').write_text('')", {"Path": Path, "__name__": "rbfmu.forgotten"})
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("code", "error"),
-    [
-        ("import os; os.fork()", "AttributeError"),
-        ("import fcntl", "ModuleNotFoundError"),
-        (FORGOTTEN, "EncodingWarning"),
-        ("open('aux.txt', 'w', encoding='utf-8')", "no name of a file on Windows"),
-        ("open('a:b', 'w', encoding='utf-8')", "no name of a file on Windows"),
-        ("import os; os.mkdir('x'); os.mkdir('X')", "the same file as one that is there"),
-        ("import os; f = open('x', 'w', encoding='utf-8'); os.remove('x')", "is open, and Windows neither removes"),
-        ("import os; f = open('x', 'w', encoding='utf-8'); os.replace('x', 'y')", "is open, and Windows neither"),
-    ],
-)
+@pytest.mark.parametrize(("code", "error"), [
+    ("import os; os.fork()", "AttributeError"),
+    ("import fcntl", "ModuleNotFoundError"),
+    (FORGOTTEN, "EncodingWarning"),
+    ("open('aux.txt', 'w', encoding='utf-8')", "no name of a file on Windows"),
+    ("open('a:b', 'w', encoding='utf-8')", "no name of a file on Windows"),
+    ("import os; os.mkdir('x'); os.mkdir('X')", "the same file as one that is there"),
+    ("import os; f = open('x', 'w', encoding='utf-8'); os.remove('x')", "is open, and Windows neither removes"),
+    ("import os; f = open('x', 'w', encoding='utf-8'); os.replace('x', 'y')", "is open, and Windows neither"),
+])  # fmt: skip
 def test_what_of_posix_is_used_is_found(tmp_path, code, error):
     assert error in without_posix(tmp_path, shlex.join(("-c", code))).stderr

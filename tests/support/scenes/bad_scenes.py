@@ -47,17 +47,9 @@ NOT_VECTORS = {
     "long integer": "[1, 2, 0x1" + 5000 * "0" + "]",
 }
 NOT_SCALARS = {
-    "text": '"1.0"',
-    "bool": "true",
-    "vector": "[1.0]",
-    "table": "{}",
-    "time": "12:00:00",
-    "nan": "nan",
-    "inf": "inf",
-    "-inf": "-inf",
-    "too large": "1e999",
-    "long integer": "1" + 400 * "0",
-}
+    "text": '"1.0"', "bool": "true", "vector": "[1.0]", "table": "{}", "time": "12:00:00", "nan": "nan", "inf": "inf",
+    "-inf": "-inf", "too large": "1e999", "long integer": "1" + 400 * "0",
+}  # fmt: skip
 NOT_INERTIA = {
     "text": ('"1, 2, 2"', "3 principal moments or a 3x3 matrix"),
     "two": ("[1, 2]", "3 principal moments or a 3x3 matrix"),
@@ -73,13 +65,11 @@ NOT_INERTIA = {
     "indefinite": ("[[1, 2, 0], [2, 1, 0], [0, 0, 1]]", "principal moments >= 0"),
     "asymmetric": ("[[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]", "symmetric"),
     "triangle": ("[1, 2, 3.0001]", "at most the sum of the other two"),
-    "triangle in a matrix": (
-        "[[2, 0.9, 0], [0.9, 2, 0], [0, 0, 5]]",
-        "at most the sum of the other two (kg m2), not 1.1",
-    ),
+    "triangle in a matrix": ("[[2, 0.9, 0], [0.9, 2, 0], [0, 0, 5]]",
+        "at most the sum of the other two (kg m2), not 1.1"),
     "point mass": ("[0, 0, 0]", "at most one zero moment"),
     "two zero moments": ("[0, 0, 1]", "at most the sum"),
-}
+}  # fmt: skip
 NOT_SHAPES = {
     "text": ('"box"', "body.shape"),
     "no kind": ("{ sides = [1, 2, 3] }", "kind"),
@@ -90,10 +80,8 @@ NOT_SHAPES = {
     "box with a side of zero": ('{ kind = "box", sides = [1, 0, 2] }', "body.shape.sides"),
     "beam without length": ('{ kind = "beam" }', "body.shape.length is missing"),
     "beam of negative length": ('{ kind = "beam", length = -1 }', "body.shape.length"),
-    "beam with a radius": (
-        '{ kind = "beam", length = 1, radius = 0.1 }',
-        "body.shape.radius = 0.1: unknown key; expected one of length, kind",
-    ),
+    "beam with a radius": ('{ kind = "beam", length = 1, radius = 0.1 }',
+        "body.shape.radius = 0.1: unknown key; expected one of length, kind"),
     "cylinder without radius": ('{ kind = "cylinder", length = 1 }', "body.shape.radius is missing"),
     "cylinder of length nan": ('{ kind = "cylinder", radius = 1, length = nan }', "body.shape.length"),
     "sphere of radius zero": ('{ kind = "sphere", radius = 0 }', "body.shape.radius"),
@@ -101,7 +89,7 @@ NOT_SHAPES = {
     "sphere too large": ('{ kind = "sphere", radius = 1e200 }', "body.shape"),
     "sphere too small": ('{ kind = "sphere", radius = 1e-200 }', "body.shape"),
     "ellipsoid of bools": ('{ kind = "ellipsoid", semiaxes = [true, true, true] }', "body.shape.semiaxes"),
-}
+}  # fmt: skip
 NOT_ATTITUDES = {
     "text": ('"ZYX"', "initial.attitude"),
     "list": ("[1, 0, 0, 0]", "initial.attitude"),
@@ -174,32 +162,24 @@ CONTRADICTIONS = {
     "a list among quantities": ({"outputs": {"quantities": "[[]]"}}, "outputs.quantities"),
     "rates and mass": ({"inputs": {"ports": '["omega_b"]', "parameters": '["mass"]'}}, "inputs.parameters"),
     "rates and a rate": ({"inputs": {"ports": '["omega_b"]'}, "initial": {"omega_b": "[1, 2, 3]"}}, "initial.omega_b"),
-    "rates and a rate in degrees": (
-        {"inputs": {"ports": '["omega_b"]'}, "initial": {"omega_b_deg": "[1, 2, 3]"}},
-        "initial.omega_b_deg = [1, 2, 3]: expected zero, or no such key: the port omega_b prescribes the rates",
-    ),
-    "rates and a load": (
-        {"inputs": {"ports": '["omega_b"]'}, "loads": {"torque_b": "[0, 0, 1]"}},
-        "loads.torque_b = [0.0, 0.0, 1.0]: expected zero, or no such key: the port omega_b prescribes the rates",
-    ),
-    "rates and an output of one's own": (
-        {"inputs": {"ports": '["omega_b"]'}, "outputs": {"tilt": '"acos(R_ab[3,3])"'}},
-        "outputs.tilt: expected no formulas",
-    ),
+    "rates and a rate in degrees": ({"inputs": {"ports": '["omega_b"]'}, "initial": {"omega_b_deg": "[1, 2, 3]"}},
+        "initial.omega_b_deg = [1, 2, 3]: expected zero, or no such key: the port omega_b prescribes the rates"),
+    "rates and a load": ({"inputs": {"ports": '["omega_b"]'}, "loads": {"torque_b": "[0, 0, 1]"}},
+        "loads.torque_b = [0.0, 0.0, 1.0]: expected zero, or no such key: the port omega_b prescribes the rates"),
+    "rates and an output of one's own": ({"inputs": {"ports": '["omega_b"]'}, "outputs": {"tilt": '"acos(R_ab[3,3])"'}},
+        "outputs.tilt: expected no formulas"),
     "inertia and shape": ({"body": {"shape": '{ kind = "sphere", radius = 1 }'}}, "inertia or shape, not both"),
     "omega_b twice": ({"initial": {"omega_b": "[0, 0, 0]", "omega_b_deg": "[0, 0, 0]"}}, "not both"),
     "rates too large": ({"initial": {"omega_b": "[1e308, 0, 0]"}}, "squares have a finite sum (rad/s)"),
     "rates too large in degrees": ({"initial": {"omega_b_deg": "[0, 1e160, 0]"}}, "squares have a finite sum (deg/s)"),
     "no mass": ({"body": {"mass": ""}}, "body.mass is missing"),
     "no inertia": ({"body": {"inertia": ""}}, "body.inertia is missing"),
-    "shape without mass": (
-        {"body": {"mass": "", "inertia": "", "shape": '{ kind = "beam", length = 1 }'}},
-        "body.mass",
-    ),
+    "shape without mass": ({"body": {"mass": "", "inertia": "", "shape": '{ kind = "beam", length = 1 }'}},
+        "body.mass"),
     "far pivot": ({"body": {"pivot": "true", "r_oc_b": "[1e200, 0, 0]"}}, "body.r_oc_b"),
     "no quantities": ({"outputs": {"quantities": "[]"}}, "outputs.quantities"),
     "accuracy above one": ({"run": {"accuracy": "1.5"}}, "run.accuracy"),
-}
+}  # fmt: skip
 FILES = {
     "empty file": (b"", "[body]"),
     "only a comment": (b"# nothing\n", "[body]"),
@@ -216,14 +196,10 @@ FILES = {
     ),
     "key twice at the end": (b'[body]\n"a b" = 1\n"a b" = 2', 'body."a b" stands twice, again in line 3'),
     "name twice": (b"name = 'a'\nname = 'b'\n", "name stands twice, again in line 2"),
-    "table twice": (
-        b"[body]\nmass = 1\n[run]\nstop = 1\n\n[body]\npivot = true\n",
-        "body stands twice, again in line 6",
-    ),
-    "dotted key twice": (
-        b"[initial]\nattitude.euler = 'ZYX'\nattitude.euler = 'xyz'\n",
-        "initial.attitude.euler stands twice, again in line 3",
-    ),
+    "table twice": (b"[body]\nmass = 1\n[run]\nstop = 1\n\n[body]\npivot = true\n",
+        "body stands twice, again in line 6"),
+    "dotted key twice": (b"[initial]\nattitude.euler = 'ZYX'\nattitude.euler = 'xyz'\n",
+        "initial.attitude.euler stands twice, again in line 3"),
     "key twice in a row": (b"[body]\nshape = { kind = 'box', kind = 'box' }\n", "'kind'"),
     "yes": (b"[body]\npivot = yes  # it is\n", "expected true or false in place of yes"),
     "True": (b"[body]\r\npivot = True\r\n", "expected true or false in place of True"),
@@ -234,7 +210,7 @@ FILES = {
     "two bodies": (b"[[body]]\nmass = 1\n[[body]]\nmass = 2\n", "expected a table"),
     "keys without section": (b"mass = 1.0\ninertia = [1, 1, 1]\n", "did you mean body.mass?"),
     "section of a typo": (b"[bdoy]\nmass = 1.0\n", "did you mean body?"),
-}
+}  # fmt: skip
 
 
 def text(changes: dict[str, dict[str, str]], good: dict[str, dict[str, str]] = GOOD, head: str = "") -> str:

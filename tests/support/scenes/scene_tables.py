@@ -10,26 +10,12 @@ from rbfmu_kernels.rotations.euler_angles import NAMES
 SMALLEST = {"body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}}
 DEFAULTS = {
     "name": "scene",
-    "body": {
-        "mass": 2.0,
-        "inertia": [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.5]],
-        "r_oc_b": [0.0, 0.0, 0.0],
-        "pivot": False,
-    },
-    "initial": {
-        "position": [0.0, 0.0, 0.0],
-        "velocity": [0.0, 0.0, 0.0],
-        "attitude": {"quaternion": [1.0, 0.0, 0.0, 0.0]},
-        "omega_b": [0.0, 0.0, 0.0],
-    },
-    "loads": {
-        "gravity_a": [0.0, 0.0, -9.81],
-        "force_a": [0.0, 0.0, 0.0],
-        "force_b": [0.0, 0.0, 0.0],
-        "torque_a": [0.0, 0.0, 0.0],
-        "torque_b": [0.0, 0.0, 0.0],
-        "damping_b": [0.0, 0.0, 0.0],
-    },
+    "body": {"mass": 2.0, "inertia": [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.5]], "r_oc_b": [0.0, 0.0, 0.0],
+        "pivot": False},
+    "initial": {"position": [0.0, 0.0, 0.0], "velocity": [0.0, 0.0, 0.0],
+        "attitude": {"quaternion": [1.0, 0.0, 0.0, 0.0]}, "omega_b": [0.0, 0.0, 0.0]},
+    "loads": {"gravity_a": [0.0, 0.0, -9.81], "force_a": [0.0, 0.0, 0.0], "force_b": [0.0, 0.0, 0.0],
+        "torque_a": [0.0, 0.0, 0.0], "torque_b": [0.0, 0.0, 0.0], "damping_b": [0.0, 0.0, 0.0]},
     "inputs": {"ports": [], "parameters": []},
     "outputs": {
         "quantities": [
@@ -38,7 +24,7 @@ DEFAULTS = {
         ]
     },
     "run": {"start": 0.0, "stop": 10.0, "step": 0.01, "accuracy": 1e-6},
-}
+}  # fmt: skip
 """What the smallest scene means: every key of the file with its default."""
 
 
