@@ -14,18 +14,9 @@ from tests.support.fmu.fmus import bench
 from tests.support.paths import ROOT
 
 NAMES = (
-    "kernels",
-    "free_rotation",
-    "fmu",
-    "held_gil",
-    "native",
-    "gallery",
-    "costs",
-    "stepping",
-    "dense_output",
-    "ensembles",
-    "batches",
-)
+    "kernels", "free_rotation", "fmu", "held_gil", "native", "gallery", "costs", "stepping", "dense_output",
+    "ensembles", "batches",
+)  # fmt: skip
 GALLERY, COSTS = bench("gallery"), bench("costs")
 
 
@@ -94,16 +85,13 @@ def _batch(lanes, peer=10.0):
 FIGURES = {
     "kernels": ([{"operation": "rotate"} | KERNELS], 2),
     "free_rotation": ({"generic": FREE_ROTATION | {"many times of one body / as many bodies": 0.3}}, 3),
-    "fmu": ({"brick": {"step_ratio": 2.0, "start_ratio": 1.2}}, 2),
-    "held_gil": (0.2, 1),
+    "fmu": ({"brick": {"step_ratio": 2.0, "start_ratio": 1.2}}, 2), "held_gil": (0.2, 1),
     "native": ({"top": NATIVE, "series and by hand": NATIVE | BY_HAND}, 7),
     "gallery": ([_row("planned"), _row("full", 6.0), _row("MuJoCo", 0.1, 1.0)], 4),
-    "costs": ([_figure(100.0, 140.0), _figure(140.0, 100.0)], 2),
-    "stepping": ({"stepped": 2.9e-6, "bare": 1e-6}, 1),
-    "dense_output": ([_output(50.0), _output(100.0)], 2),
-    "ensembles": (_ensembles(), 9),
+    "costs": ([_figure(100.0, 140.0), _figure(140.0, 100.0)], 2), "stepping": ({"stepped": 2.9e-6, "bare": 1e-6}, 1),
+    "dense_output": ([_output(50.0), _output(100.0)], 2), "ensembles": (_ensembles(), 9),
     "batches": ([_batch(5.0), _batch(8.0)], 2),
-}
+}  # fmt: skip
 """Made up, all goals kept; how many goals there are."""
 
 

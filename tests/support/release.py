@@ -16,13 +16,10 @@ from tests.support.ranges import PYTHONS, python_of, tested, uv
 
 COPIED = ("tests", "examples", "pyproject.toml")
 TESTS = (
-    "tests/kernels/rotations/test_quaternion.py",
-    "tests/library/scene/test_scene.py",
-    "tests/library/runs/test_simulation.py",
-    "tests/library/ensembles/test_chunks.py",
-    "tests/fmu/test_verification.py",
+    "tests/kernels/rotations/test_quaternion.py", "tests/library/scene/test_scene.py",
+    "tests/library/runs/test_simulation.py", "tests/library/ensembles/test_chunks.py", "tests/fmu/test_verification.py",
     "tests/project/command_line/test_cli.py",
-)
+)  # fmt: skip
 
 
 def archives(folder: Path) -> list[Path]:

@@ -20,13 +20,10 @@ from tests.support.scenes import model_cases
 
 EPS = 2.0**-52
 SCENES = {
-    "torque in b": CASES["d"].scene,
-    "top": CASES["c"].scene,
-    "heavy body": CASES["c'"].scene,
-    "thruster": CASES["f"].scene,
-    "all loads": Scene(**model_cases.ALL_LOADS, run={"stop": 5.0}),
+    "torque in b": CASES["d"].scene, "top": CASES["c"].scene, "heavy body": CASES["c'"].scene,
+    "thruster": CASES["f"].scene, "all loads": Scene(**model_cases.ALL_LOADS, run={"stop": 5.0}),
     "damped": CASES["e"].scene,
-}
+}  # fmt: skip
 
 
 class Unit(model_cases.Unit):

@@ -42,11 +42,8 @@ def test_a_body_falls_on_a_parabola():
 
 def test_the_centre_of_mass_of_an_offset_body_falls_on_a_parabola_as_it_tumbles():
     initial = {
-        "position": [1.0, 2.0, 3.0],
-        "velocity": [0.4, 0.5, 0.6],
-        "omega_b": [1.0, 2.0, -1.0],
-        "attitude": TURNED,
-    }
+        "position": [1.0, 2.0, 3.0], "velocity": [0.4, 0.5, 0.6], "omega_b": [1.0, 2.0, -1.0], "attitude": TURNED,
+    }  # fmt: skip
     unit = Unit(made(OFFSET, initial, {"gravity_a": [0.0, 1.0, -9.81]}))
     r_oc = np.array(OFFSET["r_oc_b"])
 
@@ -237,11 +234,8 @@ def test_outputs_agree_with_each_other():
 @pytest.mark.parametrize("inertia", [[0.5, 0.5, 0.3], [0.5, 0.6, 0.3]], ids=["symmetric", "triaxial"])
 def test_a_heavy_top_keeps_energy_and_vertical_momentum(inertia):
     scene = made(
-        TOP | {"inertia": inertia},
-        {"omega_b": [0.2, 0.0, 20.0], "attitude": LEANING},
-        GRAVITY,
-        stop=5.0,
-    )
+        TOP | {"inertia": inertia}, {"omega_b": [0.2, 0.0, 20.0], "attitude": LEANING}, GRAVITY, stop=5.0,
+    )  # fmt: skip
     unit = Unit(scene)
 
     def energy():

@@ -126,20 +126,14 @@ def scene_of(model):
 KICKS = Plan("symmetric top", "splitting of order 2", 7, substep=1e-3, order=2)
 
 ANY_BODY = [
-    (1, {"mass": 0.0}),
-    (1, {"mass": -1.0}),
-    (2, {"inertia": [1e308, 1e308, 1e308, 0.0, 0.0, 0.0]}),
-    (4, {"inertia": [-1.0, 2.0, 2.5, 0.0, 0.0, 0.0]}),
-    (4, {"inertia": [1.0, 2.0, 2.5, 9.0, 0.0, 0.0]}),
+    (1, {"mass": 0.0}), (1, {"mass": -1.0}), (2, {"inertia": [1e308, 1e308, 1e308, 0.0, 0.0, 0.0]}),
+    (4, {"inertia": [-1.0, 2.0, 2.5, 0.0, 0.0, 0.0]}), (4, {"inertia": [1.0, 2.0, 2.5, 9.0, 0.0, 0.0]}),
     (5, {"inertia": [1.0, 2.0, 3.1, 0.0, 0.0, 0.0]}),
     (6, {"inertia": [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], "r_oc_b": [0.0, 0.0, 0.0]}),
-    (7, {"quaternion_0": [0.0, 0.0, 0.0, 0.0]}),
-    (8, {"mass": math.inf}),
-    (8, {"inertia": [math.nan, 2.0, 2.5, 0.0, 0.0, 0.0]}),
-    (8, {"position_0": [0.0, 0.0, -math.inf]}),
-    (8, {"constant_torque_b": [0.0, math.nan, 0.0]}),
-    (NEGATIVE, {"damping_b": [0.0, -1e-9, 0.0]}),
-]
+    (7, {"quaternion_0": [0.0, 0.0, 0.0, 0.0]}), (8, {"mass": math.inf}),
+    (8, {"inertia": [math.nan, 2.0, 2.5, 0.0, 0.0, 0.0]}), (8, {"position_0": [0.0, 0.0, -math.inf]}),
+    (8, {"constant_torque_b": [0.0, math.nan, 0.0]}), (NEGATIVE, {"damping_b": [0.0, -1e-9, 0.0]}),
+]  # fmt: skip
 FAULTY = [(model, *fault) for model in MODELS if model != "prescribed rates" for fault in ANY_BODY]
 FAULTY += [
     ("torque-free symmetric body", 9, {"omega_b_0": [1e-3, 1.0, 0.0]}),
@@ -152,16 +146,13 @@ FAULTY += [
     ("torque-free body, body force", 11, {"damping_b": [0.0, 0.0, 1.0]}),
     ("torque-free body, body force", 11, {"r_oc_b": [1e-9, 0.0, 0.0]}),
     ("symmetric top", 12, {"inertia": [0.5, 0.6, 0.3, 0.0, 0.0, 0.0]}),
-    ("symmetric top", 12, {"damping_b": [0.0, 0.0, 1.0]}),
-    ("symmetric top", 13, {"omega_b_0": [0.0, 0.0, 2e4]}),
-    ("no rotation", 14, {"omega_b_0": [0.0, 0.0, 1e-9]}),
-    ("no rotation", 14, {"constant_torque_b": [0.0, 0.0, 1e-9]}),
+    ("symmetric top", 12, {"damping_b": [0.0, 0.0, 1.0]}), ("symmetric top", 13, {"omega_b_0": [0.0, 0.0, 2e4]}),
+    ("no rotation", 14, {"omega_b_0": [0.0, 0.0, 1e-9]}), ("no rotation", 14, {"constant_torque_b": [0.0, 0.0, 1e-9]}),
     ("constant rate", 15, {"omega_b_0": [1.0, 1e-9, 0.0]}),
     ("constant rate", 15, {"constant_torque_b": [1e-9, 0.0, 0.0]}),
     ("angular momentum", 20, {"constant_torque_b": [0.0, 0.0, 1e-9]}),
     ("angular momentum", 20, {"damping_b": [0.0, 0.0, 1e-9]}),
-    ("angular momentum", 20, {"active": active_flags(["omega_a"])}),
-    ("one axis", 17, {"omega_b_0": [1.0, 1e-9, 0.0]}),
+    ("angular momentum", 20, {"active": active_flags(["omega_a"])}), ("one axis", 17, {"omega_b_0": [1.0, 1e-9, 0.0]}),
     ("one axis", 17, {"constant_torque_b": [1.0, 0.0, 1e-9]}),
     ("one axis", 17, {"r_oc_b": [0.0, 1.0, 0.0], "constant_force_a": [0.0, 1.0, 0.0]}),
     ("one axis", 17, {"inertia": [1.0, 2.0, 2.5, 0.1, 0.0, 0.0]}),
@@ -176,7 +167,7 @@ FAULTY += [
     ("one swinging axis", 17, {"omega_b_0": [1.0, 1e-9, 0.0]}),
     ("torque-free symmetric body", 16, {"inertia": [1.0, 2.0, 2.5, 0.0, 0.0, 0.0]}),
     ("torque-free symmetric body", 11, {"constant_torque_b": [0.0, 1.0, 0.0]}),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("model", "code", "values"), FAULTY)

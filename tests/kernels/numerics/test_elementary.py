@@ -62,13 +62,8 @@ def exponents():
 def powers_of_e():
     r = rng(17)
     values = [
-        *r.uniform(-708, 708, 1000),
-        *r.uniform(-1, 1, 1000),
-        *of_all_sizes(r, -1000, 0, 100, 2.0),
-        0.0,
-        708.0,
-        -708.0,
-    ]
+        *r.uniform(-708, 708, 1000), *r.uniform(-1, 1, 1000), *of_all_sizes(r, -1000, 0, 100, 2.0), 0.0, 708.0, -708.0,
+    ]  # fmt: skip
     return [(float(x),) for x in values]
 
 

@@ -138,15 +138,11 @@ def two_threads(monkeypatch):
 
 
 CALLS = [
-    lambda: rbfmu.rotate(Q, V),
-    lambda: rbfmu.rotate(Q[0], V),
-    lambda: rbfmu.transform(R[:4, np.newaxis], V),
-    lambda: rbfmu.slerp(Q, Q[::-1], 0.3),
-    lambda: rbfmu.axis_angle_from_quaternion(Q)[1],
-    lambda: rbfmu.euler_from_quaternion("ZYX", Q.reshape(2, 50, 4)),
-    lambda: rbfmu.rotate(Q, V, out=np.empty((100, 3))),
+    lambda: rbfmu.rotate(Q, V), lambda: rbfmu.rotate(Q[0], V), lambda: rbfmu.transform(R[:4, np.newaxis], V),
+    lambda: rbfmu.slerp(Q, Q[::-1], 0.3), lambda: rbfmu.axis_angle_from_quaternion(Q)[1],
+    lambda: rbfmu.euler_from_quaternion("ZYX", Q.reshape(2, 50, 4)), lambda: rbfmu.rotate(Q, V, out=np.empty((100, 3))),
     lambda: rbfmu.rotate(Q[3], V[3]),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("number", range(len(CALLS)))

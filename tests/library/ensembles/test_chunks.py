@@ -225,14 +225,10 @@ def test_chunks_have_the_size_of_their_cost():
 
 
 SCENE = Scene.from_dict(
-    {
-        "body": {"mass": 2.0, "inertia": [1.0, 1.5, 2.0]},
-        "initial": {"omega_b": [1.0, 2.0, -1.5]},
-        "loads": {"torque_b": [0.1, 0.05, -0.2]},
-        "run": {"stop": 6.0, "step": 2.0},
-    },
+    {"body": {"mass": 2.0, "inertia": [1.0, 1.5, 2.0]}, "initial": {"omega_b": [1.0, 2.0, -1.5]},
+     "loads": {"torque_b": [0.1, 0.05, -0.2]}, "run": {"stop": 6.0, "step": 2.0}},
     "members in lanes",
-)
+)  # fmt: skip
 PLAN = Plan("body under loads, by series", "Taylor", 13, tolerance=1e-9, order=12, span=6.0)
 BLOCKS = LOADED_TAYLOR.BLOCKS
 STEPS = np.array([2.0, 1.0, 3.0])

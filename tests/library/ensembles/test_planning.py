@@ -32,12 +32,9 @@ from tests.support.references import reference_mp
 ROTATION = {"quantities": ["quaternion", "omega_b"]}
 RUN = {"stop": 20.0, "step": 1.0}
 FREE = {
-    "body": {"mass": 50.0, "inertia": [2.0, 2.0, 3.0]},
-    "initial": {"omega_b": [0.3, 0.1, 1.0]},
-    "loads": {"gravity_a": [0.0, 0.0, 0.0]},
-    "outputs": ROTATION,
-    "run": RUN,
-}
+    "body": {"mass": 50.0, "inertia": [2.0, 2.0, 3.0]}, "initial": {"omega_b": [0.3, 0.1, 1.0]},
+    "loads": {"gravity_a": [0.0, 0.0, 0.0]}, "outputs": ROTATION, "run": RUN,
+}  # fmt: skip
 CASES = {
     "a free symmetric body of any inertia": FREE
     | {"ensemble": {"vary": {"body.inertia": {"relative": 0.02}, "initial.omega_b": {"relative": 0.1}}}},

@@ -17,13 +17,10 @@ FREE, ONE_AXIS, SPIN_UP, NONE = "torque-free body", "one axis", "symmetric body 
 
 def scene(loads=None, own=None, quantities=("omega_b",), initial=TURNING, **more):
     tables = {
-        "body": BODY | more.pop("body", {}),
-        "initial": initial,
-        "constants": {"k": 0.5, "c": 0.2},
-        "loads": loads or {},
-        "outputs": {"quantities": list(quantities), **(own or {})},
+        "body": BODY | more.pop("body", {}), "initial": initial, "constants": {"k": 0.5, "c": 0.2},
+        "loads": loads or {}, "outputs": {"quantities": list(quantities), **(own or {})},
         "run": {"start": 3.0, "stop": 5.0, "step": 0.1, "accuracy": 1e-9},
-    }
+    }  # fmt: skip
     return rbfmu.Scene.from_dict(tables | more, "it")
 
 

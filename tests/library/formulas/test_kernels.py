@@ -13,13 +13,10 @@ from rbfmu_kernels.types import python_function
 from tests.support.command_line import call
 
 TABLES = {
-    "body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
-    "initial": {"omega_b": [0.1, 0.2, 0.3]},
-    "loads": {"torque_b": "[gain*sin(t), 0, 0]", "gravity_a": [0.0, 0.0, 0.0]},
-    "formulas": {"gain": "0.1"},
-    "outputs": {"quantities": ["omega_b"]},
-    "run": {"stop": 2.0, "step": 0.5, "accuracy": 1e-9},
-}
+    "body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, "initial": {"omega_b": [0.1, 0.2, 0.3]},
+    "loads": {"torque_b": "[gain*sin(t), 0, 0]", "gravity_a": [0.0, 0.0, 0.0]}, "formulas": {"gain": "0.1"},
+    "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 2.0, "step": 0.5, "accuracy": 1e-9},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("change", [

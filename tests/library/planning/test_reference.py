@@ -317,13 +317,9 @@ def test_a_small_pulse_may_start_a_body_from_rest(w, torque):
 def test_a_formula_that_hardly_moves_a_body_is_planned_as_a_load_in_numbers(inputs):
     """2026-11-28: refused, also with ports, where an error of the rate is large beside the motion ("reach 1.2e+00")."""
     scene = Scene(
-        body={"mass": 2.0, "inertia": [1.0, 2.0, 2.5]},
-        loads={"torque_b": "c*[1, 0.3, 0]"},
-        constants={"c": 1e-14},
-        inputs=inputs,
-        outputs={"quantities": ["omega_b"]},
-        run={"stop": 20.0, "step": 20.0},
-    )
+        body={"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, loads={"torque_b": "c*[1, 0.3, 0]"}, constants={"c": 1e-14},
+        inputs=inputs, outputs={"quantities": ["omega_b"]}, run={"stop": 20.0, "step": 20.0},
+    )  # fmt: skip
     found = plan(scene)
     assert found.error <= 1e-9
     assert any("magnifies an error" in reason for reason in found.reasons)

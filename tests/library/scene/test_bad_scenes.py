@@ -112,14 +112,10 @@ def test_wrong_formulas_are_reported_with_all_else():
     keys = ["body.mass", "constants.k.value", "loads.forc_b", "loads.torque_b", "run.stopp"]
     assert sorted(fault.split(" = ")[0].split(":")[0] for fault in faults) == keys
     faults = faults_of(
-        body={"mass": -1, "inertia": [1, 2, 2]},
-        loads={"torque_b": "[0, 0, foo]", "force_b": "[bar(2), 0, 0]"},
-        formulas={"a": "b + c", "b": "foo", "c": "2*d", "d": "c"},
-        states={"u": {"start": 1.0, "rate": "omega_b"}},
-        outputs={"x": "a", "y": "t - ", "z": "kinetic_energy"},
-        events={"v": "2", "w": "d"},
-        run={"stopp": 1},
-    )
+        body={"mass": -1, "inertia": [1, 2, 2]}, loads={"torque_b": "[0, 0, foo]", "force_b": "[bar(2), 0, 0]"},
+        formulas={"a": "b + c", "b": "foo", "c": "2*d", "d": "c"}, states={"u": {"start": 1.0, "rate": "omega_b"}},
+        outputs={"x": "a", "y": "t - ", "z": "kinetic_energy"}, events={"v": "2", "w": "d"}, run={"stopp": 1},
+    )  # fmt: skip
     keys = ["body.mass", "events.v.when", "formulas.b", "formulas.c", "loads.force_b", "loads.torque_b"]
     keys += ["outputs.y.value", "run.stopp", "states.u.rate"]
     assert sorted(fault.split(" = ")[0].split(":")[0] for fault in faults) == keys

@@ -45,11 +45,8 @@ def test_every_key_has_a_meaning_and_numbers_with_a_unit_have_it() -> None:
     assert all(key.meaning for key in KEYS.values())
     units = {"body.mass": "kg", "body.inertia": "kg m2", "initial.velocity": "m/s", "initial.omega_b_deg": "deg/s"}
     units |= {
-        "loads.damping_b": "N m s/rad",
-        "run.step": "s",
-        "body.shape.sides": "m",
-        "initial.attitude.rotvec": "rad",
-    }
+        "loads.damping_b": "N m s/rad", "run.step": "s", "body.shape.sides": "m", "initial.attitude.rotvec": "rad",
+    }  # fmt: skip
     assert {path: KEYS[path].unit for path in units} == units
 
 

@@ -16,14 +16,11 @@ from tests.support.paths import ROOT, SCENES
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 NEEDED = {
-    ("examples.benchmarks.costs", "scipy"): "bench",
-    ("examples.benchmarks.kernels", "scipy"): "bench",
-    ("examples.benchmarks.gallery", "mpmath"): "bench",
-    ("examples.benchmarks.events", "scipy"): "bench",
-    ("examples.references.reference_motions", "mpmath"): "bench",
-    ("examples.05_system", "libcosimpy"): "interop",
+    ("examples.benchmarks.costs", "scipy"): "bench", ("examples.benchmarks.kernels", "scipy"): "bench",
+    ("examples.benchmarks.gallery", "mpmath"): "bench", ("examples.benchmarks.events", "scipy"): "bench",
+    ("examples.references.reference_motions", "mpmath"): "bench", ("examples.05_system", "libcosimpy"): "interop",
     ("examples.06_joined_satellites", "libcosimpy"): "interop",
-}
+}  # fmt: skip
 """By module and the package that it cannot do without: the extra that installs it."""
 MAIN_JOB = """
 import sys
@@ -107,29 +104,13 @@ def test_an_extra_that_is_named_exists(extra):
 def test_the_main_job_needs_no_extra(tmp_path):
     """Scenes are run, planned, built into FMUs and verified, and the demonstration is loaded."""
     extras = (
-        "viser",
-        "pandas",
-        "xarray",
-        "ipywidgets",
-        "IPython",
-        "scipy",
-        "mpmath",
-        "ziglang",
-        "libcosimpy",
-        "ecospy",
-        "tbb",
-        "heyoka",
-        "quaternion",
-        "mujoco",
-        "numbalsoda",
-    )
+        "viser", "pandas", "xarray", "ipywidgets", "IPython", "scipy", "mpmath", "ziglang", "libcosimpy", "ecospy",
+        "tbb", "heyoka", "quaternion", "mujoco", "numbalsoda",
+    )  # fmt: skip
     scene, fmu = str(SCENES / "gyro_attitude.toml"), str(tmp_path / "it.fmu")
     commands = (
-        ["plan", scene],
-        ["run", scene, "-o", str(tmp_path / "it.csv")],
-        ["build", scene, "-o", fmu],
-        ["verify", fmu],
-    )
+        ["plan", scene], ["run", scene, "-o", str(tmp_path / "it.csv")], ["build", scene, "-o", fmu], ["verify", fmu],
+    )  # fmt: skip
     calls = "".join(f"main({command}, standalone_mode=False)\n" for command in commands)
     done = without(extras, f"from rbfmu.cli import main\nimport rbfmu_fmu.demo\n{calls}")
     assert done.returncode == 0, done.stderr

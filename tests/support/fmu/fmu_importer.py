@@ -18,12 +18,9 @@ _FREE = c.CFUNCTYPE(None, c.c_void_p)
 
 class _Callbacks(c.Structure):
     _fields_ = [
-        ("logger", _LOGGER),
-        ("allocate", _ALLOCATE),
-        ("free", _FREE),
-        ("finished", c.c_void_p),
+        ("logger", _LOGGER), ("allocate", _ALLOCATE), ("free", _FREE), ("finished", c.c_void_p),
         ("environment", c.c_void_p),
-    ]
+    ]  # fmt: skip
 
 
 class Fmu:

@@ -21,13 +21,8 @@ MAX_SERIES = 1500
 PATIENCE = 20
 """s of CPU for a plan, after which the scene is left alone and said."""
 RIGHT, SILENT, REFUSED, KEYLESS, DEAR, UNPLANNED = (
-    "right",
-    "SILENT",
-    "REFUSED THOUGH MET",
-    "NO KEY NAMED",
-    "dear",
-    "unplanned",
-)
+    "right", "SILENT", "REFUSED THOUGH MET", "NO KEY NAMED", "dear", "unplanned",
+)  # fmt: skip
 HONEST = "refused"
 FAILED = (SILENT, REFUSED, KEYLESS)
 

@@ -158,12 +158,8 @@ def loads_of(draw, kind, body, omega, axis, R, moments):
         small = draw.log(-13, -2) if kind == "tiny loads" else 1.0
         names = draw.some(("torque_a", "torque_b", "force_a", "force_b", "damping_b"), 0.45) or ["torque_b"]
         sizes = {
-            "torque_a": twist,
-            "torque_b": twist,
-            "force_a": mass,
-            "force_b": mass,
-            "damping_b": damping or 0.1 * size,
-        }
+            "torque_a": twist, "torque_b": twist, "force_a": mass, "force_b": mass, "damping_b": damping or 0.1 * size,
+        }  # fmt: skip
         loads |= {
             n: rounded(np.abs(v) if n == "damping_b" else v) for n in names for v in [draw.vector(small * sizes[n])]
         }

@@ -30,22 +30,11 @@ VECTORS = {
 }
 SCALARS = {"body": ["mass"], "run": ["start", "stop", "step", "accuracy"]}
 NOT_VECTORS = {
-    "text": '"1, 2, 3"',
-    "bool": "true",
-    "number": "1.0",
-    "two": "[1, 2]",
-    "four": "[1, 2, 3, 4]",
-    "empty": "[]",
-    "nested": "[[1, 2, 3]]",
-    "table": "{ x = 1, y = 2, z = 3 }",
-    "date": "1979-05-27",
-    "text inside": '[1, 2, "3"]',
-    "bool inside": "[1, 2, true]",
-    "nan inside": "[1, nan, 3]",
-    "inf inside": "[1, 2, inf]",
-    "too large": "[1, 2, 1e999]",
-    "long integer": "[1, 2, 0x1" + 5000 * "0" + "]",
-}
+    "text": '"1, 2, 3"', "bool": "true", "number": "1.0", "two": "[1, 2]", "four": "[1, 2, 3, 4]", "empty": "[]",
+    "nested": "[[1, 2, 3]]", "table": "{ x = 1, y = 2, z = 3 }", "date": "1979-05-27", "text inside": '[1, 2, "3"]',
+    "bool inside": "[1, 2, true]", "nan inside": "[1, nan, 3]", "inf inside": "[1, 2, inf]",
+    "too large": "[1, 2, 1e999]", "long integer": "[1, 2, 0x1" + 5000 * "0" + "]",
+}  # fmt: skip
 NOT_SCALARS = {
     "text": '"1.0"', "bool": "true", "vector": "[1.0]", "table": "{}", "time": "12:00:00", "nan": "nan", "inf": "inf",
     "-inf": "-inf", "too large": "1e999", "long integer": "1" + 400 * "0",
@@ -122,13 +111,10 @@ NOT_ATTITUDES = {
     "matrix of two rows": ("{ matrix = [[1, 0, 0], [0, 1, 0]] }", "initial.attitude.matrix"),
 }
 NOT_NAMES = {
-    "text": ('"torque_b"', ""),
-    "numbers": ("[1, 2]", ""),
-    "number": ("3", ""),
-    "unknown": ('["nonsense"]', '"nonsense"'),
-    "twice": ('["quaternion", "quaternion"]', ""),
+    "text": ('"torque_b"', ""), "numbers": ("[1, 2]", ""), "number": ("3", ""),
+    "unknown": ('["nonsense"]', '"nonsense"'), "twice": ('["quaternion", "quaternion"]', ""),
     "capital": ('["Torque_B"]', '"Torque_B"'),
-}
+}  # fmt: skip
 BEAM = {"mass": "1.0", "shape": '{ kind = "beam", length = 2.0 }'}
 TURNED_BEAM = {"mass": "1.0", "inertia": "[[0.5, -0.5, 0], [-0.5, 0.5, 0], [0, 0, 1]]"}
 BEAMS = {

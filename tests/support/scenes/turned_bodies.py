@@ -31,11 +31,8 @@ def quaternion_of(R: Any) -> list[Any]:
     a, b, c = R[0, 0], R[1, 1], R[2, 2]
     ab, ac, bc = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
     columns = [
-        [1 + a + b + c, x, y, z],
-        [x, 1 + a - b - c, ab, ac],
-        [y, ab, 1 - a + b - c, bc],
-        [z, ac, bc, 1 - a - b + c],
-    ]
+        [1 + a + b + c, x, y, z], [x, 1 + a - b - c, ab, ac], [y, ab, 1 - a + b - c, bc], [z, ac, bc, 1 - a - b + c],
+    ]  # fmt: skip
     best = columns[max(range(4), key=lambda k: columns[k][k])]
     length = mp.sqrt(sum(s * s for s in best))
     return [s / length for s in best]
