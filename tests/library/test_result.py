@@ -187,7 +187,7 @@ def random_result(points: int = 7) -> Result:
 @pytest.mark.parametrize("ending", [".csv", ".npz"])
 def test_what_is_saved_is_read_to_the_bit(ending: str, tmp_path: Path) -> None:
     saved = random_result()
-    saved.save(tmp_path / f"it{ending}")
+    saved.save(str(tmp_path / f"it{ending}"))
     read = Result.load(tmp_path / f"it{ending}")
     np.testing.assert_array_equal(read.time, saved.time)
     assert list(read.quantities) == list(saved.quantities)

@@ -11,7 +11,6 @@ from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels import free_rotation
 from rbfmu_kernels.buffer import OK
-from rbfmu_kernels.models import free
 from rbfmu_kernels.numerics.elementary import relaxation
 from tests.support.references import reference_mp as reference
 
@@ -59,14 +58,6 @@ def test_a_symmetric_body_precesses_as_the_exact_motion(moments, t):
     q, w = free_rotation(moments, *start(scene), t)
     assert attitude_error(found["quaternion"][0], q) <= 10 * EPS
     np.testing.assert_allclose(found["omega_b"][0], w, rtol=0.0, atol=8 * EPS * 3.3)
-
-
-@pytest.mark.parametrize("order", free.ORDERS)
-def test_points_and_weights_are_those_of_gauss_s_rule(order):
-    points, weights = np.polynomial.legendre.leggauss(order)
-    own = slice(order * (order - 1) // 2, order * (order + 1) // 2)
-    np.testing.assert_allclose(free._POINTS[own], 0.5 + 0.5 * points, rtol=0.0, atol=1e-15)
-    np.testing.assert_allclose(free._WEIGHTS[own], 0.5 * weights, rtol=0.0, atol=1e-15)
 
 
 def test_a_symmetric_body_in_any_axes_precesses_about_its_own():

@@ -91,36 +91,24 @@ def scene_of(model):
         "no rotation": lambda: made(TRIAXIAL),
         "constant rate": lambda: made(TRIAXIAL, {"omega_b": [1.0, 0.0, 0.0]}),
         "one axis": lambda: made(TRIAXIAL, {"omega_b": [1.0, 0.0, 0.0]}, NO_GRAVITY | {"damping_b": [1.0, 0.0, 0.0]}),
-        "angular momentum": lambda: made(
-            TRIAXIAL,
-            {"omega_b": [1.0, 2.0, 0.0]},
-            NO_GRAVITY | {"torque_a": [0.1, 0.2, 0.3]},
-            outputs={"quantities": ["angular_momentum_a"]},
-        ),
+        "angular momentum": lambda: made(TRIAXIAL, {"omega_b": [1.0, 2.0, 0.0]}, NO_GRAVITY | {
+            "torque_a": [0.1, 0.2, 0.3]}, outputs={"quantities": ["angular_momentum_a"]}),
         "torque-free symmetric body": lambda: made({"mass": 3.0, "shape": {"kind": "beam", "length": 2.0}}),
         "symmetric body spun up": lambda: made(
-            {"mass": 1.0, "inertia": [2.0, 1.0, 2.0]},
-            {"omega_b": [0.1, 2.0, 0.2]},
-            NO_GRAVITY | {"torque_b": [0.0, 0.3, 0.0], "damping_b": [0.1, 0.2, 0.1]},
-            outputs={"quantities": ["omega_b"]},
-        ),
+            {"mass": 1.0, "inertia": [2.0, 1.0, 2.0]}, {"omega_b": [0.1, 2.0, 0.2]}, NO_GRAVITY | {
+                "torque_b": [0.0, 0.3, 0.0], "damping_b": [0.1, 0.2, 0.1]}, outputs={"quantities": ["omega_b"]}),
         "torque-free body": lambda: made(TRIAXIAL),
         "torque-free body, body force": lambda: made(
-            TRIAXIAL, {"omega_b": [1.0, 2.0, 0.0]}, NO_GRAVITY | {"force_b": [0.1, 0.2, 0.3]}
-        ),
+            TRIAXIAL, {"omega_b": [1.0, 2.0, 0.0]}, NO_GRAVITY | {"force_b": [0.1, 0.2, 0.3]}),
         "undamped pendulum": lambda: made(
             {"mass": 3.0, "shape": {"kind": "beam", "length": 2.0}, "r_oc_b": [1.0, 0.0, 0.0], "pivot": True},
-            {"attitude": {"rotvec": [0.0, 1.0, 0.0]}},
-            GRAVITY,
-        ),
+            {"attitude": {"rotvec": [0.0, 1.0, 0.0]}}, GRAVITY),
         "one swinging axis": lambda: made(
-            TRIAXIAL | {"r_oc_b": [0.0, 0.0, 1.0], "pivot": True},
-            {"attitude": {"rotvec": [1.0, 0.0, 0.0]}},
-            GRAVITY | {"damping_b": [1.0, 0.0, 0.0]},
-        ),
+            TRIAXIAL | {"r_oc_b": [0.0, 0.0, 1.0], "pivot": True}, {"attitude": {"rotvec": [1.0, 0.0, 0.0]}},
+            GRAVITY | {"damping_b": [1.0, 0.0, 0.0]}),
         "body under loads, by series": lambda: made(TRIAXIAL, {}, NO_GRAVITY | {"torque_b": [0.1, 0.2, 0.3]}),
         "symmetric top": lambda: made(TOP, {"omega_b": [0.0, 0.0, 200.0], "attitude": LEANING}, GRAVITY, 1e-3),
-    }[model]()
+    }[model]()  # fmt: skip
 
 
 KICKS = Plan("symmetric top", "splitting of order 2", 7, substep=1e-3, order=2)

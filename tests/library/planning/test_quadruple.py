@@ -6,10 +6,11 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
 from rbfmu.scene.scene import Scene
+from tests.library.planning.test_reference import HELD, LOADS
 from tests.support.quadruple import reference
 from tests.support.quadruple.errors import attitude_errors, quantity_error
 from tests.support.references import reference_mp
-from tests.support.scenes.model_cases import OFFSET
+from tests.support.scenes.model_cases import MOVING, OFFSET
 from tests.support.scenes.random_scenes import scenes
 
 pytestmark = pytest.mark.skipif(reference.library() is None, reason="no C compiler with quadruple precision")
@@ -39,18 +40,10 @@ def compare_with_40_digits(scene, steps):
         assert max(worst) < PROMISED, (k, worst)
 
 
-LOADS = {
-    "gravity_a": [0.3, -0.1, -9.81], "force_a": [0.2, 0.1, -0.3], "force_b": [0.1, -0.4, 0.2],
-    "torque_a": [0.05, 0.02, -0.1], "torque_b": [0.1, -0.2, 0.15], "damping_b": [0.1, 0.02, 0.05],
-}  # fmt: skip
-INITIAL = {"omega_b": [1.0, 2.0, -1.0], "attitude": {"rotvec": [0.3, -0.8, 0.5]}}
-MOVING = {"position": [1.0, 2.0, 3.0], "velocity": [0.1, 0.2, 0.3]}
-
-
 @pytest.mark.thorough
 @pytest.mark.parametrize("pivot", [False, True])
 def test_all_loads_against_40_digits(pivot):
-    initial = INITIAL if pivot else INITIAL | MOVING
+    initial = HELD if pivot else MOVING
     scene = Scene(body=OFFSET | {"pivot": pivot}, initial=initial, loads=LOADS, run={"stop": 8.0, "step": 1.0})
     compare_with_40_digits(scene, [0.0078125, 1.0, 4.0, 2.9921875])
 
@@ -93,7 +86,7 @@ def test_torque_free_motion_conserves_momentum_and_energy():
 
 def test_held_inputs_are_known_loads_over_their_step():
     dyadic = {name: [round(64 * x) / 64 for x in v] for name, v in LOADS.items()}
-    p = reference.parameters_of(Scene(body=OFFSET, initial=INITIAL | MOVING, loads=dyadic))
+    p = reference.parameters_of(Scene(body=OFFSET, initial=MOVING, loads=dyadic))
     u = {"force_a": [0.25, 0.5, -1], "force_b": [1, 0.5, 0.125], "torque_a": [0.0625, 0, 0.5], "torque_b": [0.5, 0, 1]}
     held = reference.motion(p, [0.5, 0.75], {name: np.array([v, v]) for name, v in u.items()})
     summed = {name: (np.array(p[name]) + v).tolist() for name, v in u.items()}
@@ -120,13 +113,13 @@ def test_prescribed_rates_are_turns():
 
 
 def test_rpy_are_those_of_the_quaternion():
-    p = reference.parameters_of(Scene(body=OFFSET, initial=INITIAL | MOVING, loads=LOADS))
+    p = reference.parameters_of(Scene(body=OFFSET, initial=MOVING, loads=LOADS))
     truth = reference.motion(p, [0.5] * 20)
     assert quantity_error("rpy", truth.high["rpy"], truth) < 1e-15
 
 
 def test_an_attitude_error_is_its_angle():
-    p = reference.parameters_of(Scene(body=OFFSET, initial=INITIAL | MOVING, loads=LOADS))
+    p = reference.parameters_of(Scene(body=OFFSET, initial=MOVING, loads=LOADS))
     truth = reference.motion(p, [0.5] * 20)
     q, low = truth.high["quaternion"], truth.low["quaternion"]
     e = 1e-9

@@ -28,6 +28,7 @@ from rbfmu_kernels.integrators import formula_reference as kernels
 from rbfmu_kernels.integrators.substeps import tolerance_of_substep
 from tests.support.command_line import call
 from tests.support.quadruple import reference as quadruple
+from tests.support.scenes.balls import ball
 from tests.support.scenes.model_cases import MOVING, OFFSET
 
 EPS = 2.0**-52
@@ -303,12 +304,7 @@ def test_a_body_that_stands_upright_is_planned_and_said_to_be_unstable_and_one_t
 @pytest.mark.parametrize(("w", "torque"), [(0.1, 1e-3), (0.2, 0.5e-3)])
 def test_a_small_pulse_may_start_a_body_from_rest(w, torque):
     """2026-11-28: refused as if it changed ever faster, where e^-700 begins, or where errors of its terms are zero."""
-    scene = Scene(
-        body={"mass": 1.0, "inertia": [1.0, 1.0, 1.0]},
-        loads={"torque_b": f"[0, 0, {torque}*exp(-((t - 10)/{w})**2)]"},
-        outputs={"quantities": ["omega_b"]},
-        run={"stop": 14.0, "step": 1.0},
-    )
+    scene = ball(f"{torque}*exp(-((t - 10)/{w})**2)", 14.0, 1.0)
     found, _ = reference_motion(scene, [10.0, 4.0], 10_000)["omega_b"][1:, 2] / (torque * w * math.sqrt(math.pi))
     assert found == pytest.approx(0.5, rel=1e-12)
 

@@ -25,14 +25,9 @@ NASA = SHARED / "nasa_tumbling_brick.csv"
 
 
 def scene(run=None, **tables):
-    return Scene(
-        **{
-            "body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.1, 0.0, 0.0]},
-            "initial": {"omega_b": [1.0, 2.0, -1.0]},
-            "run": run or {"stop": 1.0, "step": 0.1},
-        }
-        | tables
-    )
+    usual = {"body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.1, 0.0, 0.0]},
+             "initial": {"omega_b": [1.0, 2.0, -1.0]}, "run": run or {"stop": 1.0, "step": 0.1}}  # fmt: skip
+    return Scene(**usual | tables)
 
 
 # The grid
@@ -147,42 +142,10 @@ def test_a_motion_that_leaves_the_numbers_is_an_error_that_says_when():
 # Files
 
 
-@pytest.fixture(scope="module")
-def result():
-    return rbfmu.simulate(scene({"start": 0.1, "stop": 2.0, "step": 0.07}))
-
-
-def test_csv_keeps_every_bit(result, tmp_path):
-    path = tmp_path / "run.csv"
-    result.save(path)
-    header, *rows = path.read_text().splitlines()
-    names = [name.strip('"') for name in header.split(",")]
-    assert names == list(result.columns())
-    assert names[:4] == ["time", "position[1]", "position[2]", "position[3]"]
-    assert "kinetic_energy" in names
-    values = np.array([[float(x) for x in row.split(",")] for row in rows])
-    np.testing.assert_array_equal(values, np.column_stack(list(result.columns().values())))
-
-
-def test_csv_is_read_by_numpy(result, tmp_path):
-    result.save(str(tmp_path / "run.csv"))
-    table = np.genfromtxt(tmp_path / "run.csv", delimiter=",", skip_header=1)
-    np.testing.assert_array_equal(table[:, 0], result.time)
-
-
-def test_npz_keeps_every_bit(result, tmp_path):
-    path = tmp_path / "run.npz"
-    result.save(path)
-    with np.load(path) as saved:
-        assert set(saved.files) == {"time", *result.quantities}
-        for name in saved.files:
-            np.testing.assert_array_equal(saved[name], getattr(result, name))
-
-
 @pytest.mark.parametrize("name", ["run.txt", "run", "run.csv.gz", ".csv"])
-def test_another_suffix_is_refused_and_nothing_written(result, tmp_path, name):
+def test_another_suffix_is_refused_and_nothing_written(tmp_path, name):
     with pytest.raises(ValueError, match=r"the name must end in \.csv, \.npz or \.aem"):
-        result.save(tmp_path / name)
+        rbfmu.Result([0.0], {"kinetic_energy": [1.0]}).save(str(tmp_path / name))
     assert list(tmp_path.iterdir()) == []
 
 
