@@ -40,6 +40,7 @@ EVERYTHING = {
     "damping_b": [0.1, 0.1, 0.1],
 }  # fmt: skip
 FREELY = MASS | START
+SERIES = "body under loads, by series"
 TWIST = {**NO_GRAVITY, "torque_b": [0.0, 0.0, 0.3]}
 CASES = {
     "no rotation": (TRIAXIAL, {}, NO_GRAVITY, FREELY),
@@ -115,7 +116,7 @@ def test_attitudes_vary_where_rates_are_prescribed():
 def test_a_member_that_cannot_be_simulated_says_why_and_the_rest_goes_on():
     vary = {"body.mass": {"normal": [1.0, 1.0]}, "loads.damping_b": {"normal": [[0.1] * 3, [0.1] * 3]}}
     scene = ensemble_scene(TRIAXIAL, TUMBLE, EVERYTHING, vary, runs=40)
-    chunk = assert_like_single_runs(scene, given_plan("body under loads, by series"))
+    chunk = assert_like_single_runs(scene, given_plan(SERIES))
     assert 0 < len(chunk.failed) < 40
     assert all("mass" in text or "damping_b" in text for text in chunk.failed.values())
     assert chunk.summary.members == 40 - len(chunk.failed)
@@ -124,7 +125,7 @@ def test_a_member_that_cannot_be_simulated_says_why_and_the_rest_goes_on():
 def test_a_step_that_is_refused_is_said_with_its_time():
     vary = {"loads.torque_b": {"lognormal": [[1e150] * 3, [40.0] * 3]}}
     scene = ensemble_scene(TRIAXIAL, TUMBLE, EVERYTHING, vary, runs=20)
-    chunk = assert_like_single_runs(scene, given_plan("body under loads, by series"))
+    chunk = assert_like_single_runs(scene, given_plan(SERIES))
     assert any("was refused: not finite" in text for text in chunk.failed.values())
 
 
@@ -142,15 +143,14 @@ def test_torques_about_a_beams_own_axis_are_refused_as_in_its_scene():
     loads = {**NO_GRAVITY, "torque_b": [0.0, 0.1, 0.1]}
     vary = {"loads.torque_b": {"normal": [[0.0, 0.1, 0.1], [0.1, 0.0, 0.0]]}}
     scene = ensemble_scene(beam, {}, loads, vary)
-    chunk = run_chunk(Work(scene, given_plan("body under loads, by series"), 16), 0)
+    chunk = run_chunk(Work(scene, given_plan(SERIES), 16), 0)
     assert len(chunk.failed) == 9
     assert "no torque about (1, 0, 0)" in chunk.failed[0]
 
 
 def test_a_members_bits_do_not_hang_on_its_chunk():
-    body, initial, loads, vary = CASES["body under loads, by series"]
-    scene = ensemble_scene(body, initial, loads, vary)
-    plan = given_plan("body under loads, by series")
+    scene = ensemble_scene(*CASES[SERIES])
+    plan = given_plan(SERIES)
     whole = run_chunk(Work(scene, plan, 16), 0)
     parts = [run_chunk(Work(scene, plan, 2), k) for k in range(5)]
     assert np.concatenate([part.rows for part in parts]).tobytes() == whole.rows.tobytes()
@@ -166,9 +166,8 @@ def test_members_side_by_side_have_the_bits_of_single_runs(monkeypatch):
 
     monkeypatch.setattr(chunks, "run_in_lanes", noted)
     loops.compile_lanes(LOADED_TAYLOR).join()
-    body, initial, loads, vary = CASES["body under loads, by series"]
-    scene = ensemble_scene(body, initial, loads, vary, runs=21)
-    assert_like_single_runs(scene, replace(given_plan("body under loads, by series"), cost=1e4))
+    scene = ensemble_scene(*CASES[SERIES], runs=21)
+    assert_like_single_runs(scene, replace(given_plan(SERIES), cost=1e4))
     assert taken == [True]
 
 
@@ -179,9 +178,8 @@ def test_lanes_are_compiled_beside_the_first_members_where_that_pays(monkeypatch
     monkeypatch.setattr(loops, "has_code", lambda *given: False)
     monkeypatch.setattr(chunks, "compile_lanes", begun.append)
     monkeypatch.setattr(chunks, "WORTH_COMPILING", worth)
-    body, initial, loads, vary = CASES["body under loads, by series"]
-    scene = ensemble_scene(body, initial, loads, vary, runs=21)
-    plan = replace(given_plan("body under loads, by series"), cost=1e4)
+    scene = ensemble_scene(*CASES[SERIES], runs=21)
+    plan = replace(given_plan(SERIES), cost=1e4)
     chunk = run_chunk(Work(scene, plan, 32), 0)
     assert np.isfinite(chunk.rows).all()
     assert begun == ([] if worth else [LOADED_TAYLOR])
@@ -189,15 +187,13 @@ def test_lanes_are_compiled_beside_the_first_members_where_that_pays(monkeypatch
 
 @pytest.mark.parametrize(("cost", "runs", "pay"), [(1e4, 10**6, True), (1e4, 1000, False), (100.0, 10**6, False)])
 def test_compiling_lanes_pays_where_steps_are_long_and_runs_are_many(cost, runs, pay):
-    body, initial, loads, vary = CASES["body under loads, by series"]
-    plan = replace(given_plan("body under loads, by series"), cost=cost)
-    work = Work(ensemble_scene(body, initial, loads, vary, runs=runs), plan, 16)
+    plan = replace(given_plan(SERIES), cost=cost)
+    work = Work(ensemble_scene(*CASES[SERIES], runs=runs), plan, 16)
     assert chunks.compiling_pays(work, 100) == pay
 
 
 def test_only_ends_are_kept_where_nothing_else_is_asked_for():
-    body, initial, loads, vary = CASES["torque-free body"]
-    scene = ensemble_scene(body, initial, loads, vary)
+    scene = ensemble_scene(*CASES["torque-free body"])
     plan = given_plan("torque-free body")
     ends = run_chunk(Work(scene.replace({"ensemble.keep": ["final"]}), plan, 16), 0)
     assert ends.rows.tobytes() == run_chunk(Work(scene, plan, 16), 0).rows[:, -1:].tobytes()
@@ -205,8 +201,7 @@ def test_only_ends_are_kept_where_nothing_else_is_asked_for():
 
 
 def test_chunks_have_the_size_of_their_cost():
-    body, initial, loads, vary = CASES["torque-free body"]
-    scene = ensemble_scene(body, initial, loads, vary)
+    scene = ensemble_scene(*CASES["torque-free body"])
 
     def size(cost, model="torque-free body", **changes):
         plan = Plan(model, "", 7, cost=cost)
