@@ -164,10 +164,8 @@ def test_capabilities_are_said(name):
     root = ElementTree.parse(unzipped(name) / "modelDescription.xml").getroot()
     said = root.find("CoSimulation").attrib
     yes = (
-        "canHandleVariableCommunicationStepSize",
-        "canGetAndSetFMUstate",
-        "canSerializeFMUstate",
-    )
+        "canHandleVariableCommunicationStepSize", "canGetAndSetFMUstate", "canSerializeFMUstate",
+    )  # fmt: skip
     assert all(said[capability] == "true" for capability in yes)
     assert said["canBeInstantiatedOnlyOncePerProcess"] == said["needsExecutionTool"] == "false"
     assert root.get("variableNamingConvention") == "structured"

@@ -364,11 +364,9 @@ def test_a_hopeless_start_comes_to_an_end():
 @pytest.mark.thorough
 def test_a_fit_is_no_worse_than_its_beginning_though_the_first_data_lead_away():
     scene = rbfmu.Scene(
-        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},
-        initial={"omega_b": [0.3, 1.2, 0.2]},
-        outputs={"quantities": ["quaternion"]},
-        run={"stop": 60.0, "step": 0.2},
-    )
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [0.3, 1.2, 0.2]},
+        outputs={"quantities": ["quaternion"]}, run={"stop": 60.0, "step": 0.2},
+    )  # fmt: skip
     run, faster = rbfmu.simulate(scene), rbfmu.simulate(scene.replace({"initial.omega_b": [0.3, 2.0, 0.2]}))
     measured = np.concatenate([faster.quaternion[:37], run.quaternion[37:]])
     found = rbfmu.fit(scene, {"time": run.time, "quaternion": measured}, ["initial.omega_b"])

@@ -30,11 +30,9 @@ FREE = {
     "inputs": {"ports": PORTS},
 }
 PIVOT = {
-    "body": FREE["body"] | {"pivot": True},
-    "initial": START,
-    "loads": LOADS,
+    "body": FREE["body"] | {"pivot": True}, "initial": START, "loads": LOADS,
     "inputs": {"ports": ["torque_a", "torque_b"]},
-}
+}  # fmt: skip
 UNLOADED = {"body": {"mass": 2.0, "inertia": TRIAXIAL}, "inputs": {"ports": PORTS}, "loads": {"gravity_a": [0, 0, 0]}}
 RATES = {"inputs": {"ports": ["omega_b"]}, "initial": {"attitude": START["attitude"]}}
 CASES = {"free": FREE, "pivot": PIVOT, "unloaded": UNLOADED, "rates": RATES}
@@ -127,11 +125,9 @@ class Textbook:
         return {
             "position": vec(self.scene.initial.position) if self.pivot else r_c - R * self.r,
             "velocity": still if self.pivot else v_c - R * cross(omega, self.r),
-            "acceleration": still if self.pivot else a_c - R * relative,
-            "alpha_b": alpha,
-            "angular_momentum_a": R * self.M * omega,
-            "kinetic_energy": [energy],
-        }
+            "acceleration": still if self.pivot else a_c - R * relative, "alpha_b": alpha,
+            "angular_momentum_a": R * self.M * omega, "kinetic_energy": [energy],
+        }  # fmt: skip
 
     @staticmethod
     def rpy(R):

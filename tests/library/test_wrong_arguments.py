@@ -9,12 +9,10 @@ import pytest
 import rbfmu
 
 SCENE = rbfmu.Scene(
-    body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},
-    initial={"omega_b": [0.1, 0.2, 0.3]},
-    outputs={"quantities": ["quaternion", "omega_b"]},
-    run={"stop": 1.0, "step": 0.1},
+    body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [0.1, 0.2, 0.3]},
+    outputs={"quantities": ["quaternion", "omega_b"]}, run={"stop": 1.0, "step": 0.1},
     ensemble={"runs": 4, "vary": {"body.mass": {"normal": [1.0, 0.01]}}},
-)
+)  # fmt: skip
 RESULT = rbfmu.simulate(SCENE)
 NO_PLAN = "planned = {}: expected a rbfmu.Plan"
 WRONG = [

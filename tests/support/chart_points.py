@@ -40,11 +40,9 @@ def made_chart(*rows: Row, **more: object) -> Chart:
 def judged(error: float, others: float, peer: float, noise: float = 1.1):
     """A plan of 1 µs at 1e-9, whose rival costs so many µs, and a peer."""
     rows = [
-        made_plan(error, 1e-6),
-        made_row("one axis", "exact", 1e-16, 2e-6),
-        made_row("Taylor, order 16", "Taylor", 1e-11, others * 1e-6),
-        made_row("heyoka.py", "peer", 1e-10, peer * 1e-6),
+        made_plan(error, 1e-6), made_row("one axis", "exact", 1e-16, 2e-6),
+        made_row("Taylor, order 16", "Taylor", 1e-11, others * 1e-6), made_row("heyoka.py", "peer", 1e-10, peer * 1e-6),
         made_row("RK4, matrix", "classic", 1e-8, 1e-9),
-    ]
+    ]  # fmt: skip
     (found,) = verdicts([made_chart(*(replace(row, spread=noise) for row in rows))])
     return found

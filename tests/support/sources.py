@@ -27,3 +27,13 @@ def run_copy(folder: Path, code: str, *arguments: object) -> subprocess.Complete
     code = f"import rbfmu_kernels; assert rbfmu_kernels.__file__.startswith({str(folder)!r})\n{code}"
     command = [sys.executable, "-c", code, *map(str, arguments)]
     return subprocess.run(command, env=environment, capture_output=True, text=True, cwd=folder)
+
+
+def assert_same_in_plain_python(code: str, different: int) -> None:
+    """Assert that a program prints the same compiled and not, and so many different words."""
+    found = [
+        subprocess.run([sys.executable, "-c", code], env=os.environ | {"NUMBA_DISABLE_JIT": flag}, cwd=ROOT, check=True,
+                       capture_output=True, text=True).stdout for flag in ("0", "1")
+    ]  # fmt: skip
+    assert found[0] == found[1]
+    assert len(set(found[0].split())) == different

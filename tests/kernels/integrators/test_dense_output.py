@@ -1,9 +1,6 @@
 """Series that serve many steps: as accurate at every output, saved, refused, driven; the same bits in plain Python."""
 
 import math
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -14,9 +11,9 @@ from rbfmu.scene.scene import Scene
 from rbfmu.studies.chart.cases import CASES
 from rbfmu_kernels.buffer import STEP_REJECTED
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
-from tests.support.paths import ROOT
 from tests.support.references import reference_mp as reference
 from tests.support.scenes import model_cases
+from tests.support.sources import assert_same_in_plain_python
 
 EPS = 2.0**-52
 SCENES = {
@@ -227,9 +224,4 @@ for name, scene in SCENES.items():
 
 @pytest.mark.thorough
 def test_plain_python_has_the_same_bits():
-    found = [
-        subprocess.run([sys.executable, "-c", BITS], env=os.environ | {"NUMBA_DISABLE_JIT": flag}, cwd=ROOT, check=True,
-                       capture_output=True, text=True).stdout for flag in ("0", "1")
-    ]  # fmt: skip
-    assert found[0] == found[1]
-    assert len(set(found[0].split())) == len(SCENES)
+    assert_same_in_plain_python(BITS, len(SCENES))

@@ -1,9 +1,6 @@
 """Series about exact states of a free body: as exact as the closed form at every output, saved, refused, uncompiled."""
 
 import math
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -15,9 +12,9 @@ from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators.dense_output import VALID
 from rbfmu_kernels.models.free import FREE_TRIAXIAL
 from tests.support.covering import some_of
-from tests.support.paths import ROOT
 from tests.support.references.free_rotation_mp import angle_to, closed_form, relative_distance
 from tests.support.scenes import model_cases
+from tests.support.sources import assert_same_in_plain_python
 
 EPS = 2.0**-52
 LEANING = (0.5, 0.5, 0.5, 0.5)
@@ -155,12 +152,7 @@ for name in BODIES:
 
 @pytest.mark.thorough
 def test_plain_python_has_the_same_bits():
-    found = [
-        subprocess.run([sys.executable, "-c", BITS], env=os.environ | {"NUMBA_DISABLE_JIT": flag}, cwd=ROOT, check=True,
-                       capture_output=True, text=True).stdout for flag in ("0", "1")
-    ]  # fmt: skip
-    assert found[0] == found[1]
-    assert len(set(found[0].split())) == len(BODIES)
+    assert_same_in_plain_python(BITS, len(BODIES))
 
 
 def test_a_short_run_that_is_not_compiled_has_the_same_bits():

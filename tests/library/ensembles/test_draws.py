@@ -18,14 +18,12 @@ from rbfmu.scene.section import SceneError
 
 BODY = {"mass": 50.0, "inertia": [10.0, 12.0, 15.0]}
 EVERYTHING = {
-    "body.mass": {"lognormal": [50.0, 0.1]},
-    "body.inertia": {"relative": 0.1, "axes_deg": 3.0},
+    "body.mass": {"lognormal": [50.0, 0.1]}, "body.inertia": {"relative": 0.1, "axes_deg": 3.0},
     "body.r_oc_b": {"triangular": [[-0.1] * 3, [0.0, 0.05, -0.1], [0.1] * 3]},
-    "initial.position": {"normal": [[1.0, 2.0, 3.0], [0.1, 0.0, 0.3]]},
-    "initial.attitude": {"rotvec_deg": 2.0},
+    "initial.position": {"normal": [[1.0, 2.0, 3.0], [0.1, 0.0, 0.3]]}, "initial.attitude": {"rotvec_deg": 2.0},
     "initial.omega_b_deg": {"uniform": [[-5.0, 0.0, 5.0], [5.0, 10.0, 10.0]]},
     "loads.damping_b": {"uniform": [[0.0, 0.1, 0.1], [0.1, 0.1, 0.2]]},
-}
+}  # fmt: skip
 MANY = 20_000
 LIKELY = 1e-4
 """The probability below which a statistical test fails; draws are the same each time, so it does so always or never."""

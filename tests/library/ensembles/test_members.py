@@ -15,20 +15,16 @@ from rbfmu_kernels.quantities import LOADS
 from tests.library.ensembles.test_draws import BODY, LIKELY, MANY, ensemble
 
 TABLES = {
-    "name": "dispersed",
-    "body": {"mass": 50.0, "shape": {"kind": "box", "sides": [0.6, 0.5, 0.4]}},
+    "name": "dispersed", "body": {"mass": 50.0, "shape": {"kind": "box", "sides": [0.6, 0.5, 0.4]}},
     "initial": {"attitude": {"euler": "ZYX", "angles_deg": [10.0, 0.0, 0.0]}, "omega_b": [0.1, 0.0, 1.0]},
     "loads": {"torque_b": [0.0, 0.0, 0.1], "gravity_a": [0.0, 0.0, 0.0]},
-    "outputs": {"quantities": ["quaternion", "omega_b"]},
-    "run": {"stop": 5.0, "step": 0.5},
-}
+    "outputs": {"quantities": ["quaternion", "omega_b"]}, "run": {"stop": 5.0, "step": 0.5},
+}  # fmt: skip
 VARY = {
-    "body.mass": {"normal": [50.0, 0.5]},
-    "body.inertia": {"relative": 0.02, "axes_deg": 1.0},
-    "initial.omega_b": {"uniform": [[-0.1, -0.1, 0.9], [0.1, 0.1, 1.1]]},
-    "initial.attitude": {"rotvec_deg": 2.0},
+    "body.mass": {"normal": [50.0, 0.5]}, "body.inertia": {"relative": 0.02, "axes_deg": 1.0},
+    "initial.omega_b": {"uniform": [[-0.1, -0.1, 0.9], [0.1, 0.1, 1.1]]}, "initial.attitude": {"rotvec_deg": 2.0},
     "loads.torque_b": {"normal": [[0.0, 0.0, 0.1], [0.0, 0.0, 0.01]]},
-}
+}  # fmt: skip
 
 
 def dispersed(vary=VARY, tables=TABLES, **more):

@@ -367,10 +367,8 @@ def test_round_off_of_bodies_at_rest_is_no_sign_of_starts_that_lead_apart(recwar
     down = rbfmu.rotate(rbfmu.quaternion_from_rotvec(turned["rotvec"]), [0.0, 0.0, -9.81])
     body = {"mass": 1.0, "inertia": [1.0, 1.2, 1.4], "r_oc_b": [0.0, 0.0, -0.2], "pivot": True}
     tables = {
-        "body": body,
-        "initial": {"attitude": turned},
-        "loads": {"gravity_a": down, "damping_b": [0.01, 0.1, 0.1]},
-    }
+        "body": body, "initial": {"attitude": turned}, "loads": {"gravity_a": down, "damping_b": [0.01, 0.1, 0.1]},
+    }  # fmt: skip
     tables |= {"outputs": {"quantities": ["quaternion", "alpha_b"]}, "run": {"stop": 5.0, "step": 0.5}}
     tables |= {"ensemble": {"runs": 100, "vary": {"body.mass": {"uniform": [0.9, 1.1]}}}}
     found = plan_ensemble(Scene.from_dict(tables))

@@ -16,12 +16,10 @@ from tests.support.references.events_mp import judged, right
 from tests.support.scenes.balls import ball
 
 TABLES = {
-    "body": {"mass": 1.0, "inertia": [1.0, 1.5, 2.2]},
-    "initial": {"omega_b": [0.4, 2.0, 0.3]},
-    "loads": {"gravity_a": [0.0, 0.0, 0.0]},
-    "outputs": {"quantities": ["quaternion", "omega_b"]},
+    "body": {"mass": 1.0, "inertia": [1.0, 1.5, 2.2]}, "initial": {"omega_b": [0.4, 2.0, 0.3]},
+    "loads": {"gravity_a": [0.0, 0.0, 0.0]}, "outputs": {"quantities": ["quaternion", "omega_b"]},
     "run": {"stop": 50.0, "step": 0.5, "accuracy": 1e-9},
-}
+}  # fmt: skip
 
 
 def scene(step=0.5, stop=50.0, **events):

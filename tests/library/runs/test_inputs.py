@@ -29,6 +29,11 @@ def scene(**more):
     return rbfmu.Scene.from_dict(tables | more)
 
 
+def at_rest(port, *shown, **tables):
+    body, outputs = {"mass": 2.0, "inertia": [1.0, 2.0, 3.0]}, {"quantities": list(shown)}
+    return scene(body=body, initial={}, inputs={"ports": [port]}, outputs=outputs, **tables)
+
+
 def pieces(interpolate):
     """Between communication points and rows: lengths, and inputs with their slopes."""
     cuts, found = np.union1d(TIMES, STEP * np.arange(5)), []
@@ -61,10 +66,7 @@ def test_a_driven_run_meets_its_accuracy_wherever_the_rows_lie(interpolate):
 @pytest.mark.parametrize(("interpolate", "order"), [("hold", 1), ("linear", 2)])
 def test_a_sampled_torque_is_followed_in_the_order_of_its_interpolation(interpolate, order):
     """torque_b = sin t about a principal axis: omega = 1 - cos t, turned by t - sin t."""
-    about_x = scene(
-        body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, initial={}, inputs={"ports": ["torque_b"]},
-        outputs={"quantities": ["quaternion", "omega_b"]}, run={"stop": 2.0, "step": 0.5, "accuracy": 1e-10},
-    )  # fmt: skip
+    about_x = at_rest("torque_b", "quaternion", "omega_b", run={"stop": 2.0, "step": 0.5, "accuracy": 1e-10})
     errors = []
     for n in (20, 40):
         t = np.linspace(0.0, 2.0, n + 1)
@@ -77,11 +79,8 @@ def test_a_sampled_torque_is_followed_in_the_order_of_its_interpolation(interpol
 
 def test_a_model_without_input_derivatives_sees_the_mean_of_each_step_and_the_last_value_at_its_end():
     """force_a = t on a body that does not turn: velocity t^2 / 2 exactly, acceleration t / mass at the points."""
-    falling = scene(
-        body={"mass": 2.0, "inertia": [1.0, 2.0, 3.0]}, initial={}, loads={"gravity_a": [0, 0, 0]},
-        inputs={"ports": ["force_a"]}, outputs={"quantities": ["position", "velocity", "acceleration"]},
-        run={"stop": 1.0, "step": 0.125, "accuracy": 1e-2},
-    )  # fmt: skip
+    falling = at_rest("force_a", "position", "velocity", "acceleration", loads={"gravity_a": [0, 0, 0]},
+                      run={"stop": 1.0, "step": 0.125, "accuracy": 1e-2})  # fmt: skip
     ramp = {"force_a": ([0.0, 1.0], [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])}
     found = rbfmu.simulate(falling, inputs=ramp, interpolate="linear")
     np.testing.assert_allclose(found.velocity[:, 2], found.time**2 / 4, atol=1e-15)
@@ -92,10 +91,7 @@ def test_a_model_without_input_derivatives_sees_the_mean_of_each_step_and_the_la
 
 
 def test_where_a_models_error_under_the_inputs_is_too_large_a_larger_one_is_planned():
-    falling = scene(
-        body={"mass": 2.0, "inertia": [1.0, 2.0, 3.0]}, initial={}, inputs={"ports": ["force_a"]},
-        outputs={"quantities": ["position"]}, run={"stop": 1.0, "step": 0.125, "accuracy": 1e-9},
-    )  # fmt: skip
+    falling = at_rest("force_a", "position", run={"stop": 1.0, "step": 0.125, "accuracy": 1e-9})
     ramp = {"force_a": ([0.0, 1.0], [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])}
     smallest, driven = rbfmu.plan(falling), rbfmu.plan(falling, inputs=ramp, interpolate="linear")
     assert smallest.model != driven.model == LOADED_TAYLOR.key
@@ -106,10 +102,7 @@ def test_where_a_models_error_under_the_inputs_is_too_large_a_larger_one_is_plan
 
 
 def test_a_model_that_leaves_the_rotation_out_is_driven_by_a_torque_as_well():
-    falling = scene(
-        body={"mass": 2.0, "inertia": [1.0, 2.0, 3.0]}, initial={}, inputs={"ports": ["torque_a"]},
-        outputs={"quantities": ["position"]}, run={"stop": 1.0, "step": 0.25},
-    )  # fmt: skip
+    falling = at_rest("torque_a", "position", run={"stop": 1.0, "step": 0.25})
     torque = {"torque_a": ([0.0, 1.0], [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])}
     planned = rbfmu.plan(falling, inputs=torque)
     found = rbfmu.simulate(falling, inputs=torque)
@@ -151,10 +144,7 @@ def test_prescribed_rates_take_inputs_as_well():
 )
 def test_two_rows_at_one_time_are_a_jump_of_linear_inputs(at, after):
     """omega = torque t / inertia from there on; a ramp up to the next point would lose half of a step."""
-    pushed = scene(
-        body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, initial={}, inputs={"ports": ["torque_b"]},
-        outputs={"quantities": ["omega_b"]}, run={"stop": 10.0, "step": 0.5},
-    )  # fmt: skip
+    pushed = at_rest("torque_b", "omega_b", run={"stop": 10.0, "step": 0.5})
     times, torque = [0.0, at, after, 10.0], np.zeros((4, 3))
     torque[2:] = [0.02, 0.0, 0.0]
     driven = {"inputs": {"torque_b": (times, torque)}, "interpolate": "linear"}

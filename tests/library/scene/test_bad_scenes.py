@@ -104,11 +104,9 @@ def test_all_faults_are_reported_at_once():
 def test_wrong_formulas_are_reported_with_all_else():
     """What does not parse always; a name that nothing has where the tables with names are sound."""
     faults = faults_of(
-        body={"mass": -1, "inertia": [1, 2, 2]},
-        loads={"torque_b": ["foo(", "0", "0"], "forc_b": "t"},
-        constants={"k": "a"},
-        run={"stopp": 1},
-    )
+        body={"mass": -1, "inertia": [1, 2, 2]}, loads={"torque_b": ["foo(", "0", "0"], "forc_b": "t"},
+        constants={"k": "a"}, run={"stopp": 1},
+    )  # fmt: skip
     keys = ["body.mass", "constants.k.value", "loads.forc_b", "loads.torque_b", "run.stopp"]
     assert sorted(fault.split(" = ")[0].split(":")[0] for fault in faults) == keys
     faults = faults_of(

@@ -93,11 +93,9 @@ def made_up() -> list[Chart]:
     """All motions, at few and at many outputs, with the longest names; most lines end at one place."""
     names = ("SciPy LSODA, NumPy", "numbalsoda DOP853", "heyoka.py", "MuJoCo implicitfast", "Drake RK3")
     others = (
-        ("torque-free body", "exact"),
-        ("DOP853, error control", "DOP853"),
-        ("Taylor, order 24", "Taylor"),
+        ("torque-free body", "exact"), ("DOP853, error control", "DOP853"), ("Taylor, order 24", "Taylor"),
         ("splitting, order 4", "splitting"),
-    )
+    )  # fmt: skip
     charts = []
     for case in few_and_many():
         mine = [made_row(name, "peer", 10.0**-k, 1e-6 * 3.0**k) for name in names for k in range(2, 11)]

@@ -112,10 +112,8 @@ def test_only_those_compete_that_take_formulas(monkeypatch: pytest.MonkeyPatch) 
 
 def test_what_is_not_integrated_leaves_peers_nothing_to_do() -> None:
     tables = {
-        "body": SPRING["body"],
-        "outputs": {"quantities": [], "wave": "sin(t)"},
-        "run": {"stop": 1.0, "step": 0.1},
-    }
+        "body": SPRING["body"], "outputs": {"quantities": [], "wave": "sin(t)"}, "run": {"stop": 1.0, "step": 0.1},
+    }  # fmt: skip
     case = cases.case_of(rbfmu.Scene.from_dict(tables, "wave"))
     assert why_not(SCIPY[-1], case) == "nothing is to be integrated"
 

@@ -20,11 +20,9 @@ from tests.support.paths import ROOT
 
 HEUN = ROOT / "examples" / "own_method.py"
 FREE = {
-    "body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]},
-    "initial": {"omega_b": [0.1, 1.0, 0.1]},
-    "outputs": {"quantities": ["quaternion"]},
-    "run": {"stop": 2.0, "step": 1.0, "accuracy": 1e-4},
-}
+    "body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, "initial": {"omega_b": [0.1, 1.0, 0.1]},
+    "outputs": {"quantities": ["quaternion"]}, "run": {"stop": 2.0, "step": 1.0, "accuracy": 1e-4},
+}  # fmt: skip
 
 
 @pytest.fixture

@@ -18,11 +18,9 @@ from tests.support.command_line import call
 from tests.support.paths import SCENES
 
 THROWN = {
-    "name": "thrown <brick>",
-    "body": {"mass": 2.0, "inertia": [0.01, 0.02, 0.025]},
-    "initial": {"velocity": [1.0, 0.5, 2.0], "omega_b": [0.5, 3.0, 0.1]},
-    "run": {"stop": 0.6, "step": 0.01},
-}
+    "name": "thrown <brick>", "body": {"mass": 2.0, "inertia": [0.01, 0.02, 0.025]},
+    "initial": {"velocity": [1.0, 0.5, 2.0], "omega_b": [0.5, 3.0, 0.1]}, "run": {"stop": 0.6, "step": 0.01},
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -92,11 +92,9 @@ def rates_of(draw, kind, R, own, moments):
     ways = {
         **dict.fromkeys(("constant rate", "one axis", "thrust"), "principal"),
         **dict.fromkeys(("pendulum", "swinging"), draw.one("rest", "principal")),
-        **dict.fromkeys(("free", "pushed"), draw.one("near", "any")),
-        "equilibrium": "rest",
-        "no rotation": draw.one("rest", "any"),
-        "top": draw.one("near", "any", "any"),
-    }
+        **dict.fromkeys(("free", "pushed"), draw.one("near", "any")), "equilibrium": "rest",
+        "no rotation": draw.one("rest", "any"), "top": draw.one("near", "any", "any"),
+    }  # fmt: skip
     way = ways.get(kind, way)
     axis = R[:, own]
     if way == "rest":

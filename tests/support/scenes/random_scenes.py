@@ -96,11 +96,9 @@ def balls(draw):
 def tops(draw):
     """A heavy top on its pivot, as fast as splitting likes it."""
     body = {
-        "mass": 1.0,
-        "inertia": [0.5, 0.5, 0.3],
-        "pivot": True,
+        "mass": 1.0, "inertia": [0.5, 0.5, 0.3], "pivot": True,
         "r_oc_b": [0.0, 0.0, draw(st.sampled_from([0.5, -0.2]))],
-    }
+    }  # fmt: skip
     omega_b = [draw(st.sampled_from([0.0, 0.3])), 0.0, draw(st.sampled_from([50.0, 200.0])) * draw(SIGNS)]
     return body, omega_b, [draw(st.sampled_from([0.1, 0.4, 1.5])), 0.0, 0.0], {"gravity_a": [0.0, 0.0, -9.81]}
 

@@ -87,13 +87,11 @@ def scene_tables(draw):
     start, span = draw(numbers()), draw(numbers(1e-3, 1e3))
     loads = {key: draw(vectors()) for key in ("gravity_a", "force_a", "force_b", "torque_a", "torque_b")}
     tables = {
-        "name": draw(st.text(st.characters(categories=["L", "N"]), min_size=1, max_size=20)),
-        "body": body,
-        "initial": initial,
-        "loads": loads | {"damping_b": draw(vectors(0, 1e3))},
+        "name": draw(st.text(st.characters(categories=["L", "N"]), min_size=1, max_size=20)), "body": body,
+        "initial": initial, "loads": loads | {"damping_b": draw(vectors(0, 1e3))},
         "inputs": {"ports": ports, "parameters": parameters},
         "outputs": {"quantities": draw(some(QUANTITIES, least=1))},
         "run": {"start": start, "stop": start + span, "step": span / 7, "accuracy": draw(numbers(1e-15, 1))},
-    }
+    }  # fmt: skip
     kept = {key: value for key, value in tables.items() if key == "body" or draw(st.integers(0, 4))}
     return kept

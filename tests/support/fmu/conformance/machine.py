@@ -14,11 +14,9 @@ from tests.support.fmu.fmu_importer import ERROR, OK
 OTHER_TYPES = [f"fmi2{verb}{kind}" for kind in ("Integer", "Boolean", "String") for verb in ("Get", "Set")]
 SET_RATES, GET_RATES = "fmi2SetRealInputDerivatives", "fmi2GetRealOutputDerivatives"
 PLAIN = {
-    "fmi2EnterInitializationMode": "enter",
-    "fmi2ExitInitializationMode": "exit",
-    "fmi2Terminate": "terminate",
+    "fmi2EnterInitializationMode": "enter", "fmi2ExitInitializationMode": "exit", "fmi2Terminate": "terminate",
     "fmi2Reset": "reset",
-}
+}  # fmt: skip
 """Functions of an instance alone, and what they are in the model."""
 CATEGORIES = [b"logStatusDiscard", b"logStatusError", b"logAll"]
 NO_INSTANCE = [
