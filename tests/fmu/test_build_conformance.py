@@ -16,7 +16,7 @@ import pytest
 from rbfmu import on_disk
 from tests.support.command_line import call
 from tests.support.fmu.fmus import built
-from tests.support.paths import ROOT
+from tests.support.paths import with_sources
 
 SCENE = '[inputs]\nports = ["omega_b"]\n[run]\nstop = 100.0\nstep = 0.01\naccuracy = 1e-3\n'
 KINDS = pytest.mark.parametrize("kind", ["python", "native"])
@@ -43,11 +43,6 @@ def command(scene_file, target, kind):
     return build + ["--native"] * (kind == "native")
 
 
-def surroundings(**more):
-    roots = os.pathsep.join(str(ROOT / part) for part in (".", "kernels", "fmu_build"))
-    return os.environ | {"PYTHONPATH": roots} | more
-
-
 @pytest.mark.thorough
 @KINDS
 @pytest.mark.parametrize("option", REASONS)
@@ -58,7 +53,7 @@ def test_a_disk_that_takes_nothing_is_one_message_and_status_2(option, kind, sce
     unshare = shutil.which("unshare") or pytest.skip("no unshare")
     mounted = [unshare, "-rm", "sh", "-c", MOUNT, "sh", str(folder), option]
     done = subprocess.run(mounted + command(scene_file, folder / "it.fmu", kind), capture_output=True, text=True,
-                          env=surroundings(FOLDER=str(folder)), timeout=1200)  # fmt: skip
+                          env=with_sources(FOLDER=str(folder)), timeout=1200)  # fmt: skip
     if "unshare" in done.stderr or done.returncode == 99:
         pytest.skip(f"no mount: {done.stderr}")
     assert done.returncode == 2
@@ -121,16 +116,16 @@ def test_a_build_killed_at_any_moment_leaves_no_half_fmu(kind, scene_file, tmp_p
     """Twenty moments spread over a build, most of them late; what stands there in the end is whole, or nothing."""
     target, whole, begun = tmp_path / "it.fmu", built("prescribed", kind).read_bytes(), time.monotonic()
     build = command(scene_file, target, kind)
-    subprocess.run(build, check=True, capture_output=True, env=surroundings())
+    subprocess.run(build, check=True, capture_output=True, env=with_sources())
     duration, endings = time.monotonic() - begun, []
     assert target.read_bytes() == whole
     for delay in duration * (1.0 - np.geomspace(0.01, 1.0, 20)):
         target.unlink(missing_ok=True)
-        process = subprocess.Popen(build, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=surroundings())
+        process = subprocess.Popen(build, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=with_sources())
         time.sleep(delay)
         process.send_signal(signal.SIGKILL)
         endings.append(process.wait())
         assert not target.exists() or target.read_bytes() == whole
     assert -signal.SIGKILL in endings
-    subprocess.run(build, check=True, capture_output=True, env=surroundings())
+    subprocess.run(build, check=True, capture_output=True, env=with_sources())
     assert target.read_bytes() == whole

@@ -22,13 +22,11 @@ from tests.support.full_disk import full_disk
 from tests.support.paths import SCENES
 from tests.support.scenes.balls import ball
 
-WIDTHS = {"quaternion": 4, "kinetic_energy": 0}
-
 
 def result_of(n: int, names: tuple[str, ...] = tuple(OUTPUT)) -> Result:
     random = np.random.default_rng(1)
-    shapes = {name: (n, WIDTHS.get(name, 3)) if WIDTHS.get(name, 3) else (n,) for name in names}
-    return Result(0.01 * np.arange(n), {name: random.normal(size=shape) for name, shape in shapes.items()})
+    shapes = {name: (n, OUTPUT[name].size) if OUTPUT[name].size > 1 else (n,) for name in names}
+    return Result(0.5 * np.arange(n), {name: random.normal(size=shape) for name, shape in shapes.items()})
 
 
 @pytest.mark.parametrize("n", [1, CHUNK - 1, CHUNK, CHUNK + 1, 2 * CHUNK + 3])
@@ -178,15 +176,9 @@ def test_the_times_of_a_result_are_numbers_in_a_row(time: Any, said: str) -> Non
 GOOD = "time,omega_b[1],omega_b[2],omega_b[3]\n"
 
 
-def random_result(points: int = 7) -> Result:
-    random = np.random.default_rng(1)
-    shapes = {row.name: (points, row.size) if row.size > 1 else (points,) for row in OUTPUT.values()}
-    return Result(0.5 * np.arange(points), {name: random.normal(size=shape) for name, shape in shapes.items()})
-
-
 @pytest.mark.parametrize("ending", [".csv", ".npz"])
 def test_what_is_saved_is_read_to_the_bit(ending: str, tmp_path: Path) -> None:
-    saved = random_result()
+    saved = result_of(7)
     saved.save(str(tmp_path / f"it{ending}"))
     read = Result.load(tmp_path / f"it{ending}")
     np.testing.assert_array_equal(read.time, saved.time)
@@ -219,7 +211,7 @@ def test_columns_of_others_are_left_out(tmp_path: Path) -> None:
 
 def test_arrays_of_fmi_3_are_read_as_fmpy_writes_them(tmp_path: Path) -> None:
     """They were refused, as all of their numbers stand in one cell."""
-    saved, path = random_result(), tmp_path / "fmu.csv"
+    saved, path = result_of(7), tmp_path / "fmu.csv"
     names = [("time", "f8"), *((name, "f8", x.shape[1:]) for name, x in saved.quantities.items()), ("status", "i4")]
     rows = np.zeros(len(saved.time), np.dtype(names))
     for name, values in {"time": saved.time, **saved.quantities}.items():
@@ -305,7 +297,7 @@ class Cells(HTMLParser):
 
 @pytest.fixture(scope="module")
 def result() -> Result:
-    return random_result(5)
+    return result_of(5)
 
 
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)

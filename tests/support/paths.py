@@ -24,6 +24,6 @@ def of_a_session(**more: str) -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name != "RBFMU_TESTS"} | more
 
 
-def with_sources() -> dict[str, str]:
+def with_sources(**more: str) -> dict[str, str]:
     """Return the environment of a program that is started here and finds these sources."""
-    return os.environ | {"PYTHONPATH": os.pathsep.join(SOURCE_ROOTS)}
+    return os.environ | {"PYTHONPATH": os.pathsep.join(SOURCE_ROOTS)} | more

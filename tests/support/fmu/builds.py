@@ -1,10 +1,9 @@
 """FMUs built in a process of their own."""
 
-import os
 import subprocess
 import sys
 
-from tests.support.paths import SOURCE_ROOTS
+from tests.support.paths import with_sources
 
 NAMED = {
     "start_time_nan": "start time = nan: expected a finite number",
@@ -68,6 +67,5 @@ print(hashlib.sha256(path.read_bytes()).hexdigest())
 def build_elsewhere(path, before="", kind="python", name="prescribed", **environment):
     """Build in a process of its own; its hash, or what it ended with."""
     command = [sys.executable, "-c", BUILD.format(before=before, kind=kind, name=name), str(path)]
-    here = os.environ | {"PYTHONPATH": os.pathsep.join(SOURCE_ROOTS)}
-    done = subprocess.run(command, env=here | environment, capture_output=True, text=True, timeout=1200)
+    done = subprocess.run(command, env=with_sources(**environment), capture_output=True, text=True, timeout=1200)
     return done.stdout.strip() or done.returncode
