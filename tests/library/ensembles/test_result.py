@@ -143,7 +143,7 @@ def test_others_read_the_store(found, tmp_path):
     assert data.attrs["scene"] == json.loads(json.dumps(kept.scene.to_dict()))
     assert data["omega_b"].shape == (100, 5, 3)
     assert data["omega_b"][:, -1].values.tobytes() == found.final["omega_b"].tobytes()
-    assert list(EnsembleResult.load(tmp_path / "store.zarr").samples) == list(found.samples)
+    assert list(type(found).load(tmp_path / "store.zarr").samples) == list(found.samples)
 
 
 def test_others_read_the_npz(found, tmp_path):
