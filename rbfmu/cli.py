@@ -206,6 +206,9 @@ def show_sensitivity(
     changes = [found.changes(name) for name in found.of]
     rows = [(key, *(f"{of[key].max():.3g}" for of in changes)) for key in found.keys]
     common.print_columns([("1 % of", *found.of), *rows])
+    for key, at in found.keys.items():
+        if not found.sizes[at].any() and not key.startswith("initial.attitude"):
+            click.echo(f"{key} is zero: changed by 0.01, not by 1 %")
     common.print_written(output, plot)
 
 

@@ -43,6 +43,13 @@ def test_sensitivity_prints_saves_and_draws(scene: Path, tmp_path: Path) -> None
     assert all(file.stat().st_size for file in files)
 
 
+def test_sensitivity_says_by_how_much_what_is_zero_changes(scene: Path) -> None:
+    """2026-11-28: a wheel's momentum of 0 was changed by 0.01 N m s, under the title "1 % of", without a word."""
+    result = call("sensitivity", scene, "--by", "loads.torque_a", "initial.attitude", "body.inertia")
+    assert result.exit_code == 0, result.output
+    assert result.output.splitlines()[4:] == ["loads.torque_a is zero: changed by 0.01, not by 1 %"]
+
+
 def test_fit_prints_and_writes_the_scene(scene: Path, tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     truth = rbfmu.load_scene(scene).replace({"initial.omega_b": [0.35, 0.9, 0.25]})
