@@ -162,13 +162,13 @@ class _Search:
         rest of the accuracy is for what estimates miss, and for inputs under which errors grow faster than without.
         Where the motion makes more than the accuracy of round-off no tolerance helps, but one that shows it at rest.
         """
-        growth = self.judge.growth()
+        ports, growth = self.asked.scene.inputs.ports, self.judge.growth()
         loosest = tolerance_of_varying(self.asked, growth)
-        grows = magnified_round_off(growth) > self.accuracy and not self.asked.scene.inputs.ports
-        bound = (AT_REST if grows else REACHED) * self.accuracy
-        for tolerance in (loosest, *methods.ever_tighter(loosest)):
-            found = self._cheapest_over(tolerance, bound).plan
-            if found.error <= bound:
+        at_last = () if ports else (methods.FAR_BELOW_ROUND_OFF,)
+        bound = REACHED if ports or magnified_round_off(growth) <= self.accuracy else AT_REST
+        for tolerance in (loosest, *methods.ever_tighter(loosest), *at_last):
+            found = self._cheapest_over(tolerance, bound * self.accuracy).plan
+            if found.error <= bound * self.accuracy:
                 break
         reasons = why_held_whatever(self.asked, found, growth, self.judge.arithmetic)
         return replace(found, reasons=reasons)
@@ -255,11 +255,12 @@ class _Search:
     def _cheapest_over(self, tolerance: float, bound: float) -> Tried:
         """Return the cheapest series at a tolerance for the whole run, among those within a bound if any are."""
         best: Tried | None = None
+        span = self.asked.span if tolerance >= methods.TIGHTEST else 0.0  # no share of a run is below round-off
         least = methods.likely_order(tolerance) if self.judge.is_slow else LEAST_ORDER_OF_INPUTS
         for order in range(MAX_ORDER, least - 1, -2):  # down, as low ones take very many substeps of a long motion
             if best and self.work > MAX_WORK:
                 break
-            plan = methods.over_a_run(self.asked, methods.series_of_all(self.asked, order, tolerance))
+            plan = replace(methods.series_of_all(self.asked, order, tolerance), span=span)
             if best is None or best.plan.error > min(bound, self.bound) or self._cost(plan) < best.plan.cost:
                 found = self._try(plan)
                 best = found if best is None or _better(found, best, bound) else best
@@ -320,9 +321,8 @@ class _Search:
 
 
 def _better(a: Tried, b: Tried, bound: float) -> bool:
-    if a.plan.error <= bound and b.plan.error <= bound:
-        return a.plan.cost < b.plan.cost
-    return a.plan.error < b.plan.error
+    met = a.plan.error <= bound and b.plan.error <= bound
+    return a.plan.cost < b.plan.cost if met else a.plan.error < b.plan.error
 
 
 # Quadrature
@@ -376,8 +376,8 @@ def why_fitted(plan: Plan, arithmetic: str) -> str:
 
 def held_over_a_run(plan: Plan) -> str:
     """Return what a tolerance means that holds over a run."""
-    errors = "errors of a run add up to" if plan.span else "errors of substeps are"
-    return f"{plan.method}: estimated {errors} at most {plan.tolerance:.1e}"
+    added = "a run add up to" if plan.span else "substeps are"
+    return f"{plan.method}: estimated errors of {added} at most {plan.tolerance:.1e}"
 
 
 def why_held_whatever(

@@ -147,8 +147,7 @@ def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
     loosest, magnified = fitting.tolerance_of_varying(asked, growth), magnified_round_off(growth)
     for tolerance in (loosest, *methods.ever_tighter(loosest)):
         order = max(methods.likely_order(tolerance), 12)
-        plan = methods.over_a_run(asked, methods.series_plan(_general(asked), order, tolerance))
-        plan = replace(plan, pinned=asked.pinned)
+        plan = replace(methods.series_plan(_general(asked), order, tolerance), span=asked.span, pinned=asked.pinned)
         plan = _tried(asked, judge, plan)
         if plan.error <= asked.accuracy or magnified > asked.accuracy:
             break

@@ -139,22 +139,10 @@ def exponent(plan: Plan) -> int:
 
 
 def ever_tighter(tolerance: float) -> Iterator[float]:
-    """Yield tolerances, each a tenth of the one before, down to the tightest; at last one far below round-off.
-
-    That serves a small rate beside a large one, to whose size its own errors are small.
-    """
+    """Yield tolerances, each a tenth of the one before, down to the tightest."""
     while tolerance > TIGHTEST:
         tolerance = max(0.1 * tolerance, TIGHTEST)
         yield tolerance
-    yield FAR_BELOW_ROUND_OFF
-
-
-def over_a_run(asked: Question, series: Plan) -> Plan:
-    """Return series whose tolerance is that of all substeps of the run together.
-
-    One far below round-off stays that of each substep, as no share of a run is below round-off.
-    """
-    return replace(series, span=asked.span if series.tolerance >= TIGHTEST else 0.0)
 
 
 def ratio_to(aim: float, error: float) -> float:

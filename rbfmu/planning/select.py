@@ -166,7 +166,7 @@ def _tighter(asked: Question, found: Plan) -> Iterator[Plan]:
     general = replace(found, model=model, tolerance=asked.accuracy, substep=math.inf)
     for tolerance in methods.ever_tighter(found.tolerance if found.model == model else asked.accuracy):
         order = max(found.order, methods.likely_order(tolerance))
-        yield methods.over_a_run(asked, methods.series_plan(general, order, tolerance))
+        yield replace(methods.series_plan(general, order, tolerance), span=asked.span)
 
 
 def _cost_under(asked: Question, plan: Plan, found: Plan, substeps: float, drive: Drive) -> float:
