@@ -251,9 +251,7 @@ class Outputs(rules.Section, path="outputs"):
             energies = [name for name in named.ENERGIES if name in asked]
             shown |= {name: {"value": name, "unit": "J", "about": named.ENERGIES[name]} for name in energies}
             own = [name for name in asked if isinstance(name, str) and name in shown]
-            if twice := next((name for name in own if own.count(name) > 1), ""):
-                said = f"each name once, not {own.count(twice)} times {twice}"
-                faults.append(rules.fault("outputs.quantities", asked, said))
+            rules.checked(rules.names(tuple(shown)).read, own, "outputs.quantities", faults)
             left["quantities"] = [name for name in asked if name not in own]
         return left, {"own": shown} if shown else {}
 

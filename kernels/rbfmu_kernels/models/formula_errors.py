@@ -19,9 +19,9 @@ from .formula_events import excess_of_events, size_of_event
 
 MOST_DEFECT, OF_DOUBLES, OF_TERMS = 10.0, 2.0**-50, 1e-9
 """The excess of a series' defect with which it is made shorter; and the least error that is asked for there: less is
-round-off, of which a shorter series has as much. Of an event that is of its terms, as of norm(position) - 6.9e6, which
-may be 1e6 times what is left of them: by chance, or as a series hardly moves, it is zero, and series would get ever
-shorter to there. A corner that hides in an event is far more.
+round-off, of which a shorter series has as much. What an event watches may be 1e6 times less than its terms, as
+norm(position) - 6.9e6 of an orbit is, and has their round-off. Less than OF_TERMS is therefore not asked for of it, or
+series got ever shorter, to where that is zero by chance. A corner that hides in an event is far more.
 """
 
 # What templates are bound to, see `formulas`.
