@@ -22,6 +22,7 @@ from rbfmu.scene.own import DIRECTIONS
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu_kernels import buffer
 from rbfmu_kernels.body import driven, memory, shell
+from rbfmu_kernels.compile.code_cache import GENERATED
 from rbfmu_kernels.models import formula_events, formula_models, formulas as templates, model_named
 from rbfmu_kernels.quantities import OUTPUT, Output, active_flags, elements, own_output
 
@@ -353,7 +354,7 @@ class OverClosedForm(FormulaModel):
 
 def _module_of(name: str, text: str) -> ModuleType:
     """Return a module of generated text."""
-    file = f"<formulas {name}>"
+    file = f"{GENERATED}{name}>"
     linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
     made = ModuleType(f"{__name__}.formulas_{name}")
     sys.modules[made.__name__] = made  # where kept code looks for what it was compiled of

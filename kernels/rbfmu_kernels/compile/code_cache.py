@@ -80,6 +80,22 @@ def kept_on_disk(compiled: Callable[[bool], T]) -> T:
         config.CACHE_DIR = folder
 
 
+GENERATED = "<formulas "
+"""How the file of a text that was generated begins, whose module has a digest of the text in its name."""
+
+
+def _in_a_file(function: Function) -> Function:
+    """Return a function as Numba's cache takes it: one of a generated text stands in this file, by its module's name.
+
+    If it were not kept, each process would compile it anew for callers that are not kept yet, beside what is merged
+    into those that are: an FMU's code would hang on which process compiled what.
+    """
+    code = function.__code__
+    if not code.co_filename.startswith(GENERATED):
+        return function
+    return named(FunctionType(code.replace(co_filename=__file__), {}), f"{function.__module__}.{function.__name__}")
+
+
 class DiskCache:
     """The cache of one function; none where no folder for it can be written, or where Numba's cannot be used.
 
@@ -106,7 +122,7 @@ class DiskCache:
     @cached_property
     def _cache(self) -> "inside.FunctionCache":
         try:
-            cache = (self._kind or inside.FunctionCache)(self._function)
+            cache = (self._kind or inside.FunctionCache)(_in_a_file(self._function))
             name = cache._impl.filename_base + ("-callee" if self._kind else "")
             cache._cache_file = inside.IndexDataCacheFile(cache._cache_path, name, stamp_of(self._function))
         except (RuntimeError, AttributeError, TypeError):

@@ -123,6 +123,31 @@ def test_object_code_is_the_same_on_any_processor(tmp_path):
     assert found[0].stdout == found[1].stdout
 
 
+OBJECTS = """
+import sys, rbfmu
+from rbfmu_fmu.native import object_code, platforms
+scene = rbfmu.load_scene(sys.argv[1])
+if "run" in sys.argv:
+    rbfmu.simulate(scene)
+else:
+    files = object_code.object_files(rbfmu.plan(scene).kernels, platforms.PLATFORMS["linux64"])
+    sys.stdout.buffer.write(b"".join(files.values()))
+"""
+
+
+@pytest.mark.thorough
+def test_object_code_of_formulas_is_the_same_whatever_was_compiled_before(tmp_path):
+    """2026-11-29: what was made of their text was no kept code, so that a run before put it into an FMU twice."""
+
+    def said(cache, *before):
+        command = [sys.executable, "-c", OBJECTS, str(SCENES / "formulas" / "moored_hull.toml"), *before]
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / cache)}
+        return subprocess.run(command, capture_output=True, env=environment, check=True, cwd=ROOT).stdout
+
+    said("used", "run")
+    assert said("used") == said("fresh") != b""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "kind"), [("driven", "native"), ("prescribed", "python")])
 @needs_ziglang
