@@ -94,10 +94,10 @@ class Judge:
     @property
     def cut_steps(self) -> list[float]:
         """Return the communication steps, s, each cut in two, or in more where they are few."""
-        if self._parts == 2:
-            return [part * h for h in self.steps for part in (GOLDEN, 1.0 - GOLDEN)]
-        ends = sorted(k * k * GOLDEN % 1.0 for k in range(1, self._parts))
-        return [(after - before) * h for h in self.steps for before, after in pairwise((0.0, *ends, 1.0))]
+        cuts = (0.0, *sorted(k * k * GOLDEN % 1.0 for k in range(1, self._parts)), 1.0)
+        if self.scene.has_formulas:  # parts that add up to h to the last bit: just then a condition on t may change
+            return [(h + after * h) - (h + before * h) for h in self.steps for before, after in pairwise(cuts)]
+        return [(after - before) * h for h in self.steps for before, after in pairwise(cuts)]
 
     @cached_property
     def motion(self) -> Motion:

@@ -30,8 +30,9 @@ from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
 
 Decimals = Any
 """Arrays of `Decimal`, with which NumPy computes as with any objects, and of which its types know nothing."""
-DIGITS = 50
-"""More than the 32 of double-double, to which what is made of the scene's own numbers is rounded once."""
+DIGITS, OF_TIMES = 50, 400
+"""More than the 32 of double-double, to which what is made of the scene's own numbers is rounded once; and so many that
+sums of steps lose none, as on the side of zero of what is left of these hangs whether a condition on t holds."""
 ONE = np.array([[Decimal(int(i == j)) for j in range(3)] for i in range(3)])
 CHUNK = 500
 """The number of the scene's steps after which progress is told."""
@@ -74,6 +75,7 @@ def reference_motion(
     with localcontext() as context:
         context.prec = DIGITS
         here = pairs_of(listed.at_start(_exact_values(listed.formulas, scene)))
+        context.prec = OF_TIMES
         times = pairs_of(accumulate(map(Decimal, steps), initial=Decimal(0)))
     work, sizes = np.zeros((2, len(listed.found) * kernels.LENGTH)), np.zeros(len(listed.least))
     rows = np.full((times.shape[1], len(listed.wanted)), np.nan)

@@ -262,14 +262,22 @@ def put_rows(
     equations: Equations, s: Array, unit: float, reach: float, now: dd.DoubleDouble, times: Array, here: Array,
     rows: Array, k: int,
 ) -> int:  # fmt: skip
-    """Set the rows of what is wanted, from the k-th on, that series from `now` reach; return the first they do not."""
-    states, wanted = equations.states, equations.wanted
+    """Set the rows of what is wanted, from the k-th on, that series from `now` reach; return the first they do not.
+
+    The time is what has passed since the start, and not its series' value, whose round-off decides on which side of
+    zero a time stands that comes to zero. The start is a double: the difference that it is, rounded.
+    """
+    states, wanted, time, start = equations.states, equations.wanted, equations.time, 0.0
+    if time >= 0:
+        start = dd.subtract(dd.at(s, time * LENGTH), now)[0]
     while k < times.shape[1]:
         at = dd.scale(1.0 / unit, dd.subtract(dd.at(times, k), now))
         if at[0] > reach:
             break
         _put_states(states, s, at, here)
-        _evaluate_at_row(equations.operations, equations.time, here)
+        if time >= 0:
+            dd.put(here, time, dd.add_float(dd.at(times, k), start))
+        _evaluate_at_row(equations.operations, time, here)
         for m in range(wanted.shape[0]):
             rows[k, m] = here[0, wanted[m]]
         k += 1

@@ -295,8 +295,8 @@ def evaluate_at_end(z: Buffer, h: float) -> int:
         clear_list(z)
     since, time = pair_at(z, SINCE), pair_at(z, TIME)
     put_pair_at(z, SINCE, dd.add_float(since, h))
-    put_pair_at(z, TIME, dd.add_float(time, h))
     put_states_at(z, z[SINCE])
+    put_pair_at(z, TIME, dd.add_float(time, h))  # of the states' series it would have their round-off
     if memory.is_finite(z) and values(z) == 0:
         return outputs(z)
     put_pair_at(z, SINCE, since)

@@ -154,6 +154,17 @@ def test_a_pulse_that_a_run_would_miss_is_refused():
 HOLDS = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
 
 
+@pytest.mark.parametrize(("start", "step", "count", "condition"), [
+    (-2.5, 0.1, 30, "t >= 0"), (0.1, 0.3, 10, "t >= 1"), (0.1, 0.3, 3, "t > 0.4"), (0.7, 0.01, 40, "t < 0.75"),
+])  # fmt: skip
+def test_a_row_reads_its_own_time_from_wherever_a_run_begins(start, step, count, condition):
+    """2026-11-29: t was off by 4e-16 where a series served several steps: 0 was before 0, and others were refused."""
+    shown = {"clock": "t", "o": f"where({condition}, 1, 0)"}
+    found = rbfmu.simulate(ball("0.1*sin(t)", start + step * count, step, 1e-9, start=start, outputs=shown))
+    np.testing.assert_array_equal(found.clock, found.time)
+    np.testing.assert_array_equal(found.o, eval(condition, {"t": found.time}))
+
+
 @pytest.mark.parametrize("sign", HOLDS)
 def test_a_comparison_of_equal_numbers_is_strict_or_not(sign):
     """At t = 1, which doubles have; both counted as holding there."""
