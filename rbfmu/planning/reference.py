@@ -22,8 +22,7 @@ from rbfmu.types import Array, Buffer, Indices, Motion
 from rbfmu_kernels.buffer_access import matrix_at, put_quaternion_at
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.integrators import formula_reference as kernels
-from rbfmu_kernels.integrators.formula_ends import FARTHER
+from rbfmu_kernels.integrators import formula_ends, formula_reference as kernels
 from rbfmu_kernels.integrators.formula_operations import KINDS, SQRT
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
@@ -183,7 +182,7 @@ def _reach(room: Room, done: float, unit: float, step: float, last: float) -> tu
     reach, has_corners = step, any(map(len, (equations.sides, equations.touching, equations.rising)))
     for _ in range(MOST_HALVED):
         reach = kernels.to_corner(equations, s, step, done) if has_corners else step
-        parts = (FAR_PARTS if step > FARTHER * last else PARTS) if may_hide else 1
+        parts = (FAR_PARTS if step > formula_ends.FARTHER * last else PARTS) if may_hide else 1
         fault = kernels.first_fault(equations, sizes, s, unit, reach - 2.0 * kernels.BEYOND * step, here, parts)
         if fault == 0.0:
             break

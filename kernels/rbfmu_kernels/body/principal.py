@@ -12,9 +12,8 @@ from ..exact.uniform_rotation import power_for
 from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration
 from ..mechanics.inertia import INERTIA_TOLERANCE, is_diagonal, principal_axes
 from ..mechanics.newton_euler import damping_torque
-from ..numerics import double_double as dd
+from ..numerics import double_double as dd, elementary
 from ..numerics.double_double import DoubleDouble, Vector, two_product, two_sum
-from ..numerics.elementary import power_of_two_for
 from ..rotations.matrix import invert_matrix, transform
 from ..rotations.quaternion import invert_quaternion, largest_of, rotate, scale_quaternion
 from ..rotations.vec3 import add, add_scaled, cross, dot, is_nonzero, norm, scale
@@ -104,7 +103,7 @@ def _plus(a: DoubleDouble, s: float, b: DoubleDouble) -> DoubleDouble:
 @kernel
 def _scaled(M: Inertia) -> Inertia:
     """Return M scaled by a power of two to a trace of about 1."""
-    up = power_of_two_for(M[0][0] + M[1][0] + M[2][0])
+    up = elementary.power_of_two_for(M[0][0] + M[1][0] + M[2][0])
     return (*dd.scale_vector(up, M[:3]), *dd.scale_vector(up, M[3:]))
 
 
@@ -320,7 +319,7 @@ def swing(z: Buffer, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
     """Return (A, B), rad/s2: forces fixed in space accelerate the angle from quaternion_0 by A cos + B sin of it."""
     arm, loads = memory.body_of(z).arm_b, memory.loads_of(z)
     q, moment = quaternion_at(z, memory.AT.quaternion_0), _moment(z, axis)
-    q = scale_quaternion(power_of_two_for(largest_of(q)), q)
+    q = scale_quaternion(elementary.power_of_two_for(largest_of(q)), q)
     force, mass = (loads.gravity_a, z[memory.AT.mass]) if memory.has_pivot(z) else (loads.force_a, 1.0)
     lever = cross(axis, arm)
     unit = dd.multiply(moment, dd.add(two_product(q[0], q[0]), dd.dot_of_floats(q[1:], q[1:])))

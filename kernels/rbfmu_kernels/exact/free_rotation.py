@@ -21,10 +21,8 @@ from ..buffer_access import put_quaternion_at, put_vec3_at, quaternion_at, vec3_
 from ..compile.decorator import kernel
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..compile.wide import choose
-from ..numerics import double_double as dd
+from ..numerics import double_double as dd, elementary, elliptic
 from ..numerics.double_double import DoubleDouble, Vector, two_sum
-from ..numerics.elementary import power_of_two_for, sincos_half_turns
-from ..numerics.elliptic import NEAREST_KC, Place, jacobi_low_parts
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, largest_of, scale_quaternion, square_of
 from ..rotations.vec3 import scale
 from ..types import Array, Buffer, FreeRotationNumbers, Quaternion, Vec3
@@ -72,7 +70,7 @@ def free_rotation_of(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> Fre
 @kernel
 def scaled_for_setup(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> tuple[Vector, Quaternion, Vector, float]:
     """Return moments, attitude and rate scaled to about 1, and what undoes that of the rate."""
-    q, up = scale_quaternion(power_of_two_for(largest_of(q_0)), q_0), power_for(omega_b_0)
+    q, up = scale_quaternion(elementary.power_of_two_for(largest_of(q_0)), q_0), power_for(omega_b_0)
     return dd.scale_vector(power_for(moments), moments), q, dd.scale_vector(up, omega_b_0), 1.0 / up
 
 
@@ -136,7 +134,7 @@ def scaled_time(motion: FreeRotation, t: DoubleDouble) -> DoubleDouble:
 
 
 @kernel
-def place_at(motion: FreeRotation, t: DoubleDouble) -> Place:
+def place_at(motion: FreeRotation, t: DoubleDouble) -> elliptic.Place:
     """Return where on the polhode the body is at the scaled time t."""
     if motion.kind == SEPARATRIX:
         rate, low_rate = motion.phase_rate
@@ -150,11 +148,11 @@ def place_at(motion: FreeRotation, t: DoubleDouble) -> Place:
 
 
 @kernel
-def free_attitude_at(motion: FreeRotation, t: DoubleDouble, place: Place) -> Quaternion:
+def free_attitude_at(motion: FreeRotation, t: DoubleDouble, place: elliptic.Place) -> Quaternion:
     """Return q_ab at the scaled time t."""
     high, low = without_turns(motion.precession, t)
     if motion.kind == STEADY:
-        s, e = sincos_half_turns(2.0 * high, 2.0 * low)
+        s, e = elementary.sincos_half_turns(2.0 * high, 2.0 * low)
         p, r, s = scale(s, read_steady(motion.series).axis)
     else:
         e, p, r, s = turn_of(motion.kind, place, (2.0 * high, 2.0 * low), motion.shift, motion.series)
@@ -167,12 +165,12 @@ def free_attitude_at(motion: FreeRotation, t: DoubleDouble, place: Place) -> Qua
 
 
 @kernel
-def free_rate_at(motion: FreeRotation, place: Place) -> Vec3:
+def free_rate_at(motion: FreeRotation, place: elliptic.Place) -> Vec3:
     """Return omega_ab_b at a place on the polhode."""
     (w_p, w_r, w_s), (low_p, low_r, low_s) = motion.rates, motion.rates_low
     if motion.kind != STEADY:
         sn, cn, dn = jacobi_of(motion.kind, place, motion.series)
-        sn_2, cn_2, dn_2 = jacobi_low_parts(sn, cn, dn, motion.kc_squared)
+        sn_2, cn_2, dn_2 = elliptic.jacobi_low_parts(sn, cn, dn, motion.kc_squared)
         w_p = w_p * cn + (w_p * cn_2 + low_p * cn)
         w_r = w_r * sn + (w_r * sn_2 + low_r * sn)
         w_s = w_s * dn + (w_s * dn_2 + low_s * dn)
@@ -278,9 +276,9 @@ def _kind_of(moments: Vec3, omega: Vec3) -> float:
         a, c, x, z, d = c, a, z, x, -d
     kappa = c * (b - a) / (a * (c - b))
     kc_squared = d * c / (abs(c - b) * (c * c * z * z + b * b * y * y * kappa / (1.0 + kappa)))
-    if kc_squared > NEAREST_KC * NEAREST_KC + _MARGIN:
+    if kc_squared > elliptic.NEAREST_KC * elliptic.NEAREST_KC + _MARGIN:
         return TUMBLING
-    return NEAR if _LEAST_KC_SQUARED < kc_squared < NEAREST_KC * NEAREST_KC - _MARGIN else _ALONE
+    return NEAR if _LEAST_KC_SQUARED < kc_squared < elliptic.NEAREST_KC * elliptic.NEAREST_KC - _MARGIN else _ALONE
 
 
 @kernel

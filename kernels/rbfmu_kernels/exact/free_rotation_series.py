@@ -18,8 +18,7 @@ from typing import NamedTuple
 from ..buffer_access import record
 from ..compile.decorator import kernel
 from ..compile.wide import alike, any_of, choose
-from ..numerics import double_double as dd, elliptic
-from ..numerics.elementary import sincos_half_turns
+from ..numerics import double_double as dd, elementary, elliptic
 from ..types import Quaternion, Vec3
 
 TUMBLING, STEADY, SEPARATRIX, NEAR = 0.0, 1.0, 2.0, 3.0
@@ -84,7 +83,7 @@ def attitude(sin_v: float, cos_v: float, series: TumblingSeries) -> tuple[float,
 def place_of(kind: float, x: dd.DoubleDouble, width: dd.DoubleDouble) -> elliptic.Place:
     """Return sine and cosine of the phase x, in half turns, or, NEAR, what `place_near` says."""
     if kind == TUMBLING:
-        s, c = sincos_half_turns(x[0], x[1])
+        s, c = elementary.sincos_half_turns(x[0], x[1])
         return (s, c, alike(s, 0.0), alike(s, 0.0))
     return elliptic.place_near(x, width)
 
@@ -98,13 +97,13 @@ def turn_of(kind: float, place: elliptic.Place, psi: dd.DoubleDouble, shift: flo
     if kind == TUMBLING:
         sin_v, cos_v, _, _ = place
         e, x_p, x_r, x_s = attitude(sin_v, cos_v, read_tumbling(series))
-        s, c = sincos_half_turns(psi[0], psi[1])
+        s, c = elementary.sincos_half_turns(psi[0], psi[1])
     else:
         decayed, side, flip, rest = place
         e, x_p, x_r, x_s = attitude_near(decayed, side, read_near(series))
         x_p, x_r = flip * x_p, flip * x_r
         high, low = dd.two_sum(psi[0], shift * rest)
-        s, c = sincos_half_turns(high, low + psi[1])
+        s, c = elementary.sincos_half_turns(high, low + psi[1])
     return (c * e - s * x_s, c * x_p - s * x_r, c * x_r + s * x_p, c * x_s + s * e)
 
 
@@ -228,7 +227,7 @@ def near_series_of(
     near = elliptic.near_series(kc[0])
     q = near.root_nome
     q4 = (q * q) * (q * q)
-    s, c = sincos_half_turns(-0.5 * phase[0], -0.5 * phase[1])
+    s, c = elementary.sincos_half_turns(-0.5 * phase[0], -0.5 * phase[1])
     twice = 2.0 * (c - s) * (c + s)
     c_1, s_1 = c * (twice - 1.0), s * (twice + 1.0)
     c_2, s_2 = twice * c_1 - c, twice * s_1 - s

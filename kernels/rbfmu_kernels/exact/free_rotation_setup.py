@@ -6,10 +6,8 @@ from typing import NamedTuple
 from ..buffer_access import record
 from ..compile.decorator import kernel
 from ..compile.wide import alike, all_of, any_of, choose
-from ..numerics import double_double as dd
+from ..numerics import double_double as dd, elementary, elliptic
 from ..numerics.double_double import ONE_OVER_PI, DoubleDouble, Vector, two_product, two_sum
-from ..numerics.elementary import power_of_two_for
-from ..numerics.elliptic import NEAREST_KC, angle_in_half_turns, climb_scale
 from ..rotations.quaternion import compose_quaternions, invert_quaternion
 from ..types import SHAPES, FreeRotationNumbers, Quaternion, Vec3
 from . import free_rotation_series
@@ -44,7 +42,7 @@ def symmetric_polhode(
     g = dd.root(dd.add(a_p2, dd.multiply(m_s, m_s)))
     rate = dd.divide(dd.multiply(g, ONE_OVER_4PI), i_r)
     lam = dd.divide(dd.multiply(gap(i_s, i_r), w_s), i_r)
-    x = angle_in_half_turns(am_s, am_c)
+    x = elliptic.angle_in_half_turns(am_s, am_c)
     nu = dd.multiply(lam, ONE_OVER_PI)
     zero, one = alike(g[0], 0.0), alike(g[0], 1.0)
     return Polhode(m_s, g[0], w_s, rate, nu, x, (alike(g[0], -0.25), zero), zero, (one, zero))
@@ -70,7 +68,7 @@ def triaxial_polhode(
     over = dd.multiply(g, dd.multiply(i_p, i_s))
     rate = dd.divide(dd.choose(middle, g, energy), dd.choose(middle, i_r, over))
     y = dd.multiply(n, dd.root(dd.divide(one_other, one_n)))
-    agm, total, x = climb_scale(kc, n, am_s, am_c)
+    agm, total, x = elliptic.climb_scale(kc, n, am_s, am_c)
     # T over a half turn is pi y (2 - total) / (2 AGM).
     half_turn = dd.scale(0.125, dd.divide(dd.multiply(y, dd.add_float(dd.negate(total), 2.0)), agm))
     half_turn = dd.choose(middle, dd.add_float(half_turn, -0.25), dd.negate(half_turn))
@@ -107,7 +105,7 @@ def polhode_axes(moments: Vector, omega: Vector) -> tuple[float, float, float, D
     hi = choose(_at_most(a, c) & _at_most(b, c), 2.0, choose(_at_most(a, b), 1.0, 0.0))
     r = 3.0 - lo - hi
     w_lo, w_hi, i_lo, i_hi = component(omega, lo), component(omega, hi), component(moments, lo), component(moments, hi)
-    up = power_of_two_for(max(abs(w_lo[0]), abs(w_hi[0])))
+    up = elementary.power_of_two_for(max(abs(w_lo[0]), abs(w_hi[0])))
     w_lo, w_hi = dd.scale(up, w_lo), dd.scale(up, w_hi)
     above, below = gap(i_hi, component(moments, r)), gap(component(moments, r), i_lo)
     upper = dd.multiply(dd.multiply(dd.multiply(w_hi, w_hi), i_hi), above)
@@ -229,7 +227,7 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     kappa, one_kappa = kappa_of(i_p, i_r, i_s)
     root_kappa = dd.root(one_kappa)
     # m_p and m_r, which may both be tiny, scaled by a power of two.
-    up = power_of_two_for(max(w_p[0], abs(w_r[0])))
+    up = elementary.power_of_two_for(max(w_p[0], abs(w_r[0])))
     m_p_up, m_r_up = dd.multiply(i_p, dd.scale(up, w_p)), dd.multiply(i_r, dd.scale(up, w_r))
     m_r2_up = dd.divide(dd.multiply(m_r_up, m_r_up), one_kappa)
     a_p2_up = dd.add(dd.multiply(m_p_up, m_p_up), m_r2_up)
@@ -256,7 +254,7 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     kind, width, shift = TUMBLING, (0.0, 0.0), 0.0
     precession, phase_rate = polhode.precession, polhode.phase_rate
     besides = dd.scale(sign, polhode.half_turn)
-    if all_of(kc[0] >= NEAREST_KC):
+    if all_of(kc[0] >= elliptic.NEAREST_KC):
         tilt = a_p[0] / (polhode.a_s[0] + polhode.g)
         tumbling = free_rotation_series.series_of(kappa[0], tilt, polhode.k2, kc[0], sign)
         series = free_rotation_series.flatten_tumbling(tumbling)

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 from ..buffer_access import record
 from ..compile.decorator import kernel
-from ..numerics import double_double as dd, elliptic
+from ..numerics import double_double as dd, elementary, elliptic
 from ..numerics.double_double import ONE_OVER_PI, DoubleDouble
-from ..numerics.elementary import power_of_two_for, sincos_half_turns
 from .uniform_rotation import without_turns
 
 Series = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
@@ -115,7 +114,7 @@ def pendulum_at(setup: Pendulum, t: DoubleDouble) -> tuple[float, float, float]:
     kind, swings, amplitude, fastest, rate, start, series = setup
     if kind == ORDINARY:
         high, low = _phase(rate, start, t)
-        s, c = sincos_half_turns(high, low)
+        s, c = elementary.sincos_half_turns(high, low)
         sn, cn, dn = elliptic.jacobi_from_theta(s, c, _read_theta(series))
     else:
         sn, cn, dn = _near(kind, rate, start, _read_near(series), t)
@@ -155,7 +154,7 @@ def _near_series(kc: DoubleDouble, agm: DoubleDouble) -> NearSeries:
 @kernel
 def _length(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
     """Return sqrt(a^2 + b^2)."""
-    up = power_of_two_for(max(abs(a[0]), abs(b[0])))
+    up = elementary.power_of_two_for(max(abs(a[0]), abs(b[0])))
     a, b = dd.scale(up, a), dd.scale(up, b)
     return dd.scale(1.0 / up, dd.root(dd.add(dd.multiply(a, a), dd.multiply(b, b))))
 
@@ -173,7 +172,7 @@ def _complementary_modulus(gap: DoubleDouble, total: DoubleDouble, fastest: Doub
 @kernel
 def _climb(kc: DoubleDouble, s: DoubleDouble, c: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
     """Return AGM(1, kc), and the phase in half turns of tan am = s / c, s and c >= 0; 0 where both are."""
-    up = power_of_two_for(max(s[0], c[0]))
+    up = elementary.power_of_two_for(max(s[0], c[0]))
     c = dd.scale(up, c) if max(s[0], c[0]) > 0.0 else (1.0, 0.0)
     agm, _, half_turns = elliptic.climb_scale(kc, (0.0, 0.0), dd.scale(up, s), c)
     return agm, half_turns

@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 from ..buffer_access import record
 from ..compile.decorator import kernel
-from ..numerics import double_double as dd
-from ..numerics.elementary import power_of_two_for, round_to_integer, sincos_half_turns
+from ..numerics import double_double as dd, elementary
 from ..types import Buffer, Quaternion, Vec3
 
 ONE_OVER_4PI: dd.DoubleDouble = (0.07957747154594767, -4.919669168795622e-18)
@@ -32,8 +31,8 @@ def without_turns(a: dd.DoubleDouble, t: dd.DoubleDouble) -> dd.DoubleDouble:
     """Return the product a t less an integer, within [-1, 1]."""
     high, low = dd.two_product(a[0], t[0])
     low += a[1] * t[0] + a[0] * t[1]
-    high, low = dd.two_sum(high - round_to_integer(high), low)
-    return (high - round_to_integer(high), low)
+    high, low = dd.two_sum(high - elementary.round_to_integer(high), low)
+    return (high - elementary.round_to_integer(high), low)
 
 
 @kernel
@@ -41,7 +40,7 @@ def rotation_after(turning: Turning, t: dd.DoubleDouble) -> Quaternion:
     """Return the rotation of a turning after a time t, s."""
     axis, rate = turning
     high, low = without_turns(rate, t)
-    s, c = sincos_half_turns(2.0 * high, 2.0 * low)
+    s, c = elementary.sincos_half_turns(2.0 * high, 2.0 * low)
     return (c, s * axis[0], s * axis[1], s * axis[2])
 
 
@@ -54,7 +53,7 @@ def length_of(v: dd.Vector) -> dd.DoubleDouble:
 @kernel
 def power_for(v: dd.Vector) -> float:
     """Return a power of two that brings a vector to a size of about 1."""
-    return power_of_two_for(max(max(abs(v[0][0]), abs(v[1][0])), abs(v[2][0])))
+    return elementary.power_of_two_for(max(max(abs(v[0][0]), abs(v[1][0])), abs(v[2][0])))
 
 
 @kernel
@@ -76,7 +75,7 @@ def symmetric_turnings(i_t: dd.DoubleDouble, i_s: dd.DoubleDouble, omega: dd.Vec
     i_t > 0, kg m^2, rad/s, of any size.
     """
     up = power_for(omega)
-    shrink = power_of_two_for(max(i_t[0], i_s[0]))
+    shrink = elementary.power_of_two_for(max(i_t[0], i_s[0]))
     i_t, i_s = dd.scale(shrink, i_t), dd.scale(shrink, i_s)
     w_1, w_2, w_3 = dd.scale_vector(up, omega)
     m_1, m_2, m_3 = dd.multiply(i_t, w_1), dd.multiply(i_t, w_2), dd.multiply(i_s, w_3)

@@ -7,8 +7,7 @@ high parts in s[0], low ones in s[1].
 import math
 
 from ..compile.decorator import kernel
-from ..numerics import double_double as dd
-from ..numerics.double_double_functions import angle_of, exponential, logistic, natural_logarithm, sine_and_cosine
+from ..numerics import double_double as dd, double_double_functions as functions
 from ..types import Array
 
 KINDS = (
@@ -55,19 +54,19 @@ def value_of(kind: int, i: int, a: int, b: int, c: int, s: Array) -> dd.DoubleDo
     if kind == SQRT:
         return dd.root(x) if x[0] >= 0.0 else (math.nan, 0.0)
     if kind == _EXP:
-        return exponential(x)
+        return functions.exponential(x)
     if kind == _LOG:
-        return natural_logarithm(x)
+        return functions.natural_logarithm(x)
     if kind == _SIN:
-        return sine_and_cosine(x)[0]
+        return functions.sine_and_cosine(x)[0]
     if kind == _COS:
-        return sine_and_cosine(x)[1]
+        return functions.sine_and_cosine(x)[1]
     if kind == _ATAN2:
-        return angle_of(x, y)
+        return functions.angle_of(x, y)
     if kind == _POWER:
-        return exponential(dd.multiply(y, natural_logarithm(x)))
+        return functions.exponential(dd.multiply(y, functions.natural_logarithm(x)))
     if kind == _LOGISTIC:
-        return logistic(x)
+        return functions.logistic(x)
     if kind == SIDE:
         return (math.copysign(1.0, x[0] + 0.0), 0.0)
     if kind == _SELECT:

@@ -18,9 +18,8 @@ from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED
 from ..buffer_access import put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
-from ..mechanics import equations_of_motion as motion
+from ..mechanics import equations_of_motion as motion, inertia
 from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, V_C, WHOLE_STATE, Body, LoadPolynomial
-from ..mechanics.inertia import trace
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import ZERO, add, add_scaled, dot, largest_component, scale
 from ..types import Buffer, Quaternion, Vec3
@@ -120,7 +119,7 @@ def space_fixed_acceleration(s: Buffer, body: Body, fixed: SpaceFixedLoads) -> f
         torque += substeps.size_of(body.arm_b) * substeps.size_of(vec3_at(s, FORCE))
     if fixed.torque:
         torque += substeps.size_of(vec3_at(s, TORQUE))
-    return torque * trace(body.inertia_inverse)
+    return torque * inertia.trace(body.inertia_inverse)
 
 
 @kernel(inline=False)

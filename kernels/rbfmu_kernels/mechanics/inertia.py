@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 
 from ..compile.decorator import kernel
-from ..numerics.double_double import two_sum
-from ..numerics.elementary import power_of_two_for
+from ..numerics import double_double as dd, elementary
 from ..rotations.matrix import compose_matrices, invert_matrix
 from ..rotations.vec3 import ZERO, add, add_scaled, dot, scale, subtract
 from ..types import Array, Matrix, Vec3
@@ -89,7 +88,7 @@ def _centre_of_mass(masses: Sequence[float], positions: Sequence[Vec3], about: V
     mass, error = 0.0, 0.0
     total = (ZERO, ZERO)
     for n in range(len(masses)):
-        mass, lost = two_sum(mass, masses[n])
+        mass, lost = dd.two_sum(mass, masses[n])
         error += lost
         total = _sum_with(total, scale(masses[n], _offset(positions, n, about)))
     mass += error
@@ -107,9 +106,9 @@ def _offset(positions: Sequence[Vec3], n: int, about: Vec3) -> Vec3:
 def _sum_with(total: tuple[Vec3, Vec3], term: Vec3) -> tuple[Vec3, Vec3]:
     """Return a sum and its errors, each of three numbers, with a further term."""
     (a, b, c), errors = total
-    a, p = two_sum(a, term[0])
-    b, q = two_sum(b, term[1])
-    c, r = two_sum(c, term[2])
+    a, p = dd.two_sum(a, term[0])
+    b, q = dd.two_sum(b, term[1])
+    c, r = dd.two_sum(c, term[2])
     return (a, b, c), add(errors, (p, q, r))
 
 
@@ -164,7 +163,7 @@ def inverse_inertia(M: Matrix) -> Matrix:
     Error <= 5 eps times the condition number, 2.5 eps for a diagonal matrix, 8 eps for a beam in any axes.
     Two zero moments give NaN.
     """
-    p = power_of_two_for(trace(M))  # so that products of three moments neither over- nor underflow
+    p = elementary.power_of_two_for(trace(M))  # so that products of three moments neither over- nor underflow
     M = scale_matrix(p, M)
     A = adjugate_symmetric(M)
     t, d, det = trace(M), trace(A), dot(M[0], A[0])

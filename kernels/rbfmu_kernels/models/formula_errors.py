@@ -11,9 +11,8 @@ import math
 from typing import Any
 
 from ..buffer_access import copy_numbers
-from ..integrators.formula_ends import PARTS
+from ..integrators import formula_ends, substeps
 from ..integrators.polynomials import NOTHING, ROUGHLY, bound_of, polynomial, slope_of
-from ..integrators.substeps import power_of, tolerance_of_substep
 from ..types import Buffer
 from .formula_events import excess_of_events, size_of_event
 
@@ -51,7 +50,7 @@ def size_of_group(z: Buffer, g: int, h: float) -> float:
 def excess_of(z: Buffer, h: float) -> float:
     """Return the estimated error of a step h over that which is allowed."""
     n = int(z[ORDER])
-    power, worst = power_of(h, n - 1), 0.0
+    power, worst = substeps.power_of(h, n - 1), 0.0
     for g in range(len(FIRSTS)):
         before, last = 0.0, 0.0
         for i in range(FIRSTS[g], ENDS[g]):
@@ -64,7 +63,7 @@ def excess_of(z: Buffer, h: float) -> float:
             return math.inf
     if NUMBER_OF_EVENTS:
         worst = max(worst, excess_of_events(z, h))
-    return worst / tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
+    return worst / substeps.tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
 
 
 def excess_of_defect(z: Buffer, t: float) -> float:
@@ -94,7 +93,7 @@ def excess_of_defect(z: Buffer, t: float) -> float:
             defect = abs(z[anew + i] - slope_of(z, ROWS + i, ROW, n, t))
             if defect != 0.0:
                 worst = max(worst, defect * t / ((n + 1) * size)) if defect < math.inf and size > 0.0 else math.inf
-    allowed = max(tolerance_of_substep(z[TOLERANCE], z[SPAN], t), OF_DOUBLES)
+    allowed = max(substeps.tolerance_of_substep(z[TOLERANCE], z[SPAN], t), OF_DOUBLES)
     for i in range(NUMBER_OF_SIDES):
         at = WATCHED + i
         apart = abs(z[anew + len(STATES) + i] - polynomial(z, at, ROW, n, t))
@@ -110,8 +109,8 @@ def first_fault_inside(z: Buffer, t: float) -> float:
 
     What is nearly nothing at first, and at the end again, as a pulse is, no term of a series need tell.
     """
-    for k in range(1, PARTS):
-        at = t * k / PARTS
+    for k in range(1, formula_ends.PARTS):
+        at = t * k / formula_ends.PARTS
         if at > 0.0 and excess_of_defect(z, at) > MOST_DEFECT:
             return at
     return 0.0

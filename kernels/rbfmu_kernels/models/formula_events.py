@@ -8,9 +8,8 @@ import math
 
 from ..body import driven
 from ..buffer import MOST_LISTED as MOST_LISTED
-from ..integrators.formula_ends import BEYOND
+from ..integrators import formula_ends, substeps
 from ..integrators.polynomials import TOUCHING, first_root, first_touch, leaves_band, polynomial
-from ..integrators.substeps import power_of
 from ..types import Buffer
 
 EVENTS = (
@@ -59,7 +58,7 @@ def size_of_event(z: Buffer, e: int, h: float) -> float:
 def excess_of_events(z: Buffer, h: float) -> float:
     """Return the estimated error of what events watch over its size, so that it comes to zero when its series does."""
     n, worst = int(z[ORDER]), 0.0
-    power = power_of(h, n - 1)
+    power = substeps.power_of(h, n - 1)
     for e in range(NUMBER_OF_EVENTS):
         at = WATCHED + EVENT_SIDES[e]
         before, last = abs(z[at + (n - 1) * ROW]), abs(z[at + n * ROW])
@@ -96,7 +95,7 @@ def reach_to_touches(z: Buffer, h: float, reach: float) -> float:
         begin_at = leaves_band(z, WATCHED + i, ROW, n, reach, round_off_of(z, e))
         touch = first_touch(z, WATCHED + i, ROW, n, begin_at, reach, z[SIDES + i], TOUCHING)
         z[TOUCHES + e] = touch
-        reach = min(reach, touch + BEYOND * h)
+        reach = min(reach, touch + formula_ends.BEYOND * h)
     return reach
 
 

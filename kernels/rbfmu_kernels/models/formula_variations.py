@@ -14,8 +14,7 @@ Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, ch. 7).
 import math
 
 from ..compile.simd import Lanes, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
-from ..integrators.polynomials import polynomial, slope_of
-from ..integrators.substeps import power_of, tolerance_of_substep
+from ..integrators import polynomials, substeps
 from ..numerics.elementary import exponential, logarithm
 from ..types import Buffer
 
@@ -52,12 +51,12 @@ def shift_by(z: Buffer, side: int, d: int) -> float:
     for e in range(NUMBER_OF_SLOPES):
         at = PATTERN + 4 * e
         if int(z[at]) == NUMBER_OF_ERRORS + side:
-            slope, of = polynomial(z, OF_SLOPES + int(z[at + 2]), ROW, n - 1, at_corner), int(z[at + 1])
+            slope, of = polynomials.polynomial(z, OF_SLOPES + int(z[at + 2]), ROW, n - 1, at_corner), int(z[at + 1])
             if of >= 0:
                 change += slope * z[ERRORS + of * COLUMNS + d]
             elif of == -1 - d:
                 change += slope
-    return -change / slope_of(z, WATCHED + side, ROW, n, at_corner) if change != 0.0 else 0.0
+    return -change / polynomials.slope_of(z, WATCHED + side, ROW, n, at_corner) if change != 0.0 else 0.0
 
 
 def shift_of_corner(z: Buffer) -> None:
@@ -78,7 +77,7 @@ def shift_of_corner(z: Buffer) -> None:
                 elif abs(shift - z[SHIFTS + d]) > ONE_SHIFT * max(abs(shift), abs(z[SHIFTS + d])):
                     z[SHIFTS + d] = math.nan
     for i in range(NUMBER_OF_ERRORS if first >= 0 else 0):
-        z[RATES_BEFORE + i] = slope_of(z, ROWS + STATE_OF[i], ROW, n, reach) if STATE_OF[i] >= 0 else 0.0
+        z[RATES_BEFORE + i] = polynomials.slope_of(z, ROWS + STATE_OF[i], ROW, n, reach) if STATE_OF[i] >= 0 else 0.0
 
 
 def add_products_of(z: Buffer, to: int, term: int, of: int, last: int) -> None:
@@ -124,7 +123,7 @@ def vary_series(z: Buffer, ended: bool) -> None:
 
 def squares_at(z: Buffer, h: float, first: int, end: int, at: int, last: int) -> Lanes:
     """Return the sums of squares of what terms at .. last make of rows first .. end by h, for four columns."""
-    total, power = lanes(0.0, 0.0, 0.0, 0.0), power_of(h * h, at)
+    total, power = lanes(0.0, 0.0, 0.0, 0.0), substeps.power_of(h * h, at)
     for k in range(at, last + 1):
         four = lanes(power, power, power, power)
         for i in range(OF_ERRORS + k * ROW + first, OF_ERRORS + k * ROW + end, COLUMNS):
@@ -147,7 +146,7 @@ def excess_of_errors(z: Buffer, h: float) -> float:
                 if last == math.inf:
                     return math.inf
                 worst = max(worst, last / size if size > 0.0 else 0.0)
-    return math.sqrt(worst) / tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
+    return math.sqrt(worst) / substeps.tolerance_of_substep(z[TOLERANCE], z[SPAN], h)
 
 
 def reach_of_errors(z: Buffer, h: float) -> float:

@@ -16,10 +16,8 @@ from ..buffer import MAX_SUBSTEPS, MOST_LISTED, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
 from ..integrators import formula_ends, polynomials
-from ..integrators.formula_ends import BEYOND, FARTHER, SOON_AFTER, rest_roots
 from ..integrators.substeps import count_substep, tolerance_of_substep
-from ..numerics import double_double as dd
-from ..numerics.elementary import exponential, logarithm
+from ..numerics import double_double as dd, elementary
 from ..rotations.quaternion import normalize
 from ..types import Buffer
 from .formula_errors import MOST_DEFECT, excess_of, excess_of_defect, first_fault_inside
@@ -94,10 +92,10 @@ def set_up_formulas(z: Buffer) -> int:
 
 def reach_of_truth(z: Buffer, h: float) -> tuple[float, float]:
     """Return a step, at most h, at whose end the series still has the rates of its states, and how far it reaches."""
-    far = z[REACH] == 0.0 or h > FARTHER * z[driven.STEP_SIZE]
+    far = z[REACH] == 0.0 or h > formula_ends.FARTHER * z[driven.STEP_SIZE]
     step, reach, before = h, reach_to_corner(z, h), 0.0
     for _ in range(SHORTER):
-        t = reach - 2.0 * BEYOND * step  # where a root touches zero, a series goes on beyond
+        t = reach - 2.0 * formula_ends.BEYOND * step  # where a root touches zero, a series goes on beyond
         excess = excess_of_defect(z, t) if t > 0.0 else 0.0
         inside = first_fault_inside(z, t) if far and excess <= MOST_DEFECT else 0.0
         if excess <= MOST_DEFECT and inside == 0.0:
@@ -112,7 +110,7 @@ def reach_of_truth(z: Buffer, h: float) -> tuple[float, float]:
 
 def settle_sides(z: Buffer) -> bool:
     """Return whether all sides are those to which the series lead; else change one, for which they are made again."""
-    if rest_roots(z, WATCHED, ROW, NUMBER_OF_SIDES, NUMBER_TOUCHING, RESTING, z[TIME] - z[STARTS]):
+    if formula_ends.rest_roots(z, WATCHED, ROW, NUMBER_OF_SIDES, NUMBER_TOUCHING, RESTING, z[TIME] - z[STARTS]):
         return False
     for i in range(NUMBER_OF_SIDES):
         if OF_EVENT[i] >= 0:
@@ -155,13 +153,13 @@ def reach_to_corner(z: Buffer, h: float) -> float:
             reach, corner = root, at
     for i in range(WATCHED + NUMBER_OF_SIDES, WATCHED + NUMBER_OF_SIDES + NUMBER_TOUCHING):
         if z[RESTING + i - WATCHED - NUMBER_OF_SIDES] != 0.0:
-            reach, corner = min(reach, SOON_AFTER * (z[TIME] - z[STARTS])), -1
+            reach, corner = min(reach, formula_ends.SOON_AFTER * (z[TIME] - z[STARTS])), -1
         elif polynomials.begins_at_zero(z, i, ROW, n):
             reach, corner = min(reach, AT_REST * h), -1
         else:
             touch = polynomials.first_touch(z, i, ROW, n, 0.0, h, 1.0, polynomials.OF_ROOTS)
-            if touch < h and touch + BEYOND * h < reach:
-                reach, corner = touch + BEYOND * h, i
+            if touch < h and touch + formula_ends.BEYOND * h < reach:
+                reach, corner = touch + formula_ends.BEYOND * h, i
     if corner >= 0:  # known well enough, or reached for by the next series
         reach = polynomials.known_until(z, corner, ROW, n, reach, tolerance_of_substep(z[TOLERANCE], z[SPAN], h))
     if NUMBER_OF_EVENTS:
@@ -209,7 +207,7 @@ def begin_to_serve(z: Buffer, settled: bool) -> bool:
         excess = excess_of(z, h)
         ratio = 0.1
         if excess > 0.0:
-            ratio = exponential(-logarithm(excess) / n) if excess < math.inf else 1e-3
+            ratio = elementary.exponential(-elementary.logarithm(excess) / n) if excess < math.inf else 1e-3
         elif excess == 0.0:
             ratio = longest / h
         h = min(h * ratio, longest)

@@ -10,22 +10,18 @@ panels of at most `substep`, each with `order` points of Gauss's rule. What a pa
 Source: Abramowitz and Stegun, 25.4.30.
 """
 
-from ..body import closed_form, memory
-from ..body.outputs import output_rates
-from ..body.principal import axes_as_floats, exact_frame, exact_symmetric_frame, keeps_its_rate, rates_along, turns_path
+from ..body import closed_form, memory, outputs, principal
 from ..body.shell import make_model
 from ..buffer import OK, STEP_REJECTED, TORQUE_ACTS, UNSTEADY, UNSYMMETRIC, places, with_work_space
 from ..buffer_access import matrix_at, put_matrix_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..exact import free_rotation as exact, uniform_rotation as uniform
 from ..exact.free_rotation_setup import FREE_ROTATION_SIZE, FreeRotation, put_free_rotation, read_free_rotation
-from ..integrators import dense_output as dense, taylor_coefficients as series
-from ..integrators.splitting import is_symmetric_top
+from ..integrators import dense_output as dense, splitting, taylor_coefficients as series
 from ..integrators.substeps import LONGEST_STEP, Method, substeps_in
 from ..mechanics.equations_of_motion import ROTATION, Body, steady_acceleration, turning_acceleration
 from ..mechanics.inertia import is_diagonal
-from ..numerics import double_double as dd
-from ..numerics.elliptic import Place
+from ..numerics import double_double as dd, elliptic
 from ..rotations.matrix import invert_matrix, quaternion_from_matrix, transform
 from ..rotations.quaternion import compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import ZERO, add_scaled, norm
@@ -38,7 +34,7 @@ _TURNING = _CONSTANT_RATE_LAYOUT.at.turning
 @kernel
 def _set_up_constant_rate(z: Buffer) -> int:
     omega = memory.rotation_of(z).omega_b
-    if not memory.skips_model_checks(z) and (not keeps_its_rate(z, omega) or _is_disturbed(z)):
+    if not memory.skips_model_checks(z) and (not principal.keeps_its_rate(z, omega) or _is_disturbed(z)):
         return UNSTEADY
     uniform.put_turning(z, _TURNING, uniform.turning_about(dd.vector(omega)))
     return closed_form.start_clocks(z)
@@ -57,7 +53,7 @@ def _advance_constant_rate(z: Buffer, h: float) -> int:
 @kernel
 def _is_disturbed(z: Buffer) -> bool:
     """Return whether a torque acts, or a turning force bends the body's path; one along the rate does not turn."""
-    return closed_form.has_torque(z) or turns_path(z, memory.rotation_of(z).omega_b)
+    return closed_form.has_torque(z) or principal.turns_path(z, memory.rotation_of(z).omega_b)
 
 
 CONSTANT_RATE = make_model("CONSTANT_RATE", _CONSTANT_RATE_LAYOUT, _set_up_constant_rate, _advance_constant_rate)
@@ -75,11 +71,11 @@ def _set_up_free_symmetric(z: Buffer) -> int:
     if not memory.skips_model_checks(z):
         if closed_form.is_driven(z):
             return TORQUE_ACTS
-        if not is_symmetric_top(body.inertia):
+        if not splitting.is_symmetric_top(body.inertia):
             return UNSYMMETRIC
-    mean, moment, exact_axes = exact_symmetric_frame(z)
-    momentum, own = uniform.symmetric_turnings(mean, moment, rates_along(exact_axes, omega))
-    axes = axes_as_floats(exact_axes)
+    mean, moment, exact_axes = principal.exact_symmetric_frame(z)
+    momentum, own = uniform.symmetric_turnings(mean, moment, principal.rates_along(exact_axes, omega))
+    axes = principal.axes_as_floats(exact_axes)
     put_vec3_at(z, _SYMMETRIC.omega_0, omega)
     about_momentum = uniform.Turning(transform(invert_matrix(axes), momentum.axis), momentum.rate)
     uniform.put_turning(z, _SYMMETRIC.about_momentum, about_momentum)
@@ -137,13 +133,13 @@ def _set_up_free_triaxial(z: Buffer) -> int:
 @kernel(inline=False)
 def set_up_rotation(z: Buffer) -> None:
     """Set the exact motion's constants and the clocks."""
-    moments, axes = exact_frame(z)
-    R_bp = invert_matrix(axes_as_floats(axes))
+    moments, axes = principal.exact_frame(z)
+    R_bp = invert_matrix(principal.axes_as_floats(axes))
     put_matrix_at(z, _TRIAXIAL.axes, R_bp)
     q_ab, omega_b = memory.rotation_of(z)
     q_bp = quaternion_from_matrix(R_bp)
     q_ap = compose_quaternions(q_ab, q_bp)
-    motion = exact.free_rotation_of(moments, q_ap, rates_along(axes, omega_b))
+    motion = exact.free_rotation_of(moments, q_ap, principal.rates_along(axes, omega_b))
     put_free_rotation(z, _TRIAXIAL.constants, exact.with_axes_turned(motion, invert_quaternion(q_bp)))
     closed_form.start_clocks(z)
     z[_TRIAXIAL.moved] = 0.0
@@ -209,7 +205,7 @@ def _undamped(body: Body) -> Body:
 
 
 @kernel
-def shown_rates(z: Buffer, place: Place) -> Vec3:
+def shown_rates(z: Buffer, place: elliptic.Place) -> Vec3:
     """Return omega_ab_b at a place on the polhode where an output needs it."""
     return _rates(z, place) if memory.shows_rates(z) else memory.rotation_of(z).omega_b
 
@@ -221,11 +217,11 @@ def rates_of_outputs(z: Buffer) -> int:
         motion = free_motion_of(z)
         place = exact.place_at(motion, exact.scaled_time(motion, closed_form.time_after(z, 0.0)))
         put_vec3_at(z, _TRIAXIAL.omega, _rates(z, place))
-    return output_rates(z)
+    return outputs.output_rates(z)
 
 
 @kernel(inline=False)
-def _rates(z: Buffer, place: Place) -> Vec3:
+def _rates(z: Buffer, place: elliptic.Place) -> Vec3:
     """Return omega_ab_b at a place on the polhode."""
     return transform(matrix_at(z, _TRIAXIAL.axes), exact.free_rate_at(free_motion_of(z), place))
 

@@ -11,15 +11,12 @@ splitting: the loads' impulses between exact flows of the free body.
 
 import math
 
-from ..body import driven, memory
-from ..body.shell import Lanes, commit_motion, make_model
+from ..body import driven, memory, shell
 from ..buffer import NO_TOP, OK, RESONANT, STEP_REJECTED, places, with_work_space
 from ..buffer_access import copy_numbers, pair_at, put_pair_at
 from ..compile.decorator import kernel
-from ..integrators import dense_output as dense
-from ..integrators.splitting import is_symmetric_top, resonant_step, rkn4_steps, rkn6_steps, strang_steps
+from ..integrators import dense_output as dense, splitting, taylor
 from ..integrators.substeps import LONGEST_STEP, Method, Room, substeps_in
-from ..integrators.taylor import taylor_advance
 from ..integrators.taylor_coefficients import MAX_ORDER, WORK
 from ..rotations.vec3 import is_nonzero
 from ..types import Buffer
@@ -70,7 +67,7 @@ def _advance_by_new_series(z: Buffer, h: float) -> int:
     if rest > 0.0:
         z[_SERIES] = dense.NONE
         z[_AT.cool_down] -= 1.0
-        status = taylor_advance(z, _ROOM, method, rest, body, loads)
+        status = taylor.taylor_advance(z, _ROOM, method, rest, body, loads)
     status = driven.finish(z, method.n, h, status, body, loads)
     if status == OK:
         driven.keep_inputs(z, _AT.held_inputs)
@@ -88,13 +85,13 @@ def is_series_tried(z: Buffer, h: float) -> bool:
     return bool(steady and z[_AT.cool_down] <= 0.0 and h * dense.LEAST_REACH <= z[driven.STEP_SIZE])
 
 
-def _lanes() -> Lanes:
+def _lanes() -> shell.Lanes:
     from .loaded_taylor_lanes import LANES  # which takes its time
 
     return LANES
 
 
-LOADED_TAYLOR = make_model(
+LOADED_TAYLOR = shell.make_model(
     "LOADED_TAYLOR", _LOADED_TAYLOR_LAYOUT, _set_up_loaded_taylor, _advance_loaded_taylor, ORDERS=ORDERS, lanes=_lanes
 )
 
@@ -107,9 +104,9 @@ _SPLITTING = _LOADED_SPLITTING_LAYOUT.at
 @kernel
 def _set_up_loaded_splitting(z: Buffer) -> int:
     body = memory.body_of(z)
-    if not is_symmetric_top(body.inertia) or is_nonzero(body.damping_b) or memory.has_unknown_load(z):
+    if not splitting.is_symmetric_top(body.inertia) or is_nonzero(body.damping_b) or memory.has_unknown_load(z):
         return NO_TOP
-    if z[_SPLITTING.substep] > 0.5 * resonant_step(body.inertia, memory.motion_of(z).omega_b):
+    if z[_SPLITTING.substep] > 0.5 * splitting.resonant_step(body.inertia, memory.motion_of(z).omega_b):
         return RESONANT
     return 0
 
@@ -123,15 +120,15 @@ def _advance_loaded_splitting(z: Buffer, h: float) -> int:
     part = h / n
     body, loads, motion, order = memory.body_of(z), memory.loads_of(z), memory.motion_of(z), z[_SPLITTING.order]
     if order == 2.0:
-        motion = strang_steps(motion, part, n, body, loads)
+        motion = splitting.strang_steps(motion, part, n, body, loads)
     elif order == 4.0:
-        motion = rkn4_steps(motion, part, n, body, loads)
+        motion = splitting.rkn4_steps(motion, part, n, body, loads)
     else:
-        motion = rkn6_steps(motion, part, n, body, loads)
-    return commit_motion(z, motion)
+        motion = splitting.rkn6_steps(motion, part, n, body, loads)
+    return shell.commit_motion(z, motion)
 
 
-LOADED_SPLITTING = make_model(
+LOADED_SPLITTING = shell.make_model(
     "LOADED_SPLITTING", _LOADED_SPLITTING_LAYOUT, _set_up_loaded_splitting, _advance_loaded_splitting,
     ORDERS=SPLITTING_ORDERS,
 )  # fmt: skip

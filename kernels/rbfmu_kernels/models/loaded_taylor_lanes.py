@@ -8,19 +8,16 @@ that cannot go on in one, are taken alone.
 
 import math
 
-from ..body import driven
-from ..body.driven import STEP_SIZE, SUBSTEPS, finish_steadily, keep, keep_inputs, load_polynomial_of, part_to_integrate
+from ..body import driven, shell
 from ..body.members import Control, Driving, Members, Room, Run, begin, drive, note, pieces_before, record
 from ..body.memory import MEMORY, STATE_START, body_of
-from ..body.shell import Lanes
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout, places
 from ..buffer_access import matrix_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
-from ..integrators import taylor, taylor_coefficients as series
+from ..integrators import substeps, taylor, taylor_coefficients as series
 from ..integrators.dense_output import COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
-from ..integrators.substeps import Method, nearer_size, parts_in
 from ..integrators.taylor_coefficients import FORCE, RATE, TORQUE, WORK, SpaceFixedLoads, Torques
 from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_STATE, Body, angular_acceleration
 from ..mechanics.inertia import is_diagonal
@@ -116,8 +113,8 @@ def advance(buffers: Array, h: float, c: Buffer, s: Buffer, statuses: Array) -> 
 
 @kernel(inline=False)
 def _kind(z: Buffer, h: float) -> Kind:
-    body, loads = body_of(z), load_polynomial_of(z)
-    n, order, fixed = part_to_integrate(z, body, loads), int(z[_AT.order]), series.space_fixed_loads(body, loads)
+    body, loads = body_of(z), driven.load_polynomial_of(z)
+    n, order, fixed = driven.part_to_integrate(z, body, loads), int(z[_AT.order]), series.space_fixed_loads(body, loads)
     served = z[_SERIES] != NONE or is_series_tried(z, h)
     if served and z[_SERIES] == NONE:
         q, omega = quaternion_at(z, STATE_START), vec3_at(z, STATE_START + OMEGA)
@@ -138,7 +135,7 @@ def goes_in_lanes(z: Buffer, h: float) -> bool:
 def _advance_kind(buffers: Array, first: int, h: float, c: Buffer, s: Buffer, statuses: Array, kind: Kind) -> None:
     """Advance all bodies of a kind from the first on."""
     n, order, tolerance, span, lever_force, torque, _ = kind
-    fixed, method = SpaceFixedLoads(lever_force, torque, False), Method(n, order, tolerance, span)
+    fixed, method = SpaceFixedLoads(lever_force, torque, False), substeps.Method(n, order, tolerance, span)
     following, busy = first, 0
     for lane in range(width_of(c)):
         following, found = _next(following, statuses)
@@ -182,7 +179,7 @@ def _put(c: Buffer, i: int, lane: int, v: Vec3) -> None:
 @kernel(inline=False)
 def _load(z: Buffer, c: Buffer, lane: int, h: float, member: int) -> None:
     """Let a lane begin with a body."""
-    body, loads = body_of(z), load_polynomial_of(z)
+    body, loads = body_of(z), driven.load_polynomial_of(z)
     for k in range(ROTATION):
         put_lane_at(c, STATE + k, lane, z[STATE_START + k])
     for k in range(LANE.M, LANE.damping):
@@ -194,7 +191,7 @@ def _load(z: Buffer, c: Buffer, lane: int, h: float, member: int) -> None:
     _put(c, LANE.torque_b, lane, series.known_torques(loads, body)[0])
     for k in range(LANE.count, LANE.size):
         put_lane_at(c, k, lane, 0.0)
-    put_lane_at(c, LANE.size, lane, z[STEP_SIZE])
+    put_lane_at(c, LANE.size, lane, z[driven.STEP_SIZE])
     put_lane_at(c, LANE.rest, lane, h)
     put_lane_at(c, LANE.is_new, lane, 1.0)
     put_lane_at(c, LANE.member, lane, float(member))
@@ -203,18 +200,18 @@ def _load(z: Buffer, c: Buffer, lane: int, h: float, member: int) -> None:
 @kernel(inline=False)
 def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
     """Commit what a lane has made of a body, as `step` does; it is taken alone where that is not finite."""
-    keep(z)
+    driven.keep(z)
     for k in range(ROTATION):
         z[STATE_START + k] = lane_at(c, STATE + k, lane)
-    if finish_steadily(z, n, h) != OK:
+    if driven.finish_steadily(z, n, h) != OK:
         return step(z, h)
     if is_series_tried(z, h):
         z[_AT.cool_down] = COOL_DOWN_STEPS
     z[_SERIES] = NONE
     z[_AT.cool_down] -= 1.0
-    z[STEP_SIZE] = lane_at(c, LANE.size, lane)
-    z[SUBSTEPS] += lane_at(c, LANE.count, lane)
-    keep_inputs(z, _AT.held_inputs)
+    z[driven.STEP_SIZE] = lane_at(c, LANE.size, lane)
+    z[driven.SUBSTEPS] += lane_at(c, LANE.count, lane)
+    driven.keep_inputs(z, _AT.held_inputs)
     return OK
 
 
@@ -250,7 +247,7 @@ def _turn_loads_anew(c: Buffer, s: Buffer, anew: bool) -> None:
 
 
 @kernel(inline=False)
-def begin_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads) -> None:
+def begin_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads) -> None:
     """Make the series of all lanes.
 
     Where a lane begins, those of the others are made again, to the same bits.
@@ -274,7 +271,7 @@ def begin_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads)
 
 
 @kernel(inline=False)
-def take_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads) -> None:
+def take_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads) -> None:
     """Take a substep in each lane, whose size meets the tolerance there."""
     body, rest, low, order = _bodies(c), c[LANE.rest], c[LANE.low], method.order
     acceleration = alike(rest, 0.0)
@@ -285,13 +282,13 @@ def take_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads) 
         fits = excess <= 1.0
         if all_of(fits):
             break
-        c[LANE.size] = choose(fits, c[LANE.size], nearer_size(part, order, 2.0 * excess))
+        c[LANE.size] = choose(fits, c[LANE.size], substeps.nearer_size(part, order, 2.0 * excess))
         c[LANE.tried] = choose(fits, c[LANE.tried], c[LANE.tried] + 1.0)
         part, count, excess = _try_substeps(c, s, method, acceleration)
     c[LANE.tried], c[LANE.count] = c[LANE.tried] + 1.0, c[LANE.count] + 1.0
     goes_on = (excess <= 1.0) & (rest < MAX_SUBSTEPS * c[LANE.size]) & (c[LANE.tried] < MAX_SUBSTEPS)
     c[LANE.has_failed] = choose(goes_on, 0.0, 1.0)
-    nearer, is_last = nearer_size(part, order, 1.4 * excess), count == 1.0
+    nearer, is_last = substeps.nearer_size(part, order, 1.4 * excess), count == 1.0
     c[LANE.size] = choose(is_last, max(c[LANE.size], nearer), nearer)
     left = choose(is_last, 0.0, rest - part)
     c[LANE.low], c[LANE.rest] = low + ((rest - left) - part), left
@@ -299,14 +296,14 @@ def take_substeps(c: Buffer, s: Buffer, method: Method, fixed: SpaceFixedLoads) 
 
 
 @kernel
-def _try_substeps(c: Buffer, s: Buffer, method: Method, acceleration: float) -> tuple[float, float, float]:
+def _try_substeps(c: Buffer, s: Buffer, method: substeps.Method, acceleration: float) -> tuple[float, float, float]:
     """Return the substeps to be taken, how many are left, and the estimated errors over those which are allowed."""
-    count: float = parts_in(c[LANE.rest], c[LANE.size])
+    count: float = substeps.parts_in(c[LANE.rest], c[LANE.size])
     part = (c[LANE.rest] + c[LANE.low]) / count
     alpha_fixed = choose(count > 1.0, acceleration, 0.0)
     steps = choose(count < taylor.STEPS_OF_LOADS, count, float(taylor.STEPS_OF_LOADS))
     return part, count, taylor.estimated_excess(s, method, part, 0.0, alpha_fixed, steps)
 
 
-LANES = Lanes(run_members, SCRATCH, IN_STEP=True)
+LANES = shell.Lanes(run_members, SCRATCH, IN_STEP=True)
 """All are driven in pieces of equal length, as they go on together."""

@@ -6,8 +6,7 @@
 
 import math
 
-from ..body import closed_form, memory, principal
-from ..body.shell import make_model
+from ..body import closed_form, memory, principal, shell
 from ..buffer import MAX_SUBSTEPS, MORE_AXES, NO_PENDULUM, OK, STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
@@ -49,7 +48,7 @@ def _advance_one_axis(z: Buffer, h: float) -> int:
     return closed_form.finish_step(z, h, q, scale(rate, axis))
 
 
-ONE_AXIS = make_model("ONE_AXIS", _ONE_AXIS_LAYOUT, _set_up_one_axis, _advance_one_axis)
+ONE_AXIS = shell.make_model("ONE_AXIS", _ONE_AXIS_LAYOUT, _set_up_one_axis, _advance_one_axis)
 
 
 _PENDULUM_LAYOUT = places(closed_form.CLOSED_FORM | {"q_hanging": 4, "axis": 3, "pendulum": exact.PENDULUM_SIZE})
@@ -84,7 +83,7 @@ def _advance_pendulum(z: Buffer, h: float) -> int:
     return closed_form.finish_step(z, h, q, scale(rate, axis))
 
 
-PENDULUM = make_model("PENDULUM", _PENDULUM_LAYOUT, _set_up_pendulum, _advance_pendulum)
+PENDULUM = shell.make_model("PENDULUM", _PENDULUM_LAYOUT, _set_up_pendulum, _advance_pendulum)
 
 
 ORDERS = (4, 8, 16)
@@ -182,6 +181,6 @@ def _angle_after(z: Buffer, angle: float, h: float, order: int) -> float:
     return angle + total * h
 
 
-ONE_AXIS_TAYLOR = make_model(
+ONE_AXIS_TAYLOR = shell.make_model(
     "ONE_AXIS_TAYLOR", _ONE_AXIS_TAYLOR_LAYOUT, _set_up_one_axis_taylor, _advance_one_axis_taylor, ORDERS=ORDERS
 )

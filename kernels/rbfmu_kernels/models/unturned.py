@@ -8,9 +8,8 @@ across turns in the body by (I_s - I_t) / I_t times that angle, and fades. The a
 Source: Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).
 """
 
-from ..body import closed_form, memory, principal
+from ..body import closed_form, memory, principal, shell
 from ..body.outputs import outputs
-from ..body.shell import make_model
 from ..buffer import MORE_THAN_MOMENTUM, NO_SPIN_UP, OK, STEP_REJECTED, TURNS, places
 from ..buffer_access import matrix_at, put_matrix_at, put_pair_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
@@ -49,7 +48,7 @@ def begins_to_turn(z: Buffer) -> bool:
     return changes or (is_nonzero(omega) and (memory.needs_attitude(z) or closed_form.has_torque(z)))
 
 
-NO_ROTATION = make_model("NO_ROTATION", _NO_ROTATION_LAYOUT, _set_up_no_rotation, _advance_no_rotation)
+NO_ROTATION = shell.make_model("NO_ROTATION", _NO_ROTATION_LAYOUT, _set_up_no_rotation, _advance_no_rotation)
 
 
 _ANGULAR_MOMENTUM_LAYOUT = places(closed_form.CLOSED_FORM | {"omega_0": 3, "alpha": 3, "since_alpha": 2})
@@ -88,7 +87,7 @@ def _advance_angular_momentum(z: Buffer, h: float) -> int:
     return status
 
 
-ANGULAR_MOMENTUM = make_model(
+ANGULAR_MOMENTUM = shell.make_model(
     "ANGULAR_MOMENTUM", _ANGULAR_MOMENTUM_LAYOUT, _set_up_angular_momentum, _advance_angular_momentum
 )
 
@@ -142,4 +141,4 @@ def leads_astray(z: Buffer, axes: Matrix) -> bool:
     return turning or uneven or is_nonzero(cross(s, from_rest)) or not is_symmetric_top(body.inertia)
 
 
-SPIN_UP = make_model("SPIN_UP", _SPIN_UP_LAYOUT, _set_up_spin_up, _advance_spin_up)
+SPIN_UP = shell.make_model("SPIN_UP", _SPIN_UP_LAYOUT, _set_up_spin_up, _advance_spin_up)
