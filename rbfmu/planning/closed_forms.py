@@ -12,7 +12,7 @@ import numpy as np
 
 from rbfmu.models import registry
 from rbfmu.models.question import GROWING, Question
-from rbfmu.planning.judge import Judge
+from rbfmu.planning.judge import Judge, too_long
 from rbfmu.planning.methods import EXACT
 from rbfmu.runs.motion import largest_error, least_sizes, lost_to_cancellation
 from rbfmu.runs.plan import Plan
@@ -50,8 +50,7 @@ PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for r
 
 def _refuse_below(asked: Question, error: float) -> None:
     if error == math.inf:
-        why = "the square of its rate comes to leave the range of numbers"
-        raise SceneError(f"run.stop = {asked.scene.run.stop!r}: expected a shorter run, as {why}", asked.scene.name)
+        raise too_long(asked.scene, "the square of its rate comes to leave the range of numbers")
     if not asked.accuracy >= error:  # nor where the error is NaN
         expected = f"at least {error:.1e}, what double precision keeps"
         raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", asked.scene.name)
@@ -170,7 +169,8 @@ def _error(judge: Judge, spec: registry.ModelSpec, truth: Motion, names: tuple[s
     asked = judge.asked
     if not _may_be_close(asked, spec, truth, names, times * asked.accuracy):
         return math.inf
-    return judge.compare(_candidate(asked, spec), truth, names, bool(asked.varying & GROWING))
+    found = judge.motion_by(_candidate(asked, spec), names)
+    return largest_error(found, truth, names, least_sizes(asked, truth), bool(asked.varying & GROWING))
 
 
 def _may_be_compared(asked: Question) -> bool:

@@ -6,7 +6,7 @@ uses; only where that takes too long, by two series of doubles whose difference 
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 
@@ -17,7 +17,7 @@ from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
 from rbfmu.runs.motion import largest_error, largest_size, least_sizes
 from rbfmu.runs.plan import Plan, start_run
-from rbfmu.runs.steps import Steps, motion_of, record, substeps_counted
+from rbfmu.runs.steps import Steps, Told, motion_of, record, substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import evaluated
@@ -72,11 +72,7 @@ class Judge:
     """
 
     def __init__(
-        self,
-        asked: Question,
-        progress: Callable[[float], object] | None = None,
-        fewer: Question | None = None,
-        most: int = MAX_STEPS,
+        self, asked: Question, progress: Told = None, fewer: Question | None = None, most: int = MAX_STEPS
     ) -> None:
         self.asked, self.scene, self.names = asked, asked.scene, asked.judged
         own = tuple(name for name in fewer.judged if name in self.names) if fewer else self.names
@@ -268,10 +264,6 @@ class Judge:
     def motion_by(self, plan: Plan, names: tuple[str, ...]) -> Motion:
         """Return the motion that a plan makes in `cut_steps`."""
         return motion_of(self.scene, plan, self.cut_steps, names)
-
-    def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
-        """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""
-        return largest_error(self.motion_by(smaller, names), truth, names, least_sizes(self.asked, truth), absolute)
 
 
 def magnified_round_off(growth: float) -> float:

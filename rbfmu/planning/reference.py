@@ -6,7 +6,7 @@ wherever an output is asked for.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal, localcontext
 from itertools import accumulate
 from typing import Any, NamedTuple
@@ -17,6 +17,7 @@ from rbfmu.formulas import program
 from rbfmu.formulas.motion import STATE, by_element, closure, groups_of
 from rbfmu.models.formulas import EVENT, FormulaModel, equations_of
 from rbfmu.models.question import Question
+from rbfmu.runs.steps import Told
 from rbfmu.scene.scene import Body, Scene, SceneError
 from rbfmu.types import Array, Buffer, Indices, Motion
 from rbfmu_kernels.buffer_access import matrix_at, put_quaternion_at
@@ -59,9 +60,7 @@ class ReferenceTooLongError(ArithmeticError):
     """An error for a motion that takes more steps than are allowed, or leaves the range of numbers."""
 
 
-def reference_motion(
-    scene: Scene, steps: Sequence[float], most: int, progress: Callable[[float], object] | None = None
-) -> Motion:
+def reference_motion(scene: Scene, steps: Sequence[float], most: int, progress: Told = None) -> Motion:
     """Return what is judged of a scene, attitude and rate besides, at its start and after each step (s).
 
     Ports are as at first. Of a scene with formulas it is what these and the outputs show.
@@ -86,10 +85,11 @@ def reference_motion(
         room = Room(equations, some, rows[chunk], work, here, sizes, scene.has_formulas)
         taken, lately = follow(room, most, not scene.has_formulas)
         if taken == NOWHERE and scene.has_formulas:
-            raise _leads_nowhere(scene, lately, listed.keys_at_fault(work, sides))
+            raise _ends_early(scene, lately, listed.keys_at_fault(work, sides))
         starts = scene.has_formulas and np.isfinite(rows[0]).all()  # else a start in doubles says what is wrong
         if taken >= 0 and starts and not np.isfinite(rows[chunk]).all():
-            raise _not_finite(scene, steps, rows, listed.columns)
+            row, column = np.argwhere(~np.isfinite(rows))[0].tolist()
+            raise _ends_early(scene, sum(steps[:row]), f"{listed.columns[column]} is not finite")
         if taken < 0 or not np.isfinite(rows[chunk]).all():
             left = times[0, -1] - times[0, int(np.isfinite(rows).all(axis=1).sum()) - 1]
             if starts and left * most > 2.0 * lately * MOST_SERIES:
@@ -297,14 +297,7 @@ def _put_quaternions(matrices: Buffer, q: Buffer) -> None:
         put_quaternion_at(q, 4 * i, quaternion_from_matrix(matrix_at(matrices, 9 * i)))
 
 
-def _not_finite(scene: Scene, steps: Sequence[float], rows: Array, columns: Sequence[str]) -> SceneError:
-    """Return the error for what is not finite at a time, though the motion is; columns: what stands in rows."""
-    row, column = np.argwhere(~np.isfinite(rows))[0].tolist()
-    said = f"expected one before t = {scene.run.start + sum(steps[:row]):.6g} s, where {columns[column]} is not finite"
-    return SceneError(f"run.stop = {scene.run.stop!r}: {said}", scene.name)
-
-
-def _leads_nowhere(scene: Scene, done: float, said: str) -> SceneError:
+def _ends_early(scene: Scene, done: float, said: str) -> SceneError:
     """Return the error for a motion that ends a time after its start; said: what fails there."""
     reached = f"t = {scene.run.start + done:.6g} s"
     return SceneError(f"run.stop = {scene.run.stop!r}: expected one before {reached}, where {said}", scene.name)

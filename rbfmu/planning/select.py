@@ -19,7 +19,7 @@ from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, refuse_unfinished, watched
 from rbfmu.runs.inputs import Drive
 from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.steps import Driven, record, substeps_counted
+from rbfmu.runs.steps import Driven, Told, record, substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Motion
 from rbfmu_kernels.compile.said import PATIENCE, said_after
@@ -35,12 +35,7 @@ They are two, as series of one order may take the same steps, and then have thei
 """
 
 
-def plan(
-    scene: Scene,
-    full: bool = False,
-    progress: Callable[[float], object] | None = None,
-    driven: Callable[[int], Drive] | None = None,
-) -> Plan:
+def plan(scene: Scene, full: bool = False, progress: Told = None, driven: Callable[[int], Drive] | None = None) -> Plan:
     """Choose model, method and step; full: whether to integrate all degrees of freedom and outputs.
 
     progress: a function that is told from time to time which part of the motion that judges plans is known.

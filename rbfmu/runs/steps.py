@@ -30,6 +30,8 @@ FIRST, MOST, SOON = 64, 65_536, 0.02
 """The most steps of the first call of the loop, and of any: as many as take that time, s, if each takes as long as the
 first; then twice as many as before where that took less, and else half as many, as Ctrl-C and progress wait for a
 call's end."""
+Told = Callable[[float], object] | None
+"""A function that is told from time to time which part is done, if any."""
 
 
 class Steps:
@@ -231,9 +233,7 @@ class Driven(Steps):
         return length <= 0.0 or bool(self._step(self.z, length) == OK)
 
 
-def record(
-    run: Steps, names: Sequence[str], most: float = math.inf, progress: Callable[[float], object] | None = None
-) -> Motion:
+def record(run: Steps, names: Sequence[str], most: float = math.inf, progress: Told = None) -> Motion:
     """Return the blocks named now and after each step; NaN from where the motion ends.
 
     most: the number of substeps after which it ends; progress: a function that is told which part of the run is done.
