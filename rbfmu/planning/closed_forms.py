@@ -6,7 +6,6 @@ it, or by the motion in double-double arithmetic.
 
 import math
 from dataclasses import replace
-from itertools import takewhile
 
 import numpy as np
 
@@ -136,7 +135,7 @@ def plan_within_accuracy(asked: Question, judge: Judge, exact: Plan | None) -> P
     by the motion in double-double arithmetic.
     """
     names = asked.judged
-    smaller = [*takewhile(lambda spec: exact is None or spec.key != exact.model, registry.CLOSED_FORMS)]
+    smaller = [*registry.CLOSED_FORMS[: registry.CLOSED_FORMS.index(exact.spec) if exact else None]]
     if not smaller or not asked.rotation or not _may_be_compared(asked):
         return None
     if "force_b" in asked.varying and "acceleration" in names and "quaternion" not in names:

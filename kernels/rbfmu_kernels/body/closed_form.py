@@ -7,8 +7,7 @@ from ..mechanics.equations_of_motion import linear_acceleration
 from ..numerics.double_double import DoubleDouble, two_sum
 from ..rotations.vec3 import ZERO, add_scaled, cross, is_nonzero
 from ..types import Buffer, Quaternion, Vec3
-from . import memory
-from .outputs import outputs
+from . import memory, outputs
 
 CLOSED_FORM = memory.COMMON | {"elapsed": 2, "q_0": 4, "r_0": 3, "v_0": 3, "a_c": 3, "since_a_c": 2}
 """The buffer of all bodies and, besides, the time since the start, the attitude then; position and velocity of the
@@ -97,7 +96,7 @@ def commit_step(z: Buffer, h: float, q: Quaternion, omega: Vec3) -> int:
     """Set attitude and rate after a step h, and refresh the outputs."""
     memory.put_rotation(z, q, omega)
     put_pair_at(z, _AT.elapsed, time_after(z, h))
-    return outputs(z)
+    return outputs.outputs(z)
 
 
 @kernel

@@ -11,8 +11,7 @@ from ..mechanics import equations_of_motion as motion
 from ..mechanics.equations_of_motion import RATE_ONLY, ROTATION, STATE_SIZE, WHOLE_STATE, Body, LoadPolynomial, Loads
 from ..rotations.vec3 import add_scaled, is_nonzero
 from ..types import Buffer
-from . import memory
-from .outputs import outputs
+from . import memory, outputs
 
 RATES = {f"{name}_rate": size for name, size in memory.INPUTS.items()}
 RATES_2 = {f"{name}_rate_2": size for name, size in memory.INPUTS.items()}
@@ -101,7 +100,7 @@ def _finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPol
         return STEP_REJECTED
     if changing:
         hold_last_inputs(z, h)
-    return outputs(z)
+    return outputs.outputs(z)
 
 
 @kernel

@@ -10,8 +10,7 @@ that they have been, or to what their first terms make of them by then, as a sta
 import math
 from typing import Any
 
-from ..body import driven, memory
-from ..body.outputs import outputs
+from ..body import driven, memory, outputs
 from ..buffer import MAX_SUBSTEPS, MOST_LISTED, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
@@ -296,7 +295,7 @@ def evaluate_at_end(z: Buffer, h: float) -> int:
     put_states_at(z, z[SINCE])
     put_pair_at(z, TIME, dd.add_float(time, h))  # of the states' series it would have their round-off
     if memory.is_finite(z) and values(z) == 0:
-        return outputs(z)
+        return outputs.outputs(z)
     put_pair_at(z, SINCE, since)
     put_pair_at(z, TIME, time)
     put_states_at(z, since[0])
@@ -385,7 +384,7 @@ def end_of_step(z: Buffer, h: float, status: int) -> int:
             if not hold:  # the series goes on with their change, wherever they have come back to
                 z[STANDS] = 0.0
                 keep_inputs(z)
-            return outputs(z)
+            return outputs.outputs(z)
     for i in range(NUMBER_OF_INPUTS):  # as the step began, which the memory had not kept then
         z[INPUTS[i]] = z[HELD + i]
     copy_numbers(z, KEPT, MEMORY, MEMORY_SIZE)
@@ -395,4 +394,4 @@ def end_of_step(z: Buffer, h: float, status: int) -> int:
 
 def outputs_now(z: Buffer) -> int:
     """Refresh the outputs, as inputs were set since the step."""
-    return values(z) or outputs(z)
+    return values(z) or outputs.outputs(z)

@@ -8,8 +8,7 @@ across turns in the body by (I_s - I_t) / I_t times that angle, and fades. The a
 Source: Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).
 """
 
-from ..body import closed_form, memory, principal, shell
-from ..body.outputs import outputs
+from ..body import closed_form, memory, outputs, principal, shell
 from ..buffer import MORE_THAN_MOMENTUM, NO_SPIN_UP, OK, STEP_REJECTED, TURNS, places
 from ..buffer_access import matrix_at, put_matrix_at, put_pair_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
@@ -35,7 +34,7 @@ def _set_up_no_rotation(z: Buffer) -> int:
 def _advance_no_rotation(z: Buffer, h: float) -> int:
     """Advance by h at constant inputs; reject the step and change nothing where the result is not finite."""
     if not memory.needs_translation(z):
-        return outputs(z) if memory.shows_loads(z) else OK
+        return outputs.outputs(z) if memory.shows_loads(z) else OK
     q, omega = memory.rotation_of(z)
     return closed_form.finish_step(z, h, q, omega)
 
