@@ -94,7 +94,6 @@ class Load(NamedTuple):
     in_closed_forms: bool = False
     size: int = 3
     bounds: Bounds = ANY
-    positive: bool = False
     elements: tuple[str, ...] = ()
 
     @property

@@ -27,8 +27,7 @@ class AttitudeSpline:
 
     def omega_b(self, t: ArrayLike) -> Array:
         """Return omega_ab_b (..., 3), rad/s."""
-        s = self._derivative(t, 0)
-        return self._turning(s, self._derivative(t, 1))
+        return self._turning(self._derivative(t, 0), self._derivative(t, 1))
 
     def alpha_b(self, t: ArrayLike) -> Array:
         """Return the angular acceleration d omega_ab_b / dt (..., 3), rad/s^2; between two times it is smooth."""

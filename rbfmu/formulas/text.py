@@ -14,7 +14,7 @@ import numpy as np
 from rbfmu.formulas import functions, graph
 from rbfmu.formulas.functions import NO_NUMBER, Array, Condition, Function, MismatchError, shape_of
 
-LONGEST, DEEPEST = 2000, 40
+LONGEST, DEEPEST, SHOWN = 2000, 40, 100
 """The most characters of a formula, and levels of what stands inside something else."""
 _ALLOWED = (
     ast.Expression, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Call, ast.Name, ast.Constant, ast.List,
@@ -31,15 +31,9 @@ class FormulaError(ValueError):
     """What is wrong with a formula, and where: its text with a caret below, and what was expected."""
 
     def __init__(self, text: str, column: int, expected: str) -> None:
-        shown, at = _window(text, column)
-        super().__init__(f"expected {expected}\n    {shown}\n    {' ' * at}^")
-
-
-def _window(text: str, column: int, width: int = 100) -> tuple[str, int]:
-    """Return the part of a text about a column, in one line, and where the column stands in it."""
-    flat = "".join(c if c.isprintable() else " " for c in text)
-    first = max(0, min(column - width // 2, len(flat) - width))
-    return flat[first : first + width], column - first
+        flat = "".join(c if c.isprintable() else " " for c in text)
+        first = max(0, min(column - SHOWN // 2, len(flat) - SHOWN))
+        super().__init__(f"expected {expected}\n    {flat[first : first + SHOWN]}\n    {' ' * (column - first)}^")
 
 
 @lru_cache(maxsize=256)

@@ -178,8 +178,7 @@ class FormulaModel:
         beside = sum(given.ports.values()) + len(self.rates) + len(self.program.sides)
         own |= {"series.spare": 2 * self.program.row + beside}
         own |= {"events.list": 3 * formula_events.MOST_LISTED} if self.events else {}
-        kept = before - memory.STATE_START
-        return buffer.places(driven.DRIVEN | own | {"series.kept": kept})
+        return buffer.places(driven.DRIVEN | own | {"series.kept": before - memory.STATE_START})
 
     @property
     def more_blocks(self) -> dict[str, int]:

@@ -99,26 +99,22 @@ class ModelSpec:
         turning = asked.turning - (set() if angular else self.drops) if driven else set()
         pushing = quantities.FORCES | quantities.WEIGHTS if moving else set()
         acting = asked.acting & (turning | pushing)
-        names = listed | (acting - ports)
-        if driven or wanted & OF_INERTIA:
-            names |= {"inertia"}
-            names |= {"mass"} if body.pivot and beside else set()
         turned = self.states or wanted & {"position", "acceleration", "kinetic_energy"}
         swung = moving and beside and bool(turned)
-        if asked.rotation and (swung or self.states or wanted & OF_RATES):
-            names |= {"omega_b_0"}
-        body_force = moving and "force_b" in acting | ports | listed
-        if asked.attitude and (turning & quantities.FIXED_IN_SPACE or swung or body_force or wanted & OF_ATTITUDE):
-            names |= {"quaternion_0"}
-        if asked.translation:
-            names |= {"velocity_0"}
-        if "position" in wanted:
-            names |= {"position_0"}
-        if (moving and (acting | ports | listed) & quantities.FORCES) or ("kinetic_energy" in wanted and moving):
-            names |= {"mass"}
-        if any(body.r_oc_b) and (swung or "r_oc_b" in turning or (body.pivot and "inertia" in names)):
-            names |= {"r_oc_b"}
-        return names
+        pushes = (acting | ports | listed) & quantities.FORCES if moving else set()
+        by_space = turning & quantities.FIXED_IN_SPACE
+        shaped = bool(driven or wanted & OF_INERTIA)
+        swings = body.pivot and (shaped or "inertia" in listed)
+        needed = {
+            "inertia": shaped,
+            "mass": (shaped and body.pivot and beside) or pushes or (moving and "kinetic_energy" in wanted),
+            "r_oc_b": any(body.r_oc_b) and (swung or "r_oc_b" in turning or swings),
+            "omega_b_0": asked.rotation and (swung or self.states or wanted & OF_RATES),
+            "quaternion_0": asked.attitude and (by_space or swung or "force_b" in pushes or wanted & OF_ATTITUDE),
+            "velocity_0": asked.translation,
+            "position_0": "position" in wanted,
+        }
+        return listed | (acting - ports) | {name for name, is_needed in needed.items() if is_needed}
 
 
 # What exact motions lose by the round-off of the moments

@@ -190,20 +190,15 @@ def _moved_by(d: Description, names: Collection[str]) -> str:
     return " + ".join(f"fabs(change[{v.offset}])" for v in of_these) or "0.0"
 
 
-def _block_of(name: str, blocks: Mapping[str, slice]) -> str:
-    """Return the block that has the numbers of leaves."""
-    return next((one for one in (name, f"series.{name}") if one in blocks), "")
-
-
 def _leaves_in_c(graph: Graph, blocks: Mapping[str, slice]) -> dict[str, str]:
     """Return the leaves of a graph as C; a model that reads no time has none."""
     found = {}
     for name in (str(one.value) for one in graph.operations if one.kind in LEAVES):
         block, _, index = name.removeprefix(CHANGE).partition("[")
-        if not (known := _block_of("time" if block == "t" else block, blocks)):
-            continue
-        array = "change" if name.startswith(CHANGE) else "z"
-        found[name] = f"{array}[{blocks[known].start + (int(index[:-1]) - 1 if index else 0)}]"
+        block = "time" if block == "t" else block
+        if place := blocks.get(block, blocks.get(f"series.{block}")):
+            array = "change" if name.startswith(CHANGE) else "z"
+            found[name] = f"{array}[{place.start + (int(index[:-1]) - 1 if index else 0)}]"
     return found
 
 

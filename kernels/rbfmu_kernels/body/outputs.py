@@ -93,8 +93,7 @@ def output_rates(z: Buffer) -> int:
     z[AT.d_kinetic_energy] = dot(omega, torque) + (0.0 if memory.has_pivot(z) else z[AT.mass] * dot(v_c, a_c))
     put_vec3_at(z, AT.d_position, vec3_at(z, AT.velocity))
     put_vec3_at(z, AT.d_velocity, vec3_at(z, AT.acceleration))
-    r_oc = vec3_at(z, AT.r_oc_b)
-    relative = newton_euler.relative_jerk(omega, alpha, alpha_rate, r_oc)
+    relative = newton_euler.relative_jerk(omega, alpha, alpha_rate, vec3_at(z, AT.r_oc_b))
     jerk = rotate(q, subtract(cross(omega, scale(body.inverse_mass, loads.force_b)), relative))
     put_vec3_at(z, AT.d_acceleration, ZERO if memory.has_pivot(z) else jerk)
     return 0

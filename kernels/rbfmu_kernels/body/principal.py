@@ -161,9 +161,7 @@ def _times(M: Inertia, v: Vector) -> Vector:
 
 
 @kernel(inline=False)
-def _jacobi(
-    p: DoubleDouble, q: DoubleDouble, o: DoubleDouble, least: float
-) -> tuple[DoubleDouble, DoubleDouble, DoubleDouble]:
+def _jacobi(p: DoubleDouble, q: DoubleDouble, o: DoubleDouble, least: float) -> dd.Three:
     """Return (cos, sin, tan times o) of the rotation that annihilates o of ((p, o), (o, q)); none below `least`."""
     if not abs(o[0]) > 2.0**-8 * least:
         return _ONE, _ZERO, _ZERO
@@ -176,9 +174,7 @@ def _jacobi(
 
 
 @kernel
-def _turned(
-    u: DoubleDouble, v: DoubleDouble, cos: DoubleDouble, sin: DoubleDouble
-) -> tuple[DoubleDouble, DoubleDouble]:
+def _turned(u: DoubleDouble, v: DoubleDouble, cos: DoubleDouble, sin: DoubleDouble) -> dd.Two:
     return dd.subtract(dd.multiply(cos, u), dd.multiply(sin, v)), dd.add(dd.multiply(sin, u), dd.multiply(cos, v))
 
 
@@ -315,7 +311,7 @@ def _is_across(axis: Vec3, v: Vec3, slack: float) -> bool:
 
 
 @kernel(inline=False)
-def swing(z: Buffer, axis: Vec3) -> tuple[DoubleDouble, DoubleDouble]:
+def swing(z: Buffer, axis: Vec3) -> dd.Two:
     """Return (A, B), rad/s2: forces fixed in space accelerate the angle from quaternion_0 by A cos + B sin of it."""
     arm, loads = memory.body_of(z).arm_b, memory.loads_of(z)
     q, moment = quaternion_at(z, memory.AT.quaternion_0), _moment(z, axis)

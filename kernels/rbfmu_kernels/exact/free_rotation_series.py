@@ -222,8 +222,7 @@ def near_series_of(
 
     root_kappa: sqrt(kappa); agm: AGM(1, kc), kc < NEAREST_KC; sign of I_s - I_p.
     """
-    one: dd.DoubleDouble = (1.0, 0.0)
-    width, phase = elliptic.near_scale(kc, agm, one, root_kappa)
+    width, phase = elliptic.near_scale(kc, agm, (1.0, 0.0), root_kappa)
     near = elliptic.near_series(kc[0])
     q = near.root_nome
     q4 = (q * q) * (q * q)

@@ -78,7 +78,7 @@ def triaxial_polhode(
 
 
 @kernel
-def kappa_of(i_p: DoubleDouble, i_r: DoubleDouble, i_s: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
+def kappa_of(i_p: DoubleDouble, i_r: DoubleDouble, i_s: DoubleDouble) -> dd.Two:
     """Return (kappa, 1 + kappa), kappa = I_s (I_r - I_p) / (I_p (I_s - I_r))."""
     if all_of(dd.equal(i_p, i_r)):
         zero, one = alike(i_p[0], 0.0), alike(i_p[0], 1.0)

@@ -80,7 +80,7 @@ def pendulum_setup(x: DoubleDouble, y: DoubleDouble, z: DoubleDouble) -> Pendulu
 
 
 @kernel(inline=False)
-def half_angle_rates(a: DoubleDouble, b: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
+def half_angle_rates(a: DoubleDouble, b: DoubleDouble) -> dd.Two:
     """Return w_0 (sin, cos)(phi / 2), the second >= 0; 0 where half of w_0^2 is 0.
 
     A turn by theta makes phi'' = a cos theta + b sin theta, 1/s2.
@@ -170,7 +170,7 @@ def _complementary_modulus(gap: DoubleDouble, total: DoubleDouble, fastest: Doub
 
 
 @kernel
-def _climb(kc: DoubleDouble, s: DoubleDouble, c: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
+def _climb(kc: DoubleDouble, s: DoubleDouble, c: DoubleDouble) -> dd.Two:
     """Return AGM(1, kc), and the phase in half turns of tan am = s / c, s and c >= 0; 0 where both are."""
     up = elementary.power_of_two_for(max(s[0], c[0]))
     c = dd.scale(up, c) if max(s[0], c[0]) > 0.0 else (1.0, 0.0)

@@ -45,12 +45,6 @@ def rotation_after(turning: Turning, t: dd.DoubleDouble) -> Quaternion:
 
 
 @kernel
-def length_of(v: dd.Vector) -> dd.DoubleDouble:
-    """Return |v|, for numbers of about 1 or less."""
-    return dd.root(dd.dot(v, v))
-
-
-@kernel
 def power_for(v: dd.Vector) -> float:
     """Return a power of two that brings a vector to a size of about 1."""
     return elementary.power_of_two_for(max(max(abs(v[0][0]), abs(v[1][0])), abs(v[2][0])))
@@ -61,7 +55,7 @@ def turning_about(omega: dd.Vector) -> Turning:
     """Return the turning of a constant rate omega, rad/s, of any size."""
     up = power_for(omega)
     v = dd.scale_vector(up, omega)
-    rate = length_of(v)
+    rate = dd.root(dd.dot(v, v))
     inverse = 1.0 / rate[0] if rate[0] != 0.0 else 1.0
     axis = (inverse * v[0][0], inverse * v[1][0], inverse * v[2][0])
     return Turning(axis, dd.scale(1.0 / up, dd.multiply(rate, ONE_OVER_4PI)))
@@ -79,11 +73,8 @@ def symmetric_turnings(i_t: dd.DoubleDouble, i_s: dd.DoubleDouble, omega: dd.Vec
     i_t, i_s = dd.scale(shrink, i_t), dd.scale(shrink, i_s)
     w_1, w_2, w_3 = dd.scale_vector(up, omega)
     m_1, m_2, m_3 = dd.multiply(i_t, w_1), dd.multiply(i_t, w_2), dd.multiply(i_s, w_3)
-    momentum = length_of((m_1, m_2, m_3))
-    inverse = 1.0 / momentum[0] if momentum[0] != 0.0 else 1.0
-    rate = dd.divide(dd.multiply(momentum, ONE_OVER_4PI), i_t)
+    axis, momentum = turning_about((m_1, m_2, m_3))
     own = dd.divide(dd.multiply(dd.subtract(i_t, i_s), w_3), i_t)
     own = dd.multiply(own, ONE_OVER_4PI)
     down = 1.0 / up
-    about_momentum = Turning((inverse * m_1[0], inverse * m_2[0], inverse * m_3[0]), dd.scale(down, rate))
-    return about_momentum, Turning((0.0, 0.0, 1.0), dd.scale(down, own))
+    return Turning(axis, dd.scale(down, dd.divide(momentum, i_t))), Turning((0.0, 0.0, 1.0), dd.scale(down, own))

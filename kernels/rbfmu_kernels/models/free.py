@@ -184,7 +184,10 @@ def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -
     s, method = z[_TRIAXIAL.work : _TRIAXIAL.work + _FREE_WORK], Method(ROTATION, series.MAX_ORDER, _ROUND_OFF, 0.0)
     series.put_factors(s, series.RATE, omega)
     no_loads = series.SpaceFixedLoads(False, False, False)
-    series.motion_series(s, 0, series.MAX_ORDER, 0, _undamped(body), (ZERO, ZERO, ZERO), no_loads)
+    # A plan may have taken the closed form although a little damping acts, with which the rate would drift over each
+    # series and jump back at its end.
+    undamped = Body(body.inverse_mass, body.inertia, body.inertia_inverse, body.arm_b, ZERO, body.is_free)
+    series.motion_series(s, 0, series.MAX_ORDER, 0, undamped, (ZERO, ZERO, ZERO), no_loads)
     dense.end_series(s, series.RATE, series.MAX_ORDER)
     reach = dense.likely_reach(s, series.MAX_ORDER, z[_TRIAXIAL.next_reach])
     reach, _ = dense.reach_within(s, method, 0, 1.0, reach, 1.0)
@@ -193,15 +196,6 @@ def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -
     dense.begin_clock(z, _SERIES, ROTATION, m, reach)
     if not _LEAST_REACH * h <= reach:
         z[_SERIES] = dense.NONE
-
-
-@kernel
-def _undamped(body: Body) -> Body:
-    """Return the body as the closed form has it, which a plan may have taken although a little damping acts.
-
-    With the damping the rate would drift over each series and jump back at its end.
-    """
-    return Body(body.inverse_mass, body.inertia, body.inertia_inverse, body.arm_b, ZERO, body.is_free)
 
 
 @kernel

@@ -12,7 +12,9 @@ from ..compile.wide import choose as choose_part
 from ..types import Array, Vec3
 
 DoubleDouble = tuple[float, float]
-Vector = tuple[DoubleDouble, DoubleDouble, DoubleDouble]
+Two = tuple[DoubleDouble, DoubleDouble]
+Three = tuple[DoubleDouble, DoubleDouble, DoubleDouble]
+Vector = Three
 
 PI: DoubleDouble = (3.141592653589793116, 1.224646799147353207e-16)
 ONE_OVER_PI: DoubleDouble = (0.3183098861837907, -1.9678676675182486e-17)

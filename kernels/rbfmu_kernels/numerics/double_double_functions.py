@@ -42,7 +42,7 @@ def logistic(x: DoubleDouble) -> DoubleDouble:
 
 
 @kernel(inline=False)
-def sine_and_cosine(x: DoubleDouble) -> tuple[DoubleDouble, DoubleDouble]:
+def sine_and_cosine(x: DoubleDouble) -> dd.Two:
     """Return (sin x, cos x); an error of 1e-31 |x| beyond a turn. NaN where x is not finite."""
     k = math.floor(x[0] / (0.5 * PI[0]) + 0.5) if abs(x[0]) < 2.0**52 else math.nan
     r = dd.subtract(x, dd.multiply_float(dd.scale(0.5, PI), k))
@@ -80,5 +80,4 @@ def angle_of(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
     across, along = dd.subtract(dd.multiply(y, c), dd.multiply(x, s)), dd.add(dd.multiply(x, c), dd.multiply(y, s))
     if along[0] == 0.0:
         return (first, 0.0)
-    tangent = dd.divide(across, along)
-    return dd.add_float(tangent, first)
+    return dd.add_float(dd.divide(across, along), first)

@@ -41,9 +41,7 @@ def jacobi_low_parts(sn: float, cn: float, dn: float, kc2: DoubleDouble) -> tupl
 
 
 @kernel(inline=False)
-def climb_scale(
-    kc: DoubleDouble, n: DoubleDouble, s: DoubleDouble, c: DoubleDouble
-) -> tuple[DoubleDouble, DoubleDouble, DoubleDouble]:
+def climb_scale(kc: DoubleDouble, n: DoubleDouble, s: DoubleDouble, c: DoubleDouble) -> dd.Three:
     """Return (AGM(1, kc), sum, x / pi).
 
     They give Pi(-n) = pi / (4 AGM) (2 - n / (1 + n) sum), and x / pi = u / (2 K) of tan am = s / c.
@@ -213,9 +211,7 @@ def near_series(kc: float) -> Near:
 
 
 @kernel(inline=False)
-def near_scale(
-    kc: DoubleDouble, agm: DoubleDouble, s: DoubleDouble, c: DoubleDouble
-) -> tuple[DoubleDouble, DoubleDouble]:
+def near_scale(kc: DoubleDouble, agm: DoubleDouble, s: DoubleDouble, c: DoubleDouble) -> dd.Two:
     """Return (W, pi a / 2K' over pi) with exp(-pi |u| / 2K') = 2^-|W x| at u = 2 K x and tan am(a, k') = s / c.
 
     kc <= NEAREST_KC, and agm is AGM(1, kc).

@@ -123,8 +123,7 @@ def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
     dot = (q0[0] * q1[0] + q0[1] * q1[1]) + (q0[2] * q1[2] + q0[3] * q1[3])
     from_end = s > 0.5
     t = 1.0 - s if from_end else s
-    sign = -1.0 if dot < 0.0 else 1.0
-    end = scale_quaternion(sign, q1)
+    end = scale_quaternion(-1.0 if dot < 0.0 else 1.0, q1)
     start = scale_quaternion(1.0, q0)  # a tuple, as `end` is, also of an array
     p = end if from_end else start
     step, difference, total = _sum_and_difference(p, start if from_end else end)
