@@ -114,8 +114,7 @@ def build_native_fmu(
         second = {version.second_folders.get(p.name, folder) for p in members}
         for place in {folder} | (second - folders):  # a second one that no platform here has for its own
             contents[f"binaries/{place}/{d.identifier}{members[0].suffix}"] = native.universal(libraries)
-    shown = presentation_files(d, version, needs_python=False, with_terminals=terminals)
-    return write_archive(contents | shown, path)
+    return write_archive(contents | presentation_files(d, version, needs_python=False, with_terminals=terminals), path)
 
 
 def c_sources(version: FmiVersion) -> tuple[str, ...]:
@@ -138,8 +137,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = Fal
     contents |= {NAME_OF_SCRIPT: script.encode(), "resources/scene.json": scene_inside(d)}
     contents |= _parts_of_pythonfmu(d.identifier)
     contents["modelDescription.xml"] = xml_bytes(_identify(FMI2, d, PYTHON_ABILITIES, dict(contents)))
-    shown = presentation_files(d, FMI2, needs_python=True, with_terminals=terminals)
-    return write_archive(contents | shown, path)
+    return write_archive(contents | presentation_files(d, FMI2, needs_python=True, with_terminals=terminals), path)
 
 
 def _parts_of_pythonfmu(identifier: str) -> dict[str, bytes]:

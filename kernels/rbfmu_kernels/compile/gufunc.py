@@ -277,48 +277,37 @@ def _loop_source(item: Item) -> list[str]:
 
 
 class _Operand(NamedTuple):
-    """An argument or result, number k of a loop, as source text."""
+    """An argument or result, number k of a loop, as source text; size: the numbers of an item.
+
+    in_tile: the address of item i, its shape and strides; in_memory: the same of the item that goes there, anywhere in
+    memory; packed: the tile, the address of items that are packed in memory, their first row and the size of one.
+    """
 
     k: int
-    shape: Shape
-    axis: int  # where in `steps` the strides of its core axes begin
-    row: int  # its first in the tile
+    size: int
+    strides: str
+    in_tile: str
+    in_memory: str
+    is_packed: str
+    packed: str
 
-    @property
-    def size(self) -> int:
-        return math.prod(self.shape)
 
-    @property
-    def strides(self) -> str:
-        return "(" + "".join(f"steps[{self.axis + n}], " for n in range(len(self.shape))) + ")"
-
-    @property
-    def in_tile(self) -> str:
-        """The address of item i, its shape and strides."""
-        row = 8 * tile.ITEMS
-        return f"address(tile, {row * self.row} + 8 * i), {self.shape}, {tuple(self._apart(row))}"
-
-    @property
-    def in_memory(self) -> str:
-        """The same of the item that goes there, anywhere in memory."""
-        return f"address(p{self.k}, (start + i) * s{self.k}), {self.shape}, c{self.k}"
-
-    @property
-    def is_packed(self) -> str:
-        core = [f" and c{self.k}[{n}] == {bytes_}" for n, bytes_ in enumerate(self._apart(8))]
-        return f"s{self.k} == {8 * self.size}" + "".join(core)
-
-    @property
-    def packed(self) -> str:
-        """The tile, the address of items that are packed in memory, their first row and the size of one."""
-        return f"tile, address(p{self.k}, start * {8 * self.size}), {self.row}, {self.size}"
-
-    def _apart(self, number: int) -> list[int]:
-        """Return the bytes between neighbours along each axis, where numbers are so many bytes apart."""
-        return [number * math.prod(self.shape[axis + 1 :]) for axis in range(len(self.shape))]
+def _operand(k: int, shape: Shape, axis: int, row: int) -> _Operand:
+    """Return an operand; axis: where in `steps` the strides of its core axes begin; row: its first in the tile."""
+    size, in_row = math.prod(shape), 8 * tile.ITEMS
+    apart = [math.prod(shape[n + 1 :]) for n in range(len(shape))]  # numbers between neighbours along each axis
+    return _Operand(
+        k,
+        size,
+        strides="(" + "".join(f"steps[{axis + n}], " for n in range(len(shape))) + ")",
+        in_tile=f"address(tile, {in_row * row} + 8 * i), {shape}, {tuple(in_row * numbers for numbers in apart)}",
+        in_memory=f"address(p{k}, (start + i) * s{k}), {shape}, c{k}",
+        is_packed=" and ".join([f"s{k} == {8 * size}", *(f"c{k}[{n}] == {8 * x}" for n, x in enumerate(apart))]),
+        packed=f"tile, address(p{k}, start * {8 * size}), {row}, {size}",
+    )
 
 
 def _operands(shapes: list[Shape]) -> list[_Operand]:
     axes = accumulate(map(len, shapes), initial=len(shapes))  # the core strides follow one outer stride for each
     rows = accumulate(map(math.prod, shapes), initial=0)
-    return [*map(_Operand, range(len(shapes)), shapes, axes, rows)]
+    return [*map(_operand, range(len(shapes)), shapes, axes, rows)]

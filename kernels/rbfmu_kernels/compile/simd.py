@@ -94,11 +94,8 @@ def _place(context: Context, builder: Builder, kind: types.Type, z: Value, i: Va
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
 def wide_at(typingctx: Context, z: types.Array, i: types.Type, width: types.IntegerLiteral) -> Intrinsic:
     """Return the buffer of numbers of so many lanes that stand from z[i] on, place by place; width: a constant."""
-
-    def generate(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
-        return _place(context, builder, z, *args[:2])
-
-    return WideArrayType(width.literal_value)(z, intp, width), generate
+    kind = WideArrayType(width.literal_value)
+    return kind(z, intp, width), lambda context, builder, signature, args: _place(context, builder, z, *args[:2])
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -97,8 +97,8 @@ LOADED_TAYLOR = shell.make_model(
 
 
 SPLITTING_ORDERS = (2, 4, 6)
-_LOADED_SPLITTING_LAYOUT = places(memory.COMMON | {"order": 1})
-_SPLITTING = _LOADED_SPLITTING_LAYOUT.at
+_SPLITTING_LAYOUT = places(memory.COMMON | {"order": 1})
+_SPLITTING = _SPLITTING_LAYOUT.at
 
 
 @kernel
@@ -129,6 +129,5 @@ def _advance_loaded_splitting(z: Buffer, h: float) -> int:
 
 
 LOADED_SPLITTING = shell.make_model(
-    "LOADED_SPLITTING", _LOADED_SPLITTING_LAYOUT, _set_up_loaded_splitting, _advance_loaded_splitting,
-    ORDERS=SPLITTING_ORDERS,
-)  # fmt: skip
+    "LOADED_SPLITTING", _SPLITTING_LAYOUT, _set_up_loaded_splitting, _advance_loaded_splitting, ORDERS=SPLITTING_ORDERS
+)

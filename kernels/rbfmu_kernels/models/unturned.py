@@ -50,9 +50,9 @@ def begins_to_turn(z: Buffer) -> bool:
 NO_ROTATION = shell.make_model("NO_ROTATION", _NO_ROTATION_LAYOUT, _set_up_no_rotation, _advance_no_rotation)
 
 
-_ANGULAR_MOMENTUM_LAYOUT = places(closed_form.CLOSED_FORM | {"omega_0": 3, "alpha": 3, "since_alpha": 2})
+_MOMENTUM_LAYOUT = places(closed_form.CLOSED_FORM | {"omega_0": 3, "alpha": 3, "since_alpha": 2})
 """After CLOSED_FORM: the rate when the torque last changed, what the torque adds to it in 1 s, and the time since."""
-_MOMENTUM = _ANGULAR_MOMENTUM_LAYOUT.at
+_MOMENTUM = _MOMENTUM_LAYOUT.at
 
 
 @kernel
@@ -87,7 +87,7 @@ def _advance_angular_momentum(z: Buffer, h: float) -> int:
 
 
 ANGULAR_MOMENTUM = shell.make_model(
-    "ANGULAR_MOMENTUM", _ANGULAR_MOMENTUM_LAYOUT, _set_up_angular_momentum, _advance_angular_momentum
+    "ANGULAR_MOMENTUM", _MOMENTUM_LAYOUT, _set_up_angular_momentum, _advance_angular_momentum
 )
 
 
