@@ -10,14 +10,14 @@ from rbfmu.scene.body import principal_axes, six_numbers
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Buffer
 from rbfmu_kernels.body import closed_form, memory, outputs, principal
-from rbfmu_kernels.buffer import CHANGED, FAULTS, NO_OUTPUTS, places
+from rbfmu_kernels.buffer import CHANGED, FAULTS, NO_OUTPUTS
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import splitting
 from rbfmu_kernels.models import unturned
 from rbfmu_kernels.quantities import INITIAL_VALUES, LOADS, active_flags
 
 T = TypeVar("T")
-BLOCKS, SIZE = places(memory.COMMON)
+BLOCKS, SIZE = memory.LAYOUT
 """The blocks that all models of a body have, and how many numbers they are."""
 _CACHE_LINE = 8
 """The numbers in a cache line."""
@@ -61,8 +61,7 @@ def _numbers(scene: Scene) -> dict[str, Any]:
     numbers |= {f"states.{name}_0": row.start for name, row in scene.states.items()}
     numbers |= {name: port.start for name, port in scene.inputs.own.items()}
     numbers |= {"series.start_time": scene.run.start, "series.longest": scene.run.stop - scene.run.start}
-    if scene.body is not None:
-        body = scene.body
+    if (body := scene.body) is not None:
         numbers |= {"mass": body.mass, "inertia": six_numbers(body.M_c), "r_oc_b": body.r_oc_b}
         numbers["pivot"] = float(body.pivot)
     return numbers
@@ -154,7 +153,7 @@ class BodyAtStart:
 
     # A body that turns about one axis
 
-    axis = _answer(principal.main_axis, lambda start: (start.z,))
+    axis = _answer(principal.main_axis)
     """The principal axis of most of the rate, in b."""
     leaves_axis = _answer(principal.leaves_axis, lambda start: (start.z, start.axis))
     """Whether anything turns the body about another axis."""

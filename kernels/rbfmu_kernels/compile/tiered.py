@@ -48,14 +48,9 @@ def _plain(value: Any) -> Any:
         return _PlainModule(value)
     if isinstance(value, np.ndarray) and value.dtype == np.float64:
         return memoryview(value.data)  # whose numbers are Python's
-    if value is math.sqrt:
-        return _square_root
+    if value is math.sqrt:  # which raises an error below zero, where compiled code has NaN
+        return lambda x: math.nan if x < 0.0 else math.sqrt(x)
     return _plain_function(value) if hasattr(value, "py_func") else value
-
-
-def _square_root(x: float) -> float:
-    """Return the root, NaN of a number below zero as compiled code has it, for which Python's own raises an error."""
-    return math.nan if x < 0.0 else math.sqrt(x)
 
 
 @cache
@@ -172,7 +167,8 @@ def _each(value: Any, kind: type, convert: Function) -> Any:
 
 def is_kept(kernel: Any, *args: object) -> bool:
     """Return whether a kernel's code for such arguments is compiled already, or is kept on disk; it is loaded then."""
-    return has_code(kernel, tuple(map(_type_of, args)))
+    # To ask Numba about an array loads numpy.ma, which takes 10 ms.
+    return has_code(kernel, tuple(float64[::1] if is_buffer(x) and x.flags.carray else typeof(x) for x in args))
 
 
 _LOADING = Lock()
@@ -191,11 +187,6 @@ def has_code(kernel: Any, signature: tuple[types.Type, ...]) -> bool:
         return signature in kernel.overloads
     except Exception:  # Numba's internals behave otherwise than where they were tried
         return False
-
-
-def _type_of(value: object) -> types.Type:
-    """Return Numba's type of an argument; to ask it about an array loads numpy.ma, which takes 10 ms."""
-    return float64[::1] if is_buffer(value) and value.flags.carray else typeof(value)
 
 
 def _file_of_time(kernel: Any) -> Path:

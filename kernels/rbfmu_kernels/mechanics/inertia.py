@@ -116,8 +116,7 @@ def _sum_with(total: tuple[Vec3, Vec3], term: Vec3) -> tuple[Vec3, Vec3]:
 def inertia_of_clouds(masses: Array, positions: Array, mass: Array, r_oc: Array, M_c: Array) -> None:
     """Put `inertia_of_points` of each cloud of arrays (clouds, n) and (clouds, n, 3) into the last three arguments."""
     for k in range(len(masses)):
-        total, centre, M = inertia_of_points(masses[k], positions[k])
-        mass[k] = total
+        mass[k], centre, M = inertia_of_points(masses[k], positions[k])
         for i in range(3):
             r_oc[k, i] = centre[i]
             for j in range(3):
