@@ -15,15 +15,14 @@ from ..body import driven, memory, shell
 from ..buffer import NO_TOP, OK, RESONANT, STEP_REJECTED, places, with_work_space
 from ..buffer_access import copy_numbers, pair_at, put_pair_at
 from ..compile.decorator import kernel
-from ..integrators import dense_output as dense, splitting, taylor
+from ..integrators import dense_output as dense, splitting, taylor, taylor_coefficients as series
 from ..integrators.substeps import LONGEST_STEP, Method, Room, substeps_in
-from ..integrators.taylor_coefficients import MAX_ORDER, WORK
 from ..rotations.vec3 import is_nonzero
 from ..types import Buffer
 
-ORDERS = range(4, MAX_ORDER + 1, 2)
+ORDERS = range(4, series.MAX_ORDER + 1, 2)
 _KEPT = {"kept_before": dense.SERIES_SIZE, "held_inputs": driven.NUMBER_OF_INPUTS}
-_LOADED_TAYLOR_LAYOUT = with_work_space(driven.DRIVEN | {"order": 1} | dense.SERIES_BLOCKS | _KEPT, WORK)
+_LOADED_TAYLOR_LAYOUT = with_work_space(driven.DRIVEN | {"order": 1} | dense.SERIES_BLOCKS | _KEPT, series.WORK)
 _AT = _LOADED_TAYLOR_LAYOUT.at
 _SERIES = _AT.validity
 """Where what is kept of a series begins."""
