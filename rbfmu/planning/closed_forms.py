@@ -168,8 +168,7 @@ def _error(judge: Judge, spec: registry.ModelSpec, truth: Motion, names: tuple[s
     asked = judge.asked
     if not _may_be_close(asked, spec, truth, names, times * asked.accuracy):
         return math.inf
-    found = judge.motion_by(_candidate(asked, spec), names)
-    return largest_error(found, truth, names, least_sizes(asked, truth), bool(asked.varying & GROWING))
+    return judge.compare(_candidate(asked, spec), truth, names, bool(asked.varying & GROWING))
 
 
 def _may_be_compared(asked: Question) -> bool:

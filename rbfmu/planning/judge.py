@@ -265,6 +265,10 @@ class Judge:
         """Return the motion that a plan makes in `cut_steps`."""
         return motion_of(self.scene, plan, self.cut_steps, names)
 
+    def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
+        """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""
+        return largest_error(self.motion_by(smaller, names), truth, names, least_sizes(self.asked, truth), absolute)
+
 
 def magnified_round_off(growth: float) -> float:
     """Return what a motion makes of four units in the last place."""
