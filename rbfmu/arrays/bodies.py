@@ -133,5 +133,4 @@ def _in_lanes(*arrays: Array) -> tuple[Array, Array] | None:
 
 def _flat(a: Array, shape: tuple[int, ...], width: int) -> Array:
     """Return an array broadcast to a shape as rows of `width` numbers."""
-    rows = np.broadcast_to(a, shape).reshape(-1, width)
-    return np.require(rows, float, ("C", "W"))
+    return np.require(np.broadcast_to(a, shape).reshape(-1, width), float, ("C", "W"))

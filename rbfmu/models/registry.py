@@ -186,8 +186,7 @@ def _difference(a: DoubleDouble, b: DoubleDouble) -> float:
 
 
 def _is_full(asked: Question) -> bool:
-    M = asked.body.M
-    return asked.body.pivot or any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
+    return asked.body.pivot or any(asked.body.M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
 
 
 # Each of them

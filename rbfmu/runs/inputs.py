@@ -245,8 +245,7 @@ def _points(time: Array, tables: list[Array], near: float) -> Array:
     rows = np.unique(np.concatenate(tables))
     rows = rows[(rows > time[0]) & (rows < time[-1])]
     after = np.searchsorted(time, rows)
-    apart = np.minimum(time[after] - rows, rows - time[after - 1]) > near
-    rows = rows[apart]
+    rows = rows[np.minimum(time[after] - rows, rows - time[after - 1]) > near]
     rows = rows[np.diff(rows, prepend=-np.inf) > near]
     return np.union1d(time, rows)
 

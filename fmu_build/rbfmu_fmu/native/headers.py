@@ -127,8 +127,7 @@ def _refusals() -> list[str]:
 
 def _bits(phases: Iterable[int]) -> str:
     """Return a set of phases as C."""
-    names = list(PHASES)
-    return " | ".join(f"1 << {names[k]}" for k in phases) or "0"
+    return " | ".join(f"1 << {[*PHASES][k]}" for k in phases) or "0"
 
 
 def _row(items: Iterable[object]) -> str:
