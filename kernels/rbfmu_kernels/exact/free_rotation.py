@@ -26,10 +26,9 @@ from ..numerics.double_double import DoubleDouble, Vector, two_sum
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, largest_of, scale_quaternion, square_of
 from ..rotations.vec3 import scale
 from ..types import Array, Buffer, FreeRotationNumbers, Quaternion, Vec3
-from . import free_rotation_setup as constants
+from . import free_rotation_setup as constants, uniform_rotation
 from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, jacobi_of, place_of, read_steady, turn_of
 from .free_rotation_setup import FreeRotation, in_body_axes, read_free_rotation
-from .uniform_rotation import power_for, without_turns
 
 __all__ = ["free_rotation", "free_rotation_at", "free_rotation_setup"]
 
@@ -70,8 +69,8 @@ def free_rotation_of(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> Fre
 @kernel
 def scaled_for_setup(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> tuple[Vector, Quaternion, Vector, float]:
     """Return moments, attitude and rate scaled to about 1, and what undoes that of the rate."""
-    q, up = scale_quaternion(elementary.power_of_two_for(largest_of(q_0)), q_0), power_for(omega_b_0)
-    return dd.scale_vector(power_for(moments), moments), q, dd.scale_vector(up, omega_b_0), 1.0 / up
+    q, up = scale_quaternion(elementary.power_of_two_for(largest_of(q_0)), q_0), uniform_rotation.power_for(omega_b_0)
+    return dd.scale_vector(uniform_rotation.power_for(moments), moments), q, dd.scale_vector(up, omega_b_0), 1.0 / up
 
 
 @kernel(inline=False)
@@ -142,7 +141,7 @@ def place_at(motion: FreeRotation, t: DoubleDouble) -> elliptic.Place:
         high, low = dd.add(phase, motion.phase)
         high = choose(abs(high) > _LAST_X, math.copysign(_LAST_X, high), high)
     else:
-        high, low = without_turns(motion.phase_rate, t)
+        high, low = uniform_rotation.without_turns(motion.phase_rate, t)
         high, low = dd.add((2.0 * high, 2.0 * low), motion.phase)
     return place_of(motion.kind, (high, low), motion.width)
 
@@ -150,7 +149,7 @@ def place_at(motion: FreeRotation, t: DoubleDouble) -> elliptic.Place:
 @kernel
 def free_attitude_at(motion: FreeRotation, t: DoubleDouble, place: elliptic.Place) -> Quaternion:
     """Return q_ab at the scaled time t."""
-    high, low = without_turns(motion.precession, t)
+    high, low = uniform_rotation.without_turns(motion.precession, t)
     if motion.kind == STEADY:
         s, e = elementary.sincos_half_turns(2.0 * high, 2.0 * low)
         p, r, s = scale(s, read_steady(motion.series).axis)

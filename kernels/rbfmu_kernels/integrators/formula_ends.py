@@ -5,7 +5,6 @@ import math
 from ..compile.decorator import kernel
 from ..types import Buffer
 from . import polynomials
-from .polynomials import AT_CORNER, LEAST, NOTHING, ROUGHLY, bound_of, first_root, known_until, polynomial
 
 BEYOND = 1e-7
 """How far beyond a touch a series goes on, as a part of its reach."""
@@ -27,9 +26,9 @@ A series finds the zero of (t - 1)^n early, by the n-th root of round-off: for n
 at is no corner yet: the first coefficient of the next one is right there, which finds the zero so much better. The
 power 64, the highest that is multiplied out, comes to 1e-10 in 40 of them, and what slides along its corner to an end.
 """
-LAST_HALF = LEAST * 2.0**-63
+LAST_HALF = polynomials.LEAST * 2.0**-63
 """The part of [0, h] to which 64 halvings of the least step of a search find a root."""
-SOON_AFTER = 8.0 * AT_CORNER
+SOON_AFTER = 8.0 * polynomials.AT_CORNER
 """The part of the time that has passed after which the side after a corner is looked at: some of its round-off."""
 AROUND = 100.0
 """How far such a series goes at most, in times in which its first two terms come to zero: of (t - 1)^n the zero is at n
@@ -43,14 +42,14 @@ def risen_at(z: Buffer, i: int, row: int, n: int, h: float) -> float:
     begin = z[i]
     low = max(begin, min(LEAST_EXPONENT, OF_EXPONENT * begin))
     level = low + max(RISE, PART_OF_RISE * abs(low))
-    size, _ = bound_of(z, i, row, n, h)
+    size, _ = polynomials.bound_of(z, i, row, n, h)
     if begin + (size - abs(begin)) <= level or not size < math.inf:  # such an h is halved for its defect
         return h
-    h = known_until(z, i, row, n, h, ROUGHLY)
-    size, _ = bound_of(z, i, row, n, h)
-    h = known_until(z, i, row, n, h, min(ROUGHLY, max(1.0, 0.01 * abs(level)) / size))
+    h = polynomials.known_until(z, i, row, n, h, polynomials.ROUGHLY)
+    size, _ = polynomials.bound_of(z, i, row, n, h)
+    h = polynomials.known_until(z, i, row, n, h, min(polynomials.ROUGHLY, max(1.0, 0.01 * abs(level)) / size))
     z[i] = begin - level
-    root = first_root(z, i, row, n, 0.0, h, 0.0)
+    root = polynomials.first_root(z, i, row, n, 0.0, h, 0.0)
     z[i] = begin
     return min(root, h)
 
@@ -62,7 +61,7 @@ def begins_again(z: Buffer, i: int, row: int, begun: float, t: float) -> float:
     begun: how many did by where the last one ended. At a corner the coefficients z[i], z[i + row], ... come to zero in
     a time that is round-off of t, the time that has passed.
     """
-    if 0.0 < begun <= MOST_AGAIN and abs(z[i]) > max(AT_CORNER * abs(t * z[i + row]), NOTHING):
+    if 0.0 < begun <= MOST_AGAIN and abs(z[i]) > max(polynomials.AT_CORNER * abs(t * z[i + row]), polynomials.NOTHING):
         return -begun
     return begun
 
@@ -70,7 +69,7 @@ def begins_again(z: Buffer, i: int, row: int, begun: float, t: float) -> float:
 @kernel
 def at_zero(z: Buffer, i: int, row: int, t: float) -> bool:
     """Return whether a polynomial comes to zero, or came there, in a time that is round-off of t."""
-    return t * z[i + row] != 0.0 and abs(z[i]) <= AT_CORNER * abs(t * z[i + row])
+    return t * z[i + row] != 0.0 and abs(z[i]) <= polynomials.AT_CORNER * abs(t * z[i + row])
 
 
 @kernel(inline=False)
@@ -96,7 +95,7 @@ def side_after(z: Buffer, i: int, row: int, n: int, begun: float, t: float) -> f
     At a corner it is the one after a time that is round-off of t: -(t - 1)^2 rises for as long as that at most.
     """
     if begun > 0.0:
-        later = polynomial(z, i + row, row, n - 1, SOON_AFTER * t)
+        later = polynomials.polynomial(z, i + row, row, n - 1, SOON_AFTER * t)
         return math.copysign(1.0, later) if later != 0.0 else polynomials.side_from(z, i, row, 1, n)
     return polynomials.side_from(z, i, row, 0, n)
 
@@ -115,6 +114,6 @@ def ends_at_corner(z: Buffer, i: int, row: int, n: int, begun: float, t: float, 
     after the beginning is known to a part of h alone. What is zero all along ends nowhere.
     """
     first = 1 if begun > 0.0 else 0
-    size, slope = bound_of(z, i + first * row, row, n - first, t)
-    at_end = abs(polynomial(z, i + first * row, row, n - first, t))
-    return bool(size > 0.0) and bool(at_end <= max(AT_CORNER * size, LAST_HALF * h * slope))
+    size, slope = polynomials.bound_of(z, i + first * row, row, n - first, t)
+    at_end = abs(polynomials.polynomial(z, i + first * row, row, n - first, t))
+    return bool(size > 0.0) and bool(at_end <= max(polynomials.AT_CORNER * size, LAST_HALF * h * slope))

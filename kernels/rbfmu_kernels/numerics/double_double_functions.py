@@ -6,9 +6,8 @@ The relative error of e^x grows with |x|, to 2e-29 at 660.
 import math
 
 from ..compile.decorator import kernel
-from . import double_double as dd
+from . import double_double as dd, elementary
 from .double_double import PI, DoubleDouble
-from .elementary import atan2, logarithm
 
 _LN_2 = (0.6931471805599453, 2.3190468138462996e-17)
 _HALVINGS, _TERMS_OF_EXP, _TERMS_OF_SINE = 9, 10, 17
@@ -64,7 +63,7 @@ def natural_logarithm(x: DoubleDouble) -> DoubleDouble:
 
     NaN where x or 1/x is beyond 1e289, where low parts of products are out of range.
     """
-    first = logarithm(x[0])
+    first = elementary.logarithm(x[0])
     if not abs(first) <= _LARGEST_LOGARITHM:
         return (first if abs(first) == math.inf else math.nan, 0.0)
     power = exponential((first, 0.0))
@@ -75,7 +74,7 @@ def natural_logarithm(x: DoubleDouble) -> DoubleDouble:
 @kernel(inline=False)
 def angle_of(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
     """Return the angle of the point (x, y) in [-pi, pi], from that in doubles by the tangent of what is left."""
-    first = atan2(y[0], x[0])
+    first = elementary.atan2(y[0], x[0])
     s, c = sine_and_cosine((first, 0.0))
     across, along = dd.subtract(dd.multiply(y, c), dd.multiply(x, s)), dd.add(dd.multiply(x, c), dd.multiply(y, s))
     if along[0] == 0.0:

@@ -18,9 +18,8 @@ from typing import NamedTuple
 from ..compile.decorator import kernel
 from ..compile.wide import all_of, always, any_of, choose
 from ..types import Vec3
-from . import double_double as dd
+from . import double_double as dd, elementary
 from .double_double import ONE_OVER_PI, DoubleDouble, two_product, two_sum
-from .elementary import exp2, power_of_two_for, round_to_integer
 
 
 @kernel
@@ -66,7 +65,7 @@ def climb_scale(kc: DoubleDouble, n: DoubleDouble, s: DoubleDouble, c: DoubleDou
         size = abs(sc[0]) + abs(cc[0])
         fits = (size > 1e-10) & (size < 1e10)
         if not all_of(fits):  # squared at each level
-            power = choose(fits, 1.0, power_of_two_for(size))
+            power = choose(fits, 1.0, elementary.power_of_two_for(size))
             sc, cc = dd.scale(power, sc), dd.scale(power, cc)
         s, c = dd.choose(goes_on, sc, s), dd.choose(goes_on, cc, c)
         p2 = dd.multiply(p, p)
@@ -228,13 +227,13 @@ Place = tuple[float, float, float, float]
 @kernel
 def place_near(x: DoubleDouble, width: DoubleDouble) -> Place:
     """Return the place at the phase x, in half turns."""
-    turns = round_to_integer(x[0])
+    turns = elementary.round_to_integer(x[0])
     rest = x[0] - turns
     high, low = two_product(width[0], rest)
     low += width[0] * x[1] + width[1] * rest
     right = high > 0.0
-    e = exp2(choose(right, -high, high), choose(right, -low, low))
-    flip = choose(2.0 * round_to_integer(0.5 * turns) == turns, 1.0, -1.0)
+    e = elementary.exp2(choose(right, -high, high), choose(right, -low, low))
+    flip = choose(2.0 * elementary.round_to_integer(0.5 * turns) == turns, 1.0, -1.0)
     return (e, math.copysign(1.0, high), flip, rest)
 
 
