@@ -201,6 +201,8 @@ def _overlap(arrays: Sequence[Array], outs: Sequence[Array]) -> bool:
 
 
 _NUMPY_KEYWORDS = {"out", "where", "axes", "order", "subok", "casting", "dtype"}
+_SHORT = {"R": "R_ab", "q": "q_ab"}
+"""Names by which an attitude may be given as well, as in `euler_from_quaternion("ZYX", q=q)`."""
 _NAMED, _KEYWORD = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
 
 
@@ -247,6 +249,9 @@ def in_order(kernel: Function, args: Arguments, kwargs: Keywords) -> tuple[Argum
     if kwargs.keys() <= _NUMPY_KEYWORDS:
         return args, kwargs
     name, names = python_function(kernel).__name__, list(core_shapes(kernel)[0])
+    for short, full in _SHORT.items():
+        if short in kwargs and short not in names and full in names and full not in kwargs:
+            kwargs = {full if key == short else key: value for key, value in kwargs.items()}
     known = f"arguments are {', '.join(_names(kernel))}, out"
     if unknown := [key for key in kwargs if key not in names and key not in _NUMPY_KEYWORDS]:
         raise TypeError(f"{name}: unexpected keyword {unknown[0]!r}; {known}")

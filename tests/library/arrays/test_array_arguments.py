@@ -220,6 +220,19 @@ def test_out_goes_with_names():
     assert (out == rbfmu.rotate(Q, V)).all()
 
 
+def test_an_attitude_may_be_given_by_name_without_its_frames():
+    np.testing.assert_array_equal(rbfmu.euler_from_matrix("ZYX", R=R), rbfmu.euler_from_matrix("ZYX", R))
+    np.testing.assert_array_equal(rbfmu.euler_from_quaternion(seq="zxz", q=Q), rbfmu.euler_from_quaternion("zxz", Q))
+    np.testing.assert_array_equal(rbfmu.rotate(v_b=V, q=Q), rbfmu.rotate(Q, V))
+    for twice in ({"q": Q}, {"q_ab": Q}):
+        with pytest.raises(TypeError, match="rotate: q_ab is given twice, by position and by name"):
+            rbfmu.rotate(Q, **twice)
+    with pytest.raises(TypeError, match="rotate: unexpected keyword 'q'; arguments are q_ab, v_b, out"):
+        rbfmu.rotate(q=Q, q_ab=Q, v_b=V)
+    with pytest.raises(TypeError, match="compose_matrices: unexpected keyword 'q'"):
+        rbfmu.compose_matrices(R, q=R)
+
+
 @compiled_only
 @pytest.mark.parametrize("rate", ["compose_omega", "rotvec_rate_a"])
 def test_axes_are_those_of_numpy(rate):
