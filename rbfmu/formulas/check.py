@@ -128,6 +128,9 @@ class Texts:
                 is_energy = table == "outputs" and name in ENERGIES and names[name].value == name
                 if table == "inputs.ports" and name == "h":
                     self.faults.append("inputs.ports.h: expected another name: h is a simulator's step")
+                elif table == "outputs" and name.startswith("_"):  # a simulator's attribute would be its own
+                    said = "expected another name, without _ in front: results have such names themselves"
+                    self.faults.append(f"outputs.{name}: {said}")
                 elif not is_energy and (name in taken or name in beside.get(table, ())):
                     self.faults.append(f"{table}.{name}: expected another name: {name} means something else here")
                 elif name in seen:

@@ -209,6 +209,8 @@ class Inputs(rules.Section, path="inputs"):
         paths = [f"inputs.ports.{x}" if isinstance(x := row.get("name"), str) else "inputs.ports" for row in rows]
         read = (rules.checked(named.Port.read, *row, faults) for row in zip(rows, paths, strict=True))
         own = [one for one in read if one]
+        if any(one.name == "omega_b" for one in own):  # by that name the scene's port is known, which prescribes rates
+            faults.append("inputs.ports.omega_b: expected another name: omega_b means something else here")
         found = named.Named({one.name: one for one in own})
         if twice := [one.name for one in own if one is not found[one.name]]:
             faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")

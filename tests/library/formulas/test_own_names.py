@@ -156,11 +156,17 @@ def test_wrong_ports_are_refused(port, said):
         rbfmu.Scene.from_dict(scene(inputs={"ports": [port]}, loads={"torque_b": "-omega_b"}))
 
 
+def test_no_port_of_ones_own_is_called_as_that_of_the_rates():
+    """It was taken for both, and `simulate` said "mass = [0.0]" of a scene without a body."""
+    with pytest.raises(rbfmu.SceneError, match=r"^inputs\.ports\.omega_b: expected another name: omega_b means"):
+        rbfmu.Scene(inputs={"ports": [{"name": "omega_b", "size": 3}]})
+
+
 def test_outputs_of_ones_own_hide_no_attribute_of_results_and_simulators():
     one = rbfmu.Scene.from_dict(scene(loads={"torque_b": "-omega_b"}))
     both = rbfmu.simulate(one), rbfmu.Simulator(one)
-    names = {name for found in both for name in dir(found) if not name.startswith("_")}
-    assert {"time", "rows", "until", "buffer"} <= names
+    names = {name for found in both for name in dir(found)}
+    assert {"time", "rows", "until", "buffer", "_z", "__class__"} <= names
     for name in names - {"quantities"}:  # which is a key
         with pytest.raises(rbfmu.SceneError, match=rf"outputs\.{name}: expected another name"):
             rbfmu.Scene.from_dict(scene(loads={"torque_b": "-omega_b"}, outputs={name: "t"}))
