@@ -123,7 +123,7 @@ class Simulator:
         "time",
     )  # fmt: skip
 
-    def __init__(self, scene: Any, /, **parameters: Any) -> None:
+    def __init__(self, /, scene: Any, **parameters: Any) -> None:
         own, planned = of_scene_or_path(lambda one: (one, plan(one)), "Simulator")(scene)
         self._set_up(own, *_started(own, planned, parameters))
 

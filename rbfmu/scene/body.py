@@ -195,4 +195,5 @@ class Body(Section, path="body"):
             yield fault("body.r_oc_b", self.r_oc_b, f"a distance whose inertia about o is finite ({_UNIT})")
         elif principal_axes(self.M)[0][1] <= _least_moment(self.M):
             about = "o, the pivot" if self.pivot else "the centre of mass"
-            yield fault("body.inertia", self.inertia, f"at most one zero moment about {about} (a slender beam has one)")
+            expected = f"at most one zero moment about {about} (a slender beam has one)"
+            yield fault("body.inertia", self._set()["inertia"], expected)

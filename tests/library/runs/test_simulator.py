@@ -162,6 +162,11 @@ def test_reset_begins_anew_with_the_parameters_that_the_scene_lists():
     np.testing.assert_allclose(sim.omega_b, changed.omega_b, rtol=0, atol=1e-12)
 
 
+def test_a_scene_may_be_given_by_name():
+    one = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, inputs={"parameters": ["omega_b_0"]})
+    assert rbfmu.Simulator(scene=one, omega_b_0=[0, 0, 1]).omega_b.tolist() == [0.0, 0.0, 1.0]
+
+
 def test_a_name_of_one_s_own_may_be_python_s_usual_name_for_an_object():
     """Python said that it was given twice."""
     own = {"constants": {"self": 0.1}, "inputs": {"ports": ["torque_b"], "parameters": ["self"]}}

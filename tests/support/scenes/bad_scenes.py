@@ -56,7 +56,7 @@ NOT_INERTIA = {
     "triangle": ("[1, 2, 3.0001]", "at most the sum of the other two"),
     "triangle in a matrix": ("[[2, 0.9, 0], [0.9, 2, 0], [0, 0, 5]]",
         "at most the sum of the other two (kg m2), not 1.1"),
-    "point mass": ("[0, 0, 0]", "at most one zero moment"),
+    "point mass": ("[0, 0, 0]", "inertia = [0.0, 0.0, 0.0]: expected at most one zero moment"),
     "two zero moments": ("[0, 0, 1]", "at most the sum"),
 }  # fmt: skip
 NOT_SHAPES = {
