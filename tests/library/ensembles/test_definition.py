@@ -111,6 +111,12 @@ def test_a_grid_with_other_points_has_as_many_runs():
         coarse.replace({"ensemble.runs": 4})
 
 
+def test_one_part_may_be_kept_by_its_name_alone():
+    assert scene(ensemble={"keep": "all"}) == scene(ensemble={"keep": ["all"]})
+    with pytest.raises(SceneError, match=r'^varied.toml: ensemble\.keep = "every": expected a list .*, not "every"$'):
+        scene(ensemble={"keep": "every"})
+
+
 def test_keys_may_be_written_with_toml_s_own_dots():
     text = """
     body.mass = { normal = [50.0, 0.5] }
