@@ -9,7 +9,7 @@ import math
 from ..body import driven
 from ..buffer import MOST_LISTED as MOST_LISTED
 from ..integrators import formula_ends, substeps
-from ..integrators.polynomials import TOUCHING, first_root, first_touch, leaves_band, polynomial
+from ..integrators.polynomials import AT_CORNER, TOUCHING, first_root, first_touch, leaves_band, polynomial
 from ..types import Buffer
 
 EVENTS = (
@@ -25,6 +25,8 @@ FAR = 1e300
 """How far what has not come to zero yet counts as away: finite, as all numbers of a saved state are."""
 TOUCHED = 1e-15
 """The part which round-off makes of what touches zero, over the largest that it has been and what it is by the time."""
+TOGETHER = 0.01
+"""The part by which two times since zeros differ, both of what a series was off, where the zeros are one."""
 
 # What templates are bound to, see `formulas`.
 OF_EVENT: tuple[int, ...] = ()
@@ -32,7 +34,7 @@ EVENT_SIDES: tuple[int, ...] = (0,)
 DIRECTIONS: tuple[float, ...] = (0.0,)
 NUMBER_OF_EVENTS = NOTED = COUNTS = TIMES = TIMES_BEFORE = EARLIEST = TOUCHES = LAST_TOUCHES = LARGEST = 0
 AWAY = ORIGINS = ENTRIES = COUNTED = LISTED = LIST = 0
-ORDER = TIME = STARTS = BEGUN = REACH = WATCHED = SIDES = ROW = 0
+ORDER = TIME = STARTS = BEGUN = REACH = WATCHED = NUMBER_OF_SIDES = SIDES = ON = FLIPS = ROW = 0
 
 
 def set_up_events(z: Buffer) -> None:
@@ -69,9 +71,28 @@ def excess_of_events(z: Buffer, h: float) -> float:
 
 
 def round_off_of(z: Buffer, e: int) -> float:
-    """Return how far from zero round-off may take what an event watches where it is zero."""
-    at = WATCHED + EVENT_SIDES[e]
-    return TOUCHED * (max(z[LARGEST + e], abs(z[at])) + abs(z[TIME] * z[at + ROW]))
+    """Return how far from zero round-off may take what an event watches where it is zero.
+
+    At a corner that is what it is by the time to which the corner is found: where |x| turns, x is passed by so much.
+    """
+    at, late = WATCHED + EVENT_SIDES[e], TOUCHED * abs(z[TIME])
+    for i in range(NUMBER_OF_SIDES):
+        if OF_EVENT[i] < 0 and z[ON + i] > 0.0:
+            late = max(late, AT_CORNER * (z[TIME] - z[STARTS]))
+    return TOUCHED * max(z[LARGEST + e], abs(z[at])) + late * abs(z[at + ROW])
+
+
+def turns_at_corner(z: Buffer, e: int) -> bool:
+    """Return whether what an event watches was zero at a corner that has just been passed, and goes away from zero.
+
+    As |x| does, where the series before was off by so much that x has changed its sign already.
+    """
+    at, turns = WATCHED + EVENT_SIDES[e], False
+    for i in range(WATCHED, WATCHED + NUMBER_OF_SIDES):
+        if i != at and z[FLIPS + i - WATCHED] > 0.0:
+            apart, both = abs(z[at] * z[i + ROW] - z[i] * z[at + ROW]), abs(z[i] * z[at + ROW])
+            turns |= bool(apart <= TOGETHER * both) and bool(z[at] * z[at + ROW] > 0.0)
+    return turns
 
 
 def side_that_counts(z: Buffer, i: int) -> float:
@@ -141,7 +162,7 @@ def note_events(z: Buffer, ended: bool) -> None:
             t = leaves_band(z, at, ROW, n, reach, least)
             origin = -side if t <= reach and side * polynomial(z, at, ROW, n, -t) < 0.0 else side
         else:
-            happens = side != before or (ended and (touch > 0.0 or abs(z[at]) <= least))
+            happens = side != before or (ended and (touch > 0.0 or abs(z[at]) <= least or turns_at_corner(z, e)))
             origin = z[ORIGINS + e] if near else before
         if happens:
             t = touch if side == before and touch > 0.0 else begun
