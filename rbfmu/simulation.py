@@ -221,7 +221,7 @@ class Simulator:
             count, end = _UNKNOWN, self.time + length
         before = self._put(ports) if ports else ()
         try:
-            if length > 0.0 and math.isfinite(end) and self._step(self._z, length) == OK:
+            if self.time < end < math.inf and self._step(self._z, length) == OK:
                 self.time, self._count = end, count
                 self._known, self._told = self._told, self._untold
                 return
@@ -229,10 +229,10 @@ class Simulator:
             self.time, self._count = math.nan, 0
             raise
         self._put_back(before)
-        why = "no finite motion, or none that the accuracy allows" if length > 0.0 else "the step size must be positive"
+        no_size = "it is too small for this time" if length > 0.0 else "the step size must be positive"
+        why = "no finite motion, or none that the accuracy allows" if end > self.time else no_size
         why = "an interrupt came within the step before: `restore` goes on" if math.isnan(self.time) else why
-        step = f"the step from t = {self.time!r} s by {length!r} s"
-        raise SimulationError(f"{self.scene.name}: {step} was refused: {why}")
+        raise SimulationError(f"{self.scene.name}: the step from t = {self.time} s by {length} s was refused: {why}")
 
     def hold(self, /, **ports: Any) -> None:
         """Set inputs without a step; outputs show them after the next. Raises ValueError for a wrong one: sets none."""

@@ -195,6 +195,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             end = current_time + step_size
             if not (step_size > 0.0 and -_INFINITY < end < _INFINITY):
                 return self._discard(current_time, step_size, "the step size must be positive, and all times finite")
+            if not end > current_time:
+                return self._discard(current_time, step_size, "the step is too small for this time")
             if self._step_by(self._where, step_size):
                 return self._discard(current_time, step_size, "no finite motion, or none that the accuracy allows")
             self._stale = False

@@ -222,10 +222,10 @@ class Model:
 
     def _impossible(self, time, size):
         end = time + size
-        if not (size > 0.0 and math.isfinite(end)):
+        if not (size > 0.0 and time < end < math.inf):  # nor one that is too small for the clock
             return True
         clock = 1e-9 * max(size, abs(time), abs(self.now.time))
-        late = not end > time or abs(time - self.now.time) > clock or end > self.now.stop + clock
+        late = abs(time - self.now.time) > clock or end > self.now.stop + clock
         return self.native and late
 
     def _not_taken(self, status, time):
