@@ -302,8 +302,9 @@ def build(
         if slow := [one.name for one in platforms_named(platforms) if takes_minutes(one)]:
             why = "the first time takes minutes, as ziglang builds the platform's C library"
             click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
-        path, is_full = output or Path(file_name(scene.name)), asked.model == "full"
-        click.echo(rbfmu_fmu.build(scene, path, kind, platforms, is_full, int(fmi), scalars, terminals))
+        path = output or Path(file_name(scene.name))
+        planned = rbfmu.Plan.from_dict(_plan_of(asked, nullcontext(scene))["plan"])
+        click.echo(rbfmu_fmu.build(scene, path, kind, platforms, False, int(fmi), scalars, terminals, planned=planned))
 
 
 @main.command()

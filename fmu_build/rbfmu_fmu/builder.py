@@ -20,6 +20,7 @@ from rbfmu import Plan, Scene
 from rbfmu.exceptions import path_of
 from rbfmu.on_disk import write_whole
 from rbfmu.planning.select import plan
+from rbfmu.runs.plan import given
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe
 from rbfmu_fmu.model_description import FMI2, FmiVersion, model_description, version_of, xml_bytes
@@ -56,24 +57,26 @@ def build(
     fmi: int = 2,
     scalars: bool = False,
     terminals: bool = False,
+    *,
+    planned: Plan | None = None,
 ) -> Path:
     """Build the FMU of a scene, or of a scene file by its path, at `path` and return it.
 
     kind: "python" or "pythonfmu" (the importer's process needs Python) or "native" (it needs nothing); platforms: of a
     native FMU, names from `rbfmu_fmu.native.platforms.PLATFORMS` or "all"; none: this one; full: with all degrees of
     freedom; fmi: 2, or 3 of a native FMU; scalars: of FMI 3, no arrays; terminals: list terminals
-    in FMI 2 as well, at which some importers fail.
+    in FMI 2 as well, at which some importers fail; planned: a plan of the scene, which is then not made.
     """
     version, path = version_of(fmi, scalars), path_of(path)
     if kind not in ("python", "pythonfmu", "native"):
         raise ValueError(f'kind = {kind!r}: expected "python" or "native"')
     if kind == "native":
-        return build_native_fmu(scene, plan(scene, full), path, platforms, version, terminals)
+        return build_native_fmu(scene, given(planned) or plan(scene, full), path, platforms, version, terminals)
     if platforms:
         raise ValueError(f'platforms = {platforms!r}: expected kind = "native" with them')
     if fmi != 2:
         raise ValueError(f'fmi = {fmi}: expected kind = "native" with it, as pythonfmu makes FMUs of FMI 2')
-    return build_python_fmu(scene, plan(scene, full), path, terminals)
+    return build_python_fmu(scene, given(planned) or plan(scene, full), path, terminals)
 
 
 def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], parts: dict[str, bytes]) -> Element:

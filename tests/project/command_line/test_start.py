@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 import rbfmu.__main__
+import rbfmu_fmu
 from rbfmu import on_disk, progress
 from rbfmu.cli import main
 from tests.support.paths import ROOT, SCENES
@@ -167,6 +168,18 @@ def test_a_run_by_a_kept_plan_gives_the_same_bits(scene, tmp_path):
     for file in files:
         said("run", scene, "-o", file)
     assert len(kept(scene)) == 1
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_an_fmu_is_built_by_the_kept_plan_and_has_the_bytes_of_a_plan_made_anew(scene, tmp_path, monkeypatch):
+    """2026-11-29: `build` planned anew what `plan` and `run` had kept: half a minute, of a long shell in waves."""
+    files = [tmp_path / name for name in ("kept.fmu", "anew.fmu")]
+    said("plan", scene)
+    monkeypatch.setattr("rbfmu.simulation._plan", None)
+    with monkeypatch.context() as without:
+        without.setattr("rbfmu_fmu.builder.plan", None)
+        said("build", scene, "-o", files[0])
+    rbfmu_fmu.build(scene, files[1])
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
