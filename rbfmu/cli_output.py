@@ -4,6 +4,7 @@ Rich is loaded where it draws, as loading it takes a tenth of a short run.
 """
 
 import math
+import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -41,8 +42,17 @@ class Commands(click.Group):
         except BrokenPipeError:
             raise  # click ends quietly
         except OSError as error:
-            click.echo(f"Error: {error.filename or 'standard output or a file'}: {error.strerror or error}", err=True)
+            click.echo(f"Error: {error.filename or _without_name()}: {error.strerror or error}", err=True)
         ctx.exit(2)
+
+
+def _without_name() -> str:
+    """Return what a failure of the system concerns that names no file."""
+    try:
+        os.getcwd()
+    except OSError:
+        return "the working folder, which is gone"
+    return "standard output or a file"
 
 
 @contextmanager

@@ -361,3 +361,16 @@ def test_a_temporary_folder_that_crashes_pythonfmu_is_refused(
     result = call(*command)
     assert result.exit_code == 2
     assert "TMPDIR" in result.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere no folder goes in which a process works")
+def test_a_working_folder_that_is_gone_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """2026-11-29: a library that asked for it at import was told of as "standard output or a file"."""
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    folder.rmdir()
+    monkeypatch.setattr("rbfmu.scene.scene.load_scene", os.path.abspath)
+    result = call("run", "scene.toml")
+    assert result.exit_code == 2
+    assert result.stderr.startswith("Error: the working folder, which is gone: ")
