@@ -51,7 +51,7 @@ def symmetric(numbers: Array) -> Array:
 
 def differ(values: Array) -> NDArray[np.bool_]:
     """Return which components (k,) of a quantity's numbers (n, k) differ by more than round-off."""
-    return np.asarray(np.ptp(values, axis=0) > ALIKE * np.max(np.abs(values)))
+    return np.asarray(np.ptp(values, axis=0) > ALIKE * np.max(np.abs(values), initial=0.0))
 
 
 def output_rows(scene: Scene) -> dict[str, Output]:

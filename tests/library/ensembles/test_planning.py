@@ -211,8 +211,9 @@ def test_a_key_without_effect_is_said(recwarn):
 
 @pytest.mark.thorough
 def test_a_key_that_moves_an_event_alone_has_an_effect(recwarn):
-    """2026-11-28: the warning said that it does nothing, while the times of the event followed it."""
-    tables = FREE | {"constants": {"late": 0.3, "idle": 1.0}, "events": {"passed": "t - late"}}
+    """2026-11-28: the warning said that it does nothing, while the times of the event followed it. A day later an event
+    that does not happen refused the ensemble, as a largest of no numbers."""
+    tables = FREE | {"constants": {"late": 0.3, "idle": 1.0}, "events": {"passed": "t - late", "never": "t + 1"}}
     vary = {"constants.late": {"uniform": [0.1, 0.5]}, "constants.idle": {"uniform": [0.1, 0.5]}}
     plan_ensemble(Scene.from_dict(tables | {"name": "it", "ensemble": {"vary": vary}}))
     said = [str(w.message) for w in recwarn if issubclass(w.category, rbfmu.SceneWarning)]
