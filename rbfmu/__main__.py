@@ -47,6 +47,8 @@ def interruptible() -> Iterator[None]:
     def strike(*_: object) -> NoReturn:
         nonlocal struck
         struck = True
+        if llvm := sys.modules.get("llvmlite.binding.ffi"):  # may have freed what it has not noted yet; all goes anyway
+            llvm.ObjectRef.__del__ = lambda _: None
         raise KeyboardInterrupt
 
     def raise_anew(unraisable: "sys.UnraisableHookArgs") -> None:

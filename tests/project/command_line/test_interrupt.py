@@ -56,6 +56,14 @@ sys.meta_path.insert(0, Finder)
 """,
     "planning": "import rbfmu.planning.select; rbfmu.planning.select.plan = strike",
     "compiling": "import numba.core.typeinfer as t; t.TypeInferer.propagate = strike",
+    "linking": """
+import llvmlite.binding.module as m
+link = m.link_modules
+def linked(into, module):
+    module.detach = strike  # which notes that it is freed
+    link(into, module)
+m.link_modules = linked
+""",
     "running": "import rbfmu.simulation; rbfmu.simulation.drive_of = strike",
     "drawing": "import rbfmu.plot; rbfmu.plot.plot_result = strike",
     "where it is caught": """
@@ -109,7 +117,7 @@ def check_interrupted(process: subprocess.Popen[str], before: str = "") -> None:
 
 @pytest.mark.parametrize("stage", some_of([*STAGES], 2))
 def test_an_interrupt_ends_with_status_130_and_no_traceback(stage: str, tmp_path: Path) -> None:
-    planned_anew = stage in ("imports of a command", "an exec that lets it through", "planning", "compiling")
+    planned_anew = stage in ("imports of a command", "an exec that lets it through", "planning", "compiling", "linking")
     environment = {"NUMBA_CACHE_DIR": str(tmp_path)} if planned_anew else {}
     arguments = ["run", str(SCENE), "-o", str(tmp_path / "it.csv"), "--plot", str(tmp_path / "it.png")]
     check_interrupted(start(tmp_path, arguments, STAGES[stage], **environment))
