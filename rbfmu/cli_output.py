@@ -39,6 +39,9 @@ class Commands(click.Group):
         except SimulationError as error:
             click.echo(f"Error: {error}", err=True)
             ctx.exit(1)
+        except MemoryError as error:
+            expected = "expected a longer run.step, or fewer runs, that need less"
+            click.echo(f"Error: memory: {error or 'there is no more'}: {expected}", err=True)
         except BrokenPipeError:
             raise  # click ends quietly
         except OSError as error:
