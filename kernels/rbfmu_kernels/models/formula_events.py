@@ -26,7 +26,8 @@ FAR = 1e300
 TOUCHED = 1e-15
 """The part which round-off makes of what touches zero, over the largest that it has been and what it is by the time."""
 TOGETHER = 0.01
-"""The part by which two times since zeros differ, both of what a series was off, where the zeros are one."""
+"""The part by which two times since zeros differ where they are one, and how long that is at most, over a series' step:
+what the series before was off. What jumps over zero was there at no time."""
 
 # What templates are bound to, see `formulas`.
 OF_EVENT: tuple[int, ...] = ()
@@ -91,7 +92,8 @@ def turns_at_corner(z: Buffer, e: int) -> bool:
     for i in range(WATCHED, WATCHED + NUMBER_OF_SIDES):
         if i != at and z[FLIPS + i - WATCHED] > 0.0:
             apart, both = abs(z[at] * z[i + ROW] - z[i] * z[at + ROW]), abs(z[i] * z[at + ROW])
-            turns |= bool(apart <= TOGETHER * both) and bool(z[at] * z[at + ROW] > 0.0)
+            is_soon = bool(abs(z[i]) <= TOGETHER * z[driven.STEP_SIZE] * abs(z[i + ROW]))
+            turns |= is_soon and bool(apart < TOGETHER * both) and bool(z[at] * z[at + ROW] > 0.0)
     return turns
 
 
