@@ -3,6 +3,7 @@
 import json
 import textwrap
 from collections.abc import Iterator, Mapping
+from itertools import groupby
 from typing import NamedTuple
 
 from rbfmu.scene import body, tables
@@ -95,15 +96,9 @@ def _plain(value: object) -> object:
 def new_scene(name: str) -> str:
     """Return the text of a scene file that runs and shows every key of a run; those not needed are commented out."""
     lines = [INTRODUCTION.format(name=name), f"name = {json.dumps(name, ensure_ascii=False)}"]
-    table = ""
-    for key in scene_keys():
-        elsewhere = key.table in ("", "body.shape", "initial.attitude", *OWN) or key.table.startswith("ensemble")
-        if elsewhere or key in OF_FORMULAS:
-            continue
-        if key.table != table:
-            table = key.table
-            lines += ["", f"[{table}]"]
-        lines += _lines(key)
+    for table, keys in groupby(scene_keys(), lambda key: key.table):
+        if table in SECTIONS and table != "ensemble":
+            lines += ["", f"[{table}]", *(line for key in keys if key not in OF_FORMULAS for line in _lines(key))]
     return "\n".join(lines) + "\n"
 
 

@@ -281,11 +281,6 @@ def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str
     return found
 
 
-def is_formula(name: str, value: object) -> bool:
-    """Return whether a load is given as a formula, or as several that add up; it may be wrong as well."""
-    return name in LOADS and (name == "potential" or has_text(value))
-
-
 def has_text(value: object) -> bool:
     """Return whether a load is a text, or a list with one in it."""
     return any(isinstance(item, str) for item in (value if isinstance(value, list | tuple) else [value]))

@@ -372,15 +372,13 @@ def of_scene_or_path(
 
     @wraps(function)
     def call(scene: Scene | str | Path, *args: P.args, **kwargs: P.kwargs) -> R:
-        if isinstance(scene, Scene):
-            warn(scene, doubts_before(scene))
-            return function(scene, *args, **kwargs)
-        if not isinstance(scene, str | Path):
+        if isinstance(scene, str | Path):
+            with faults_of(str(scene)):
+                return call(load_scene(scene), *args, **kwargs)
+        if not isinstance(scene, Scene):
             said = f"{name or function.__name__}: scene = {scene!r}"
             raise TypeError(f"{said:.120}: expected a rbfmu.Scene or the path of a scene file")
-        with faults_of(str(scene)):
-            loaded = load_scene(scene)
-            warn(loaded, doubts_before(loaded))
-            return function(loaded, *args, **kwargs)
+        warn(scene, doubts_before(scene))
+        return function(scene, *args, **kwargs)
 
     return call  # type: ignore[return-value]  # scene may also be a keyword

@@ -42,18 +42,15 @@ def _spelling(value: object, depth: int) -> str:
     if isinstance(value, Mapping | list | tuple) and depth > 4:
         return "..."
     if isinstance(value, Mapping):
-        pairs = (f"{joined('', str(key))} = {_spelling(item, depth + 1)}" for key, item in _first(value.items()))
+        first = [*value.items()][:LONGEST]
+        pairs = (f"{joined('', str(key))} = {_spelling(item, depth + 1)}" for key, item in first)
         return "{ " + ", ".join(pairs) + " }" if value else "{}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_spelling(item, depth + 1) for item in _first(value)) + "]"
+        return "[" + ", ".join(_spelling(item, depth + 1) for item in value[:LONGEST]) + "]"
     try:
         return str(value) if isinstance(value, Real | date | time) else repr(value)
     except ValueError:  # str() refuses an integer of thousands of digits
         return "a very large integer"
-
-
-def _first(items: Collection[T]) -> Iterator[T]:
-    return (item for item, _ in zip(items, range(LONGEST), strict=False))
 
 
 def joined(path: str, key: str) -> str:

@@ -185,7 +185,8 @@ class Loads(rules.Section, path="loads"):
         return frozenset((*self.formulas, *(("force_a", "torque_b") if "potential" in self.formulas else ())))
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
-        texts = {name: data[name] for name in named.LOADS if name in data and named.is_formula(name, data[name])}
+        given = {name: data[name] for name in named.LOADS if name in data}
+        texts = {name: x for name, x in given.items() if name == "potential" or named.has_text(x)}  # wrong ones as well
         wrong = {name: data[name] for name in ("gravity_a", "damping_b") if named.has_text(data.get(name))}
         expected = f"3 numbers, as formulas make {', '.join(named.LOADS)} alone"
         faults += [rules.fault(f"{self._path}.{name}", text, expected) for name, text in wrong.items()]

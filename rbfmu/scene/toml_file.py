@@ -28,16 +28,21 @@ def read_file(path: Path) -> tuple[dict[str, Any], str]:
         if len(content) > LARGEST_FILE:
             raise SceneError(f"larger than {LARGEST_FILE} bytes: expected a scene in TOML", str(path))
         text = content.decode("utf-8-sig")
-        return _tables(text, path), text
+        return tomllib.loads(text), text
+    except SceneError:
+        raise
     except OSError as error:
         raise SceneError(f"cannot be read ({error.strerror}): expected a scene file in TOML", str(path)) from None
     except UnicodeDecodeError:
         raise SceneError("not a text file in UTF-8: expected a scene in TOML", str(path)) from None
     except RecursionError:
         raise SceneError("nested too deeply: expected a scene in TOML", str(path)) from None
-    except ValueError as error:
-        if isinstance(error, SceneError):
-            raise
+    except tomllib.TOMLDecodeError as error:
+        if _TWICE.search(str(error)):
+            _refuse_what_stands_twice(text.splitlines(), str(error), path)
+        hint = _hint(text.split("\n"), str(error))
+        raise SceneError(f"not TOML: {error}{hint}", str(path)) from None
+    except ValueError as error:  # of a number with too many digits, or of a path
         raise SceneError(f"not TOML: {error}", str(path)) from None
 
 
@@ -54,16 +59,6 @@ def _first_paragraph(text: str, file_name: str) -> str:
     said = (line.removeprefix("#").strip() for line in takewhile(lambda line: line.startswith("#"), text.splitlines()))
     words = takewhile(bool, dropwhile(lambda line: line in ("", file_name), said))
     return "".join(c for c in " ".join(words) if c.isprintable())[:LONGEST_COMMENT]
-
-
-def _tables(text: str, path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        if _TWICE.search(str(error)):
-            _refuse_what_stands_twice(text.splitlines(), str(error), path)
-        hint = _hint(text.split("\n"), str(error))
-        raise SceneError(f"not TOML: {error}{hint}", str(path)) from None
 
 
 def _hint(lines: list[str], message: str) -> str:
