@@ -35,8 +35,7 @@ def kept_plan(scene: Path, options: Mapping[str, object], make: Callable[[], Map
         digest.update(json.dumps([str(scene), dict(options)], sort_keys=True).encode())
         digest.update(scene.read_bytes())
         file = _folder() / f"{digest.hexdigest()}.json"
-    known: dict[str, Any] = json.loads(kept(file, lambda: json.dumps(make()).encode(), MOST))
-    return known
+    return dict(json.loads(kept(file, lambda: json.dumps(make()).encode(), MOST)))
 
 
 def kept(file: Path | None, make: Callable[[], bytes], most: int) -> bytes:

@@ -62,7 +62,7 @@ def plot_result(result: Rows, path: str | Path | None = None, title: str = "") -
 
 
 def plot_changes(
-    time: Array, changes: Mapping[str, Mapping[str, Array]], path: str | Path | None = None, title: str = ""
+    time: Array, changes: Mapping[str, Mapping[str, Array]], path: str | Path | None, title: str
 ) -> Figure:
     """Draw a panel for each output: how far it moves (times,) as each key's numbers change by 1 %, on a log scale."""
     figure, panels = _panels(len(changes), height=2.2)
@@ -81,7 +81,7 @@ def plot_changes(
     return with_file(figure, path)
 
 
-def plot_residuals(time: Array, rows: Mapping[str, Array], path: str | Path | None = None, title: str = "") -> Figure:
+def plot_residuals(time: Array, rows: Mapping[str, Array], path: str | Path | None, title: str) -> Figure:
     """Draw a panel for each output: what was measured less what was fitted (times, k), over its noise."""
     figure, panels = _panels(len(rows), height=2.0)
     for axes, (name, values) in zip(panels, rows.items(), strict=True):

@@ -133,8 +133,7 @@ class Result:
             variables[name] = ("time" if values.ndim == 1 else ("time", axis), values, attributes)
             if values.ndim == 2:
                 coordinates[axis] = list(row.components)
-        tables: Dataset = needed("xarray", "tables").Dataset(variables, coordinates)
-        return tables
+        return needed("xarray", "tables").Dataset(variables, coordinates)
 
     def columns(self) -> dict[str, Array]:
         """Return flat columns by FMU variable name: time, quaternion[1], ..."""

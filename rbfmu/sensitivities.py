@@ -11,8 +11,7 @@ import numpy as np
 
 from rbfmu import arrays
 from rbfmu.exceptions import SceneError, path_of
-from rbfmu.models import formulas, question
-from rbfmu.models.registry import FORMULAS
+from rbfmu.models import formulas, question, registry
 from rbfmu.models.varied import TURN, Column, VariedModel
 from rbfmu.on_disk import replacing
 from rbfmu.planning import judge, methods, reference
@@ -195,13 +194,14 @@ class Varied:
 
     def _plan(self, scene: Scene, planned: Plan | None) -> tuple[Plan, bool]:
         """Return the plan of the run, and whether errors bound its substeps too: not those of a plan that is given."""
-        orders = self.model.model.ORDERS  # a splitting and a quadrature have orders as well, but no tolerance
+        # a splitting and a quadrature have orders as well, but no tolerance
+        key, orders = registry.FORMULAS.key, self.model.model.ORDERS
         if planned is not None and planned.tolerance > 0.0 and planned.order in orders:
-            return replace(planned, model=FORMULAS.key, formulas=self.model), False
+            return replace(planned, model=key, formulas=self.model), False
         asked, states = question.Question(scene), len(self.model.rates)
         tolerance = max(TIGHTER * asked.accuracy, methods.TIGHTEST)
         order = methods.likely_order(SHARE * tolerance)
-        own = Plan(FORMULAS.key, "", states, tolerance=tolerance, order=order, span=asked.span, formulas=self.model)
+        own = Plan(key, "", states, tolerance=tolerance, order=order, span=asked.span, formulas=self.model)
         return own, True
 
 

@@ -8,6 +8,7 @@ vector in b. What else there is has its size for a unit; a larger one where that
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -31,8 +32,6 @@ FAR = 10.0
 It is not critical: a thrust of 3e6 N and an orbit's velocity and position, all begun at 1, were found in 60 and 39
 to 42 evaluations with anything from 1.5 to 1e4.
 """
-Value = float | list[float] | list[list[float]] | dict[str, list[float]]
-"""What a scene has for a key: a number, a vector or matrix, an attitude."""
 _BOUNDED = {f"loads.{load.name}" for load in BOUNDED}
 
 
@@ -50,12 +49,11 @@ class Chart:
         self.lowest = 0.0 if self.whole in _BOUNDED else -math.inf
         self.count = len(self.columns)
 
-    def value(self, p: Array, before: Value | None = None) -> Value:
+    def value(self, p: Array, before: Any = None) -> Any:
         """Return what the scene has for the key (without an index); before: with another of its numbers."""
         found = np.array(self.start if before is None else before)
         found[self.chosen] = self.numbers(p)
-        numbers: list[float] = found.tolist()
-        return numbers if len(numbers) > 1 else numbers[0]
+        return found.tolist() if len(found) > 1 else found.item()
 
     def numbers(self, p: Array) -> Array:
         """Return the numbers that vary."""
@@ -99,7 +97,7 @@ class _Attitude(Chart):
     def scale(self, p: Array) -> float:
         return 1.0
 
-    def value(self, p: Array, before: Value | None = None) -> Value:
+    def value(self, p: Array, before: Any = None) -> Any:
         q = arrays.compose_quaternions(self.start, arrays.quaternion_from_rotvec(p))
         return {"quaternion": np.asarray(q).tolist()}
 
@@ -134,9 +132,8 @@ class _Inertia(Chart):
             L[i, j] = L[i, j] * math.exp(x) if i == j else L[i, j] + x * self._L[i, i]
         return L
 
-    def value(self, p: Array, before: Value | None = None) -> Value:
-        matrix: list[list[float]] = self._matrix(p).tolist()
-        return matrix
+    def value(self, p: Array, before: Any = None) -> Any:
+        return self._matrix(p).tolist()
 
     def _matrix(self, p: Array) -> Array:
         L = self._factor(p)
@@ -181,9 +178,9 @@ def value_of(scene: Scene, key: str) -> ArrayLike:
     return getattr(getattr(scene, table), place)  # type: ignore[no-any-return]
 
 
-def changes(charts: Sequence[Chart], p: Array) -> dict[str, Value]:
+def changes(charts: Sequence[Chart], p: Array) -> dict[str, Any]:
     """Return what `Scene.replace` takes for coordinates."""
-    found: dict[str, Value] = {}
+    found: dict[str, Any] = {}
     for chart, row in by_chart(charts, p):
         found[chart.whole] = chart.value(row, found.get(chart.whole))
     return found

@@ -12,13 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from rbfmu import exceptions, extras, on_disk
 from rbfmu.ensembles.variables import symmetric
-from rbfmu.exceptions import SceneError, SimulationError
-from rbfmu.extras import needed
 from rbfmu.identification import noise
 from rbfmu.identification.charts import INERTIA, MASS, OWN, Chart, by_chart, changes, chart_of, value_of
 from rbfmu.identification.measured import QUATERNION, Data, Measured, read_measured, residuals
-from rbfmu.on_disk import write_whole
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables, with_times
 from rbfmu.scene.ensemble import RANDOM
 from rbfmu.scene.scene import SECTIONS, Scene, of_scene_or_path
@@ -41,7 +39,7 @@ MOST_TRIES, MOST_LAST = 60, 400
 """Evaluations of one part, and of all of the time."""
 REFUSED = 1e6
 """The residual, over its standard deviation, of a motion that the scene refuses."""
-NO_RUN = (SceneError, SimulationError, ValueError, OverflowError)
+NO_RUN = (exceptions.SceneError, exceptions.SimulationError, ValueError, OverflowError)
 """What a run raises of numbers that lead nowhere."""
 UNTOLD = 1.0
 """The relative standard error from which on the data do not tell a direction."""
@@ -113,7 +111,7 @@ class Fit:
 
         source: the file of the scene that was fitted, whose own comments then stay. Needs tomlkit.
         """
-        tomlkit = needed("tomlkit", "fit")
+        tomlkit = extras.needed("tomlkit", "fit")
         whole = tomlkit.dumps(self.scene.to_dict()) if source is None else Path(source).read_text("utf-8-sig")
         document = tomlkit.parse(whole)
         for key, at in self._places.items():
@@ -123,7 +121,7 @@ class Fit:
             _put(tomlkit, document, self.scene, INERTIA, "of the shape, with the mass that it had")
         written = tomlkit.dumps(document)
         Scene.from_dict(tomllib.loads(written), str(path))  # what cannot be read again is not written
-        write_whole(Path(path), written.encode())  # the source may stand there
+        on_disk.write_whole(Path(path), written.encode())  # the source may stand there
 
     def plot(self, path: str | Path | None = None) -> Any:
         """Draw residuals over their standard deviation, a panel an output; return the matplotlib.figure.Figure."""
@@ -219,8 +217,8 @@ class _Search:
     def __init__(
         self, scene: Scene, data: Measured, keys: list[str], given: dict[str, float], loss: str, inputs: tuple[Any, str]
     ) -> None:
-        self._least_squares = needed("scipy.optimize", "fit").least_squares
-        self._block_diagonal = needed("scipy.linalg", "fit").block_diag
+        self._least_squares = extras.needed("scipy.optimize", "fit").least_squares
+        self._block_diagonal = extras.needed("scipy.linalg", "fit").block_diag
         self._scene, self._data, self._given, self._loss = scene, data, given, loss
         self._charts: list[Chart] = [chart_of(scene, key) for key in keys]
         names = [column.name for chart in self._charts for column in chart.columns]
@@ -343,9 +341,7 @@ class _Search:
         is_known = len(self._given) == len(self._data.values)
         told, unknown = self._tell_apart(J * sizes, noise.scatter(f, self._loss, len(p), is_known))
         covariance = told * np.outer(sizes, sizes)
-        lost = np.zeros(len(p), dtype=bool)
-        for direction in unknown:
-            lost |= np.abs(direction) > PART_OF_DIRECTION
+        lost = np.any(np.abs(np.reshape(unknown, (-1, len(p)))) > PART_OF_DIRECTION, axis=0)
         said = tuple(self._meaning(direction, sizes * direction) for direction in unknown)
         errors = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
         covariance[lost, :] = covariance[:, lost] = np.nan

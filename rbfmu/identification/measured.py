@@ -83,8 +83,7 @@ def _of_a_table(scene: Scene, table: Any) -> Mapping[str, ArrayLike]:
 
 def _outputs(scene: Scene, columns: Mapping[str, Array]) -> Mapping[str, ArrayLike]:
     """Return columns by an FMU's names as arrays by output, without what is no motion."""
-    unused = _of_an_fmu(scene)
-    return {name: rows for name, rows in by_quantity(columns).items() if name not in unused}
+    return {name: rows for name, rows in by_quantity(columns).items() if name not in _of_an_fmu(scene)}
 
 
 def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:

@@ -6,7 +6,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from rbfmu.scene import section as rules
-from rbfmu.scene.section import SceneError, Section, fault, flattened, plain
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.mechanics import inertia as _inertia
 from rbfmu_kernels.quantities import BY_NAME
@@ -27,7 +26,7 @@ class Inertia(rules.Numbers):
         self.words = f"{self.choice} about the centre of mass ({_UNIT})"
 
     def _made(self, value: object) -> Matrix:
-        value = plain(value)
+        value = rules.plain(value)
         items = value if isinstance(value, list | tuple) else ()
         rows = any(isinstance(item, list | tuple) or getattr(item, "shape", ()) for item in items)
         floats = self.floats(value, (3, 3) if rows else (3,))
@@ -84,7 +83,7 @@ KINDS = ("box", "beam", "cylinder", "sphere", "ellipsoid")
 _KINDS = " or ".join(f'"{kind}"' for kind in KINDS)
 
 
-class Shape(Section, path="body.shape"):
+class Shape(rules.Section, path="body.shape"):
     """The table of a homogeneous body's shape: its kind, and sizes in the order in which the kernel takes them."""
 
     kind: Annotated[str, rules.one_word(KINDS, _KINDS)]
@@ -129,14 +128,14 @@ SHAPES: Mapping[str, type[Shape]] = dict(zip(KINDS, (_Box, _Beam, _Cylinder, _Sp
 
 def _read_shape(value: object) -> Shape:
     if not isinstance(value, Mapping) or "kind" not in value:
-        raise SceneError(fault("body.shape", value, f"a table with kind = {_KINDS}"))
+        raise rules.SceneError(rules.fault("body.shape", value, f"a table with kind = {_KINDS}"))
     return SHAPES[Shape._rules["kind"].read(value["kind"], "body.shape.kind")].read(value)
 
 
 _SHAPE = rules.Rule("a table", _read_shape).means("a table in place of inertia: that of a homogeneous body")
 
 
-class Body(Section, path="body"):
+class Body(rules.Section, path="body"):
     """A rigid body; `inertia` is M_c, symmetric, from 3 principal moments, a 3x3 matrix or a `shape` table."""
 
     _instead: ClassVar = {"shape": ("inertia", _SHAPE)}
@@ -185,15 +184,15 @@ class Body(Section, path="body"):
         if isinstance(shape := good.get("inertia"), Shape):
             M = shape.inertia(good.get("mass", 1.0))
             good["inertia"] = M
-            if not all(map(math.isfinite, flattened(M))) or not evaluated(_inertia.trace, M) > 0.0:
+            if not all(map(math.isfinite, rules.flattened(M))) or not evaluated(_inertia.trace, M) > 0.0:
                 expected = f"a size whose inertia is a normal number ({_UNIT})"
-                yield fault("body.shape", self._given["inertia"][1], expected)
+                yield rules.fault("body.shape", self._given["inertia"][1], expected)
 
     def _contradictions(self) -> Iterator[str]:
         """Yield a fault if `M` is not finite or two of its moments are zero: a free point mass has no attitude."""
-        if not all(map(math.isfinite, flattened(self.M))):
-            yield fault("body.r_oc_b", self.r_oc_b, f"a distance whose inertia about o is finite ({_UNIT})")
+        if not all(map(math.isfinite, rules.flattened(self.M))):
+            yield rules.fault("body.r_oc_b", self.r_oc_b, f"a distance whose inertia about o is finite ({_UNIT})")
         elif principal_axes(self.M)[0][1] <= _least_moment(self.M):
             about = "o, the pivot" if self.pivot else "the centre of mass"
             expected = f"at most one zero moment about {about} (a slender beam has one)"
-            yield fault("body.inertia", self._set()["inertia"], expected)
+            yield rules.fault("body.inertia", self._set()["inertia"], expected)

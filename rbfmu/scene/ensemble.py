@@ -6,9 +6,8 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from rbfmu.scene import section as rules, variations
+from rbfmu.scene import own as named, section as rules, variations
 from rbfmu.scene.body import SHAPES, Body, axis_without_moment
-from rbfmu.scene.own import OF_NUMBERS, PARAMETER_END, is_own, parameter_of
 from rbfmu.scene.variations import ATTITUDE, AXES, INERTIA, RELATIVE, SHAPE, VARYING_ANGLES, Marginal, Variation
 
 Rows = tuple[tuple[float, ...], ...]
@@ -108,7 +107,7 @@ def lower_factor(matrix: Sequence[Sequence[float]]) -> list[list[float]] | None:
 
 RANDOM, SOBOL, LATIN_HYPERCUBE, GRID = DESIGNS = ("random", "sobol", "latin_hypercube", "grid")
 CHOICE = " or ".join(f'"{name}"' for name in DESIGNS)
-NESTED = ("body", "initial", "loads", "run", *PARAMETER_END)
+NESTED = ("body", "initial", "loads", "run", *named.PARAMETER_END)
 MOST_RUNS = 1_000_000_000
 
 
@@ -153,7 +152,7 @@ class Ensemble(rules.Section, path="ensemble"):
     def parameters(self) -> tuple[str, ...]:
         """Return the names of the parameters whose values vary, as `inputs.parameters` lists them."""
         keys = [variation.key for variation in self.vary]
-        names = (parameter_of(key) if is_own(key) else variations.QUANTITY_OF[key].name for key in keys)
+        names = (named.parameter_of(key) if named.is_own(key) else variations.QUANTITY_OF[key].name for key in keys)
         return tuple(dict.fromkeys(names))
 
     def _set(self) -> dict[str, object]:
@@ -286,7 +285,7 @@ def _with_own(vary: dict[str, object], tables: Mapping[str, object]) -> dict[str
     """Return the table with one number for all three where a vector of one's own varies relative to the scene's."""
     for key, item in vary.items():
         name, _, own = str(key).partition(".")
-        table = tables.get(name) if is_own(str(key)) else None
+        table = tables.get(name) if named.is_own(str(key)) else None
         if isinstance(table, Mapping) and isinstance(item, Mapping) and isinstance(item.get(RELATIVE), float | int):
             entry = table.get(own)
             given = entry.get("value", entry.get("start")) if isinstance(entry, Mapping) else entry
@@ -302,8 +301,7 @@ def without_idle_shape(ensemble: Ensemble, body: Body | None) -> Ensemble:
         return ensemble
     if SHAPES[shape.form].read(shape.table).inertia(body.mass) == body.inertia:
         return ensemble
-    vary = tuple(variation for variation in ensemble.vary if variation is not shape)
-    return ensemble._with(vary=vary)
+    return ensemble._with(vary=tuple(variation for variation in ensemble.vary if variation is not shape))
 
 
 def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
@@ -312,7 +310,7 @@ def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
     prescribed = inputs is not None and "omega_b" in inputs.ports
     for variation in ensemble.vary:
         name, _, key = variation.key.partition(".")
-        table, own = good.get(name), is_own(variation.key)
+        table, own = good.get(name), named.is_own(variation.key)
         if prescribed and variation.key != ATTITUDE:
             yield variation.refused(f"{ATTITUDE} at most: the port omega_b prescribes the rates")
         elif variation.key == "initial.velocity" and body is not None and body.pivot:
@@ -320,7 +318,7 @@ def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
         elif table is None:
             continue
         elif name == "loads" and key in table.made:
-            yield variation.refused(OF_NUMBERS)
+            yield variation.refused(named.OF_NUMBERS)
         elif own and key not in table:
             known = ", ".join(f"{name}.{key}" for key in table) or f"none: the scene has no {name}"
             yield variation.refused(f"a key out of {known}")
@@ -339,7 +337,7 @@ def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
 def nominal_value(key: str, sections: Mapping[str, Any]) -> list[float]:
     """Return the scene's own numbers of a key, deg/s for `initial.omega_b_deg`."""
     table, _, name = key.partition(".")
-    if is_own(key):
+    if named.is_own(key):
         return [*sections[table][name].numbers]
     value = getattr(sections[table], name.removesuffix("_deg"))
     found = variations.components(value, (3,) if isinstance(value, tuple) else ())

@@ -119,8 +119,7 @@ class Entry(rules.Section):
     @property
     def numbers(self) -> tuple[float, ...]:
         """Return the numbers of its first key: of a constant its value, of a state its start."""
-        found: tuple[float, ...] = getattr(self, next(iter(self._rules)))
-        return found
+        return tuple(getattr(self, next(iter(self._rules))))
 
     def table(self) -> dict[str, Any]:
         """Return the entry as a file has it."""

@@ -14,12 +14,11 @@ import numpy as np
 
 from rbfmu.exceptions import SceneWarning, path_of, warn_caller
 from rbfmu.notebook import table
-from rbfmu.scene import own as named
+from rbfmu.scene import own as named, toml_file
 from rbfmu.scene.body import ZERO, Body, principal_axes
 from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle_shape
 from rbfmu.scene.section import Apart, SceneError, Section, as_lists, as_toml, checked, fault, line, names
 from rbfmu.scene.tables import PARAMETERS, QUANTITIES, About, Initial, Inputs, Loads, Outputs, Run
-from rbfmu.scene.toml_file import read_file, with_description
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import ANGLE, LOADS, OUTPUTS, PORTS, TORQUES, Parameter
 
@@ -76,8 +75,7 @@ class Scene(Section):
     def _faults_together(self) -> Iterator[str]:
         good = vars(self)
         if "outputs" in good and "quantities" not in self.outputs._given:
-            quantities = default_quantities(good.get("body"), good.get("inputs"))
-            good["outputs"] = self.outputs._with(quantities=quantities)
+            good["outputs"] = self.outputs._with(quantities=default_quantities(good.get("body"), good.get("inputs")))
         yield from faults_between(good)
         if {"inputs", "constants", "states"} <= good.keys():
             known = (*PARAMETERS, *(row.name for row in self.own_parameters.values()))
@@ -192,7 +190,7 @@ def _merged(tables: Mapping[str, Any], changes: Mapping[str, Any], dotted: bool 
 def load_scene(path: str | Path) -> Scene:
     """Read a scene file (TOML). Raises SceneError with all that is wrong with it, TypeError for no path."""
     path = path_of(path)
-    return Scene.from_dict(with_description(*read_file(path), path.name), source=str(path))
+    return Scene.from_dict(toml_file.with_description(*toml_file.read_file(path), path.name), source=str(path))
 
 
 # What contradicts between tables, each valid by itself
@@ -221,8 +219,7 @@ def faults_between(good: Mapping[str, Any]) -> Iterator[str]:
             if name in inputs.ports:
                 yield fault("inputs.parameters", inputs.parameters, f"no {name}: it is an input, by inputs.ports")
             elif loads is not None and name in loads.made:
-                expected = f"in place of {name} {named.OF_NUMBERS}"
-                yield fault("inputs.parameters", inputs.parameters, expected)
+                yield fault("inputs.parameters", inputs.parameters, f"in place of {name} {named.OF_NUMBERS}")
         if prescribed:
             yield from _faults_of_prescribed_rates(good)
             return

@@ -95,8 +95,7 @@ class Attitude(rules.Section, path="initial.attitude"):
         """Return q_ab."""
         if self.euler is not None:
             x, y, z = self.angles or map(math.radians, self.angles_deg or ())
-            sequence = euler_angles.sequence(self.euler)
-            return normalized(evaluated(kernels.quaternion_from_euler, sequence, (x, y, z)))
+            return normalized(evaluated(kernels.quaternion_from_euler, euler_angles.sequence(self.euler), (x, y, z)))
         if self.rotvec is not None:
             return normalized(evaluated(kernels.quaternion_from_rotvec, self.rotvec))
         if self.matrix is not None:
@@ -320,8 +319,7 @@ class Run(rules.Section, path="run"):
         """Return the lengths of the steps, s, or of several together where there are more than `most`."""
         grid = self.grid()
         stride = math.ceil(self.count / most)
-        steps: list[float] = np.diff(grid if stride == 1 else np.append(grid[:-1:stride], grid[-1])).tolist()
-        return steps
+        return list(np.diff(grid if stride == 1 else np.append(grid[:-1:stride], grid[-1])).tolist())
 
     @property
     def last_time(self) -> float:

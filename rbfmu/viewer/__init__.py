@@ -20,9 +20,8 @@ from rbfmu.on_disk import replacing
 from rbfmu.result import FORMATS, Result, quaternion_lengths, refuse_gaps
 from rbfmu.runs.inputs import input_tables
 from rbfmu.runs.plan import Plan
+from rbfmu.scene import section, toml_file
 from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, doubts_of, faults_of, load_scene, warn
-from rbfmu.scene.section import fault
-from rbfmu.scene.toml_file import read_file
 from rbfmu.simulation import run_of, simulate
 from rbfmu.types import Array
 from rbfmu_kernels import Quaternion, Vec3, principal_axes, quaternion_from_matrix
@@ -178,14 +177,12 @@ Written = dict[str, Any] | None
 
 def ghosts_of(scene: Scene, count: int) -> tuple[Ghost, ...]:
     """Return the first members of the scene's ensemble at its communication points, without those that failed."""
-    from rbfmu.ensembles.chunks import Work, run_chunk  # which no other motion needs, nor an FMU's picture
-    from rbfmu.ensembles.planning import plan_ensemble
-    from rbfmu.ensembles.variables import ALL
+    from rbfmu.ensembles import chunks, planning, variables  # which no other motion needs, nor an FMU's picture
 
     moving = [name for name in ("position", "quaternion") if name in scene.outputs.quantities]
-    shown = scene.replace({"outputs.quantities": moving, "ensemble.keep": [ALL]})
-    work = Work(shown, plan_ensemble(shown), count)
-    chunk = run_chunk(work, 0)
+    shown = scene.replace({"outputs.quantities": moving, "ensemble.keep": [variables.ALL]})
+    work = chunks.Work(shown, planning.plan_ensemble(shown), count)
+    chunk = chunks.run_chunk(work, 0)
     motion = work.columns.split(chunk.rows)
     positions = motion.get("position", np.zeros((*chunk.rows.shape[:2], 3)))
     return tuple(Ghost(motion["quaternion"][i], positions[i]) for i in range(count) if i not in chunk.failed)
@@ -230,7 +227,7 @@ def motion_of_scene(
     ghosts: how many members of its ensemble are shown beside it. Raises SceneError, and ValueError for too many ghosts.
     """
     if not isinstance(ghosts, int) or isinstance(ghosts, bool) or not 0 <= ghosts <= MOST_GHOSTS:
-        raise ValueError(fault("ghosts", ghosts, f"a whole number from 0 to {MOST_GHOSTS}"))
+        raise ValueError(section.fault("ghosts", ghosts, f"a whole number from 0 to {MOST_GHOSTS}"))
     if ghosts:
         from rbfmu.ensembles.members import ensemble_of
 
@@ -320,11 +317,12 @@ def view(
     needed("viser", "view")
     title = "motion"
     if not isinstance(source, Scene | Result | str | Path):
-        raise TypeError(fault("source", source, "a rbfmu.Scene, a rbfmu.Result, or the path of a file of either"))
+        expected = "a rbfmu.Scene, a rbfmu.Result, or the path of a file of either"
+        raise TypeError(section.fault("source", source, expected))
     if not isinstance(scene, Scene | str | Path | None):
-        raise TypeError(fault("scene", scene, "a rbfmu.Scene or the path of a scene file"))
+        raise TypeError(section.fault("scene", scene, "a rbfmu.Scene or the path of a scene file"))
     if not isinstance(path, str | Path | None):
-        raise TypeError(fault("path", path, "the path of a page to write, or None"))
+        raise TypeError(section.fault("path", path, "the path of a page to write, or None"))
     if isinstance(source, str | Path) and Path(source).suffix in FORMATS:
         title, source = Path(source).stem, Result.load(source)
     if ghosts and (isinstance(source, Result) or inputs is not None):
@@ -354,4 +352,4 @@ def _scene_and_shape(scene: Scene | str | Path | None) -> tuple[Any, Written]:
     """Return a scene, and the shape that its file gives to the body."""
     if scene is None or isinstance(scene, Scene):
         return scene, None
-    return load_scene(scene), read_file(Path(scene))[0].get("body", {}).get("shape")
+    return load_scene(scene), toml_file.read_file(Path(scene))[0].get("body", {}).get("shape")

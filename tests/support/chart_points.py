@@ -1,17 +1,20 @@
 """Rows of charts, made up, and the true states of the eight motions."""
 
+import json
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from rbfmu.studies.chart import Chart, verdicts
-from rbfmu.studies.chart.cases import CASES, reference
+from rbfmu.studies.chart.cases import CASES, REFERENCES
 from rbfmu.studies.chart.result import Row, kind_of
 from rbfmu_kernels.mechanics.equations_of_motion import State
 
 
 def true_states(key: str):
-    truth, case = reference(key), CASES[key]
-    rows = zip(truth["r_c"], truth["q"], truth["omega_b"], strict=True)
+    truth, case = json.loads(REFERENCES.read_text(encoding="utf-8"))["motions"][key], CASES[key]
+    rows = zip(*(np.array(truth[name], dtype=float) for name in ("r_c", "quaternion", "omega_b")), strict=True)
     return [State(tuple(r), case.start.v_c, tuple(q), tuple(w)) for r, q, w in rows]
 
 

@@ -10,7 +10,7 @@ import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +19,7 @@ import numpy as np
 from rbfmu import arrays
 from rbfmu.models.formulas import FormulaModel, equations_of
 from rbfmu.models.question import Question
-from rbfmu.planning.judge import MAX_REFERENCE_STEPS
-from rbfmu.planning.methods import ORDERS_OF_SERIES, whole_series
-from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
+from rbfmu.planning import judge, methods, reference
 from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
@@ -123,7 +121,7 @@ class Case:
     @cached_property
     def general(self) -> Plan:
         """Return a plan of the model of everything that may act, whose buffer holds body, loads and states."""
-        return whole_series(self.asked, ORDERS_OF_SERIES[0], 1.0)
+        return methods.whole_series(self.asked, methods.ORDERS_OF_SERIES[0], 1.0)
 
     @cached_property
     def buffer(self) -> Array:
@@ -228,7 +226,8 @@ class Case:
             count, q = len(self.outputs_between) + 1, np.array(self.scene.initial.quaternion)
             resting = {name: np.zeros((count, 3)) for name in (*self.names, "omega_b")}
             return resting | {"quaternion": np.tile(q, (count, 1))}
-        return reference_motion(self.scene, [self.interval * n for n in self.outputs_between], MAX_REFERENCE_STEPS)
+        times = [self.interval * n for n in self.outputs_between]
+        return reference.reference_motion(self.scene, times, judge.MAX_REFERENCE_STEPS)
 
     @cached_property
     def floors(self) -> Mapping[str, float]:
@@ -308,7 +307,7 @@ def case_of(scene: Scene) -> Case:
         try:
             _ = case.truth  # kept, where it can be followed
             return case
-        except ReferenceTooLongError:
+        except reference.ReferenceTooLongError:
             if outputs == 1:
                 expected = "expected a step over which the true motion can be followed in some seconds"
                 raise SceneError(f"run.step = {scene.run.step!r}: {expected}; no chart without", scene.name) from None
@@ -318,21 +317,13 @@ def case_of(scene: Scene) -> Case:
 # The eight motions
 
 
-@cache
-def reference(key: str) -> dict[str, Array]:
-    """Return the true motion of one of the eight at its checkpoints: q (5, 4), omega_b and r_c (5, 3)."""
-    motion = json.loads(REFERENCES.read_text(encoding="utf-8"))["motions"][key]
-    names = {"quaternion": "q", "omega_b": "omega_b", "r_c": "r_c"}
-    return {short: np.array(motion[name], dtype=float) for name, short in names.items()}
-
-
 def _known_motion(case: Case) -> Motion:
-    """Return the motion with its start, and the position of the body's origin."""
-    known, initial, body = reference(case.key), case.scene.initial, case.scene.body
+    """Return the true motion of one of the eight at its checkpoints, with its start, and that of the body's origin."""
+    motion, body = json.loads(REFERENCES.read_text(encoding="utf-8"))["motions"][case.key], case.scene.body
     assert body is not None
-    arms = arrays.rotate(known["q"], np.array(body.r_oc_b))
-    after = {"quaternion": known["q"], "omega_b": known["omega_b"], "position": known["r_c"] - arms}
-    return {name: np.vstack((getattr(initial, name), rows)) for name, rows in after.items()}
+    q, omega_b, r_c = (np.array(motion[name], dtype=float) for name in ("quaternion", "omega_b", "r_c"))
+    after = {"quaternion": q, "omega_b": omega_b, "position": r_c - arrays.rotate(q, np.array(body.r_oc_b))}
+    return {name: np.vstack((getattr(case.scene.initial, name), rows)) for name, rows in after.items()}
 
 
 def _known_case(key: str, tables: dict[str, Any]) -> Case:

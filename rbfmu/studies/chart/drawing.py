@@ -8,15 +8,13 @@ from itertools import groupby
 from pathlib import Path
 from statistics import mean
 
+from matplotlib import patches, ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from rbfmu.plot import open_frame
 from rbfmu.studies import cost_text, short_number, times
-from rbfmu.studies.chart import Verdict
-from rbfmu.studies.chart.cases import CHECKPOINTS, DRIFTS, FLOOR, OUTPUT_STEP
+from rbfmu.studies.chart import Verdict, cases
 from rbfmu.studies.chart.result import KINDS, OWN_KINDS, STOPPED, TAKES_NO, Chart, Row, front
 
 DPI = 120
@@ -41,7 +39,7 @@ def figure_of(chart: Chart) -> Figure:
     draw_lines(axes, lines, {end.method for end in chart.ends if end.stopped})
     _limits(axes, chart, [row for line in lines.values() for row in line])
     _accuracy_asked(axes, chart)
-    axes.plot([max(chart.plan.error, FLOOR)], [chart.plan.seconds], marker="*", markersize=24, color="#000000",
+    axes.plot([max(chart.plan.error, cases.FLOOR)], [chart.plan.seconds], marker="*", markersize=24, color="#000000",
               markeredgecolor="white", markeredgewidth=1.2, zorder=6, clip_on=False)  # fmt: skip
     ends = lines | {"rbfmu's plan": [row for row in chart.above_round_off if row.kind == "rbfmu's plan" and
                                      row.value == chart.plan.value]}  # fmt: skip
@@ -56,19 +54,19 @@ def figure_of(chart: Chart) -> Figure:
 
 def _limits(axes: Axes, chart: Chart, rows: Sequence[Row]) -> None:
     errors = [row.error for row in rows] + [chart.accuracy]
-    axes.set_xlim(min(3.0 * max(errors), 3.0), 0.3 * min(*errors, FLOOR))
+    axes.set_xlim(min(3.0 * max(errors), 3.0), 0.3 * min(*errors, cases.FLOOR))
     costs = [row.seconds for row in rows]
     axes.set_ylim(min(costs) / 2.5, max(costs) * 2.5)
     _name_ticks(axes)
-    axes.set_xlabel(f"error, more accurate to the right ({short_number(FLOOR)}: round-off)")
+    axes.set_xlabel(f"error, more accurate to the right ({short_number(cases.FLOOR)}: round-off)")
     axes.set_ylabel("processor time for a simulated second")
 
 
 def _name_ticks(axes: Axes) -> None:
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda cost, _: cost_text(cost).replace(".0 ", " ")))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda error, _: short_number(error)))
+    axes.yaxis.set_major_formatter(lambda cost, _: cost_text(cost).replace(".0 ", " "))
+    axes.xaxis.set_major_formatter(lambda error, _: short_number(error))
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_minor_formatter(NullFormatter())  # it would name ticks within a decade
+        axis.set_minor_formatter("")  # it would name ticks within a decade
 
 
 def _accuracy_asked(axes: Axes, chart: Chart) -> None:
@@ -135,13 +133,11 @@ def draw_lines(axes: Axes, lines: dict[str, list[Row]], stopped: Collection[str]
         if line[-1].method in stopped:
             axes.loglog(x[-1:], y[-1:], marker=">", markersize=8, color=KINDS[kind], clip_on=False)
     axes.invert_xaxis()
-    axes.xaxis.set_major_locator(LogLocator(numticks=9))
+    axes.xaxis.set_major_locator(ticker.LogLocator(numticks=9))
     open_frame(axes, grid=True)
 
 
-def name_lines(
-    axes: Axes, lines: dict[str, list[Row]], text: Callable[[str], str] = str, apart: float = 0.047
-) -> None:  # fmt: skip
+def name_lines(axes: Axes, lines: dict[str, list[Row]], text: Callable[[str], str] = str, apart: float = 0.047) -> None:
     """Write names in a column at the right, in the order of the lines' ends, each tied to its end.
 
     text: what is written for a kind; apart: the least distance of two, as a part of the axes' height.
@@ -187,7 +183,7 @@ def spread(places: Sequence[float], apart: float) -> list[float]:
 def draw_kept(chart: Chart, path: Path) -> list[Path]:
     """Draw the drift of conserved quantities against cost; no file if nothing is conserved."""
     kept = {}
-    for name, column in DRIFTS.items():
+    for name, column in cases.DRIFTS.items():
         drifts = [(row, getattr(row, column)) for row in chart.rows]
         if rows := [replace(row, error=max(drift, LEAST_DRIFT)) for row, drift in drifts if math.isfinite(drift)]:
             kept[name] = lines_of(rows)
@@ -238,7 +234,8 @@ def draw_answers(found: Sequence[Verdict], path: Path) -> Path:
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
-    for many, text in ((False, f"{CHECKPOINTS} outputs over the run"), (True, f"an output every {OUTPUT_STEP:g} s")):
+    few, often = f"{cases.CHECKPOINTS} outputs over the run", f"an output every {cases.OUTPUT_STEP:g} s"
+    for many, text in ((False, few), (True, often)):
         x = columns[many, accuracies[0]] + 0.5 * (n - 1)
         axes.annotate(f"{text}\nerror at most", (x, 1.0), (0, 24), xycoords=("data", "axes fraction"),
                       textcoords="offset points", ha="center", fontsize=11, annotation_clip=False)  # fmt: skip
@@ -253,7 +250,7 @@ def draw_answers(found: Sequence[Verdict], path: Path) -> Path:
 
 def _draw_cell(axes: Axes, x: float, y: float, v: Verdict) -> None:
     color, name, cost, other = cell_of(v)
-    axes.add_patch(Rectangle((x - 0.48, y - 0.45), 0.96, 0.9, color=color, linewidth=0))
+    axes.add_patch(patches.Rectangle((x - 0.48, y - 0.45), 0.96, 0.9, color=color, linewidth=0))
     axes.text(x, y - 0.25, name, ha="center", va="center", fontsize=9.5)
     axes.text(x, y + 0.02, cost, ha="center", va="center", fontsize=13, weight="bold")
     axes.text(x, y + 0.28, other, ha="center", va="center", fontsize=8, color=DARK)
@@ -268,5 +265,4 @@ def cell_of(v: Verdict) -> tuple[str, str, str, str]:
         return NONE, "no method", "", "plan refuses"
     color = next((color for word, color in CELLS.items() if word in v.method), EXACT)
     none = f"peers {STOPPED}" if v.stopped else "no peer reaches it"
-    other = f"{v.peer.method}: {v.against}" if v.peer else none
-    return color, v.plan, cost_text(v.cost), other
+    return color, v.plan, cost_text(v.cost), f"{v.peer.method}: {v.against}" if v.peer else none

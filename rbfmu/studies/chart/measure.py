@@ -125,8 +125,7 @@ QUICK = Extent(0.02, 2, 2e-4, True, QUICK_METHODS)
 
 def extent(quick: bool, method: str | Path | None) -> Extent:
     """Return what is measured, with the method of a file, if one is given; ValueError says what is wrong with that."""
-    own = None if method is None else one_step.method_of_file(method)
-    return replace(QUICK if quick else Extent(), own=own)
+    return replace(QUICK if quick else Extent(), own=None if method is None else one_step.method_of_file(method))
 
 
 def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Chart:

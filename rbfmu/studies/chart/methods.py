@@ -14,14 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.models import model_buffer, question, registry
-from rbfmu.planning.methods import whole_series
-from rbfmu.planning.select import plan
+from rbfmu.planning import methods, select
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.steps import substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies import dop853, short
 from rbfmu.studies.chart.cases import Case, Found
-from rbfmu.studies.one_step import Form, OneStepMethod, Steps, kept
+from rbfmu.studies.one_step import Form, OneStepMethod, kept
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
 from rbfmu.types import Array, Indices
 from rbfmu_kernels.compile.decorator import named
@@ -139,9 +138,9 @@ def _midpoint_rounds(y: State, h: float, n: int, body: Body, loads: Loads) -> fl
 
 
 @cache
-def _around(template: Callable[..., Any], steps: Steps, name: str, compiler: Callable[[Any], Any]) -> Any:
-    """Return a template of the above with a method's steps, compiled."""
-    return compiler(named(template, f"{template.__name__} {name}", _steps=steps))
+def _around(template: Callable[..., Any], name: str, compiler: Callable[[Any], Any], **steps: Any) -> Any:
+    """Return a template with the steps of a method or a model, compiled."""
+    return compiler(named(template, f"{template.__name__} {name}", **steps))
 
 
 def fixed_steps(method: OneStepMethod, family: str, why_not: Callable[[Case], str], largest: float = 16.0) -> Method:
@@ -162,7 +161,7 @@ def _run_of_steps(method: OneStepMethod, case: Case, h: float) -> Run:
     body, loads, n, outputs = case.body, case.loads, round(case.interval / h), case.outputs
     start = method.start(case.start)
     path = method.path(case.start, h, [n * some for some in case.outputs_between], body, loads)
-    around = partial(_around, steps=method.steps, name=method.name, compiler=method.compiler)
+    around = partial(_around, name=method.name, compiler=method.compiler, _steps=method.steps)
     if hasattr(method.steps, "py_func"):
         seconds = timer(lambda k: around(_repeated)(start, h, n, outputs, body, loads, k))
     else:  # the loop is not compiled: one long run, of which the calls are a small part
@@ -196,12 +195,6 @@ def _steps_repeated(z: Array, start: Array, interval: float, at: Indices, out: A
     return 0
 
 
-@cache
-def _runs_of(step: Callable[[Array, float], int], model: str) -> Any:
-    """Return the above with a model's step, compiled."""
-    return kept(named(_steps_repeated, f"runs of {model}", _step=step))
-
-
 def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
     """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps if it counts none."""
     kernels, start = chosen.kernels, start_run(scene, chosen)
@@ -209,7 +202,8 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
     z, start = model_buffer.aligned_zeros(len(start)), start[:scratch]
     at = np.concatenate([np.arange(len(z))[kernels.BLOCKS[name]] for name in case.quantities])
     out = np.zeros((case.outputs, len(at)))
-    solve = partial(_runs_of(kernels.step, kernels.name), z, start, case.interval, at, out)
+    runs = _around(_steps_repeated, kernels.name, kept, _step=kernels.step)
+    solve = partial(runs, z, start, case.interval, at, out)
     if solve(1):
         out[:] = math.nan
     sizes = [model_buffer.size_of_block(kernels.BLOCKS[name]) for name in case.quantities]
@@ -234,7 +228,7 @@ def substeps(order: int, controlled: bool = True) -> Method:
         substep, tolerance = (math.inf, value) if controlled else (value, 0.0)
         chosen: Plan = dop853.Dop853Plan("body under loads", name, 13, substep, tolerance)
         if order:
-            chosen = replace(whole_series(case.asked, order, value), method=name)
+            chosen = replace(methods.whole_series(case.asked, order, value), method=name)
         fixed = 0.0 if controlled else float(case.outputs * round(case.interval / value))
         return run_of_unit(case, case.asking(1.0), chosen, order or 12.0, fixed)
 
@@ -273,7 +267,7 @@ def planned() -> Method:
     def run(case: Case, value: float) -> Run:
         scene = case.asking(value)
         try:
-            chosen = plan(scene)
+            chosen = select.plan(scene)
         except SceneError as error:
             method.refusal = f"{short(value)}: {error}"
             raise NotFeasibleError(str(error)) from None
@@ -281,10 +275,6 @@ def planned() -> Method:
 
     method = Method("rbfmu, as planned", "planned", "accuracy asked", settings, run)
     return method
-
-
-def _under_torques(case: Case) -> str:
-    return "" if case.turns_freely else "under torques"
 
 
 @cache
@@ -295,5 +285,6 @@ def own_methods() -> tuple[Method, ...]:
         *map(substeps, (6, 8, 12, 16, 20, 24)),
         *(fixed_steps(m, "splitting", lambda case: "" if case.top else "no top") for m in SPLITTINGS.values()),
         *(fixed_steps(m, "classic", lambda case: "") for m in REFERENCE_INTEGRATORS.values()),
-        *(fixed_steps(m, "Moser-Veselov", _under_torques, 1.0) for m in TORQUE_FREE_INTEGRATORS.values()),
+        *(fixed_steps(m, "Moser-Veselov", lambda case: "" if case.turns_freely else "under torques", 1.0)
+          for m in TORQUE_FREE_INTEGRATORS.values()),
     )  # fmt: skip

@@ -173,8 +173,7 @@ class Chart:
     @cached_property
     def reaches(self) -> "list[Reach]":
         """Return what each kind of method costs at the accuracy asked, the cheapest first."""
-        found = filter(None, map(self._reach, KINDS))
-        return sorted(found, key=lambda reach: (reach.cost, reach.end.error))
+        return sorted(filter(None, map(self._reach, KINDS)), key=lambda reach: (reach.cost, reach.end.error))
 
     def _reach(self, kind: str) -> "Reach | None":
         rows = [row for row in self.above_round_off if row.kind == kind]

@@ -36,8 +36,7 @@ def mujoco(integrator: str) -> Method:
     def settings(case: Case, quick: bool) -> Iterator[float]:
         return (h for h in step_counts(case, quick) if h * case.rate <= 1.0)
 
-    run = partial(_run_of_mujoco, integrator)
-    return Method(f"MuJoCo {integrator}", "peer", "step (s)", settings, run)
+    return Method(f"MuJoCo {integrator}", "peer", "step (s)", settings, partial(_run_of_mujoco, integrator))
 
 
 def _run_of_mujoco(integrator: str, case: Case, h: float) -> Run:

@@ -108,8 +108,7 @@ _NAMES = ("law", "what", "place", "kind", "predicted", "measured", "tolerance", 
 
 def write_columns(path: Path, columns: Mapping[str, Sequence[object]]) -> Path:
     """Write a CSV file with all digits."""
-    rows = zip(*columns.values(), strict=True)
-    return write_rows(path, (dict(zip(columns, row, strict=True)) for row in rows), ())
+    return write_rows(path, (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)), ())
 
 
 def failures(findings: Iterable[Finding]) -> list[str]:
@@ -160,8 +159,8 @@ def rows(findings: Iterable[Finding]) -> Iterator[tuple[str, str, str, str]]:
 
 def _row(finding: Finding, what: str) -> tuple[str, str, str, str]:
     predicted = ("<= " if finding.kind == AT_MOST else "") + _number(finding.predicted)
-    verdicts = _VERDICTS.get(finding.kind, ("FAILS", "holds"))
-    return what, predicted, _number(finding.measured), verdicts[finding.holds]
+    verdict = _VERDICTS.get(finding.kind, ("FAILS", "holds"))[finding.holds]
+    return what, predicted, _number(finding.measured), verdict
 
 
 def _number(x: float) -> str:

@@ -11,7 +11,7 @@ from rbfmu.runs.plan import Plan
 from rbfmu.simulation import simulate
 from rbfmu.studies import dop853, reference_methods
 from rbfmu.studies.one_step import OneStepMethod
-from rbfmu.studies.stability import CURVE, OWN, Columns, Finding, Study, exponent, finding, motions
+from rbfmu.studies.stability import CURVE, LAWS, OWN, Columns, Finding, Study, exponent, finding, motions
 from rbfmu.studies.stability.motions import SPHERE, TUMBLING, UPRIGHT, ZERO, at, attitude_after, free_body, spin
 from rbfmu_kernels.mechanics.equations_of_motion import NO_LOADS, angular_acceleration
 
@@ -198,10 +198,6 @@ _DECAYS = {method.name: partial(decay_factor, method) for method in (EULER, SEMI
     name: partial(_decay_of_plan, planned) for name, planned in _MODELS.items()
 }
 """The functions of h d / I by the name of a method, or of one of the product's."""
-_LIMITS = {
-    EULER.name: 2.0, SEMI.name: 2.0, RK4.name: 2.785,
-    "DOP853": 6.394, "Taylor 8": 4.314, "Taylor 12": 5.823, "Taylor 16": 7.324,
-}  # fmt: skip
 
 
 def damping_limits(quick: bool) -> Study:
@@ -210,7 +206,8 @@ def damping_limits(quick: bool) -> Study:
     columns = {"h d / I": x, "exact": [math.exp(-value) for value in x]}
     columns |= {name: [abs(_DECAYS[name](value)) for value in x] for name in (*damped, MIDPOINT.name)}
     columns |= {f"{name}, predicted": [abs(stability_polynomial(name)(-value)) for value in x] for name in damped}
-    limits = [finding("damping limit", limit_near(_DECAYS[n], limit), limit, name=n) for n, limit in _LIMITS.items()]
+    known = LAWS[6]["limits"].items()
+    limits = [finding("damping limit", limit_near(_DECAYS[n], limit), limit, name=n) for n, limit in known]
     factors = [finding("damping factor", _DECAYS[n](3.0), stability_polynomial(n)(-3.0).real, name=n) for n in _MODELS]
     own = partial(_along, lambda method, value: abs(decay_factor(method, value)), x)
     return Study("damping_limits", limits + factors, columns, own)

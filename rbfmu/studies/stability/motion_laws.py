@@ -126,8 +126,7 @@ def _energy_error(method: str, h: float) -> float:
     """Return the largest energy error of the fast heavy top over 10 s, in m g l."""
     top = HEAVY_TOP
     path = reference_methods.SPLITTINGS[method].path(top.start, h, [1] * round(10.0 / h), top.body, top.loads)
-    states = [top.start, *path]
-    q, omega = (np.array([getattr(y, part) for y in states]) for part in ("q_ab", "omega_b"))
+    q, omega = (np.array([getattr(y, part) for y in (top.start, *path)]) for part in ("q_ab", "omega_b"))
     energy = top.conserved({"quaternion": q, "omega_b": omega})["energy"]
     return float(np.max(np.abs(energy - energy[0])))
 
@@ -216,19 +215,12 @@ def product_models(quick: bool) -> Study:
     return Study("product_models", findings, columns)
 
 
-_CHANGING = {
-    "force_a": (0.1, -0.2, 0.3), "force_b": (0.2, 0.1, -0.1),
-    "torque_a": (-0.1, 0.05, 0.1), "torque_b": (0.1, 0.1, -0.2),
-}  # fmt: skip
-"""Loads through ports; their first derivatives equal their values, their second derivatives are half of them."""
-
-
 def _driven(case: Case) -> Motion:
     """Return the state of the loaded body after five steps with changing loads, or nothing if a step is refused."""
-    scene, kernels = motions.MOTIONS["loaded"].replace({"inputs.ports": list(_CHANGING)}), case.planned.kernels
-    z = start_run(scene, case.planned)
+    changing, kernels = _TABLES["changing"], case.planned.kernels
+    z = start_run(motions.MOTIONS["loaded"].replace({"inputs.ports": list(changing)}), case.planned)
     for _ in range(5):
-        for name, value in _CHANGING.items():
+        for name, value in changing.items():
             for block, part in ((name, 1.0), (f"{name}_rate", 1.0), (f"{name}_rate_2", 0.5)):
                 z[kernels.BLOCKS[block]] = part * np.array(value)
         if kernels.step(z, 1.0):

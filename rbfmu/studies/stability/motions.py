@@ -113,13 +113,7 @@ def error_of_model(key: str, planned: Plan) -> float:
     return error_of({name: values[1:] for name, values in result.quantities.items()}, truth(key))
 
 
-_HELD: tuple[float, Vec3, Vec3, Vec3] = (2.0, (3.0, -1.0, 2.0), ZERO, ZERO)
-PRESCRIBED = (
-    *(_HELD,) * 5,
-    (1.0, (1e-3, 2e-3, -1e-3), ZERO, ZERO),
-    (2.0, (1.0, 0.0, 0.5), (-0.5, 1.5, 0.25), (0.25, -1.0, 0.5)),
-    (2.0, (0.0, 2.0, -1.0), (1.0, -0.5, 0.75), ZERO),
-)
+PRESCRIBED: list[list[Any]] = tables_of("models.toml")["prescribed"]
 """For each step: its length in s, and omega_b with its first and second derivative at the start of the step."""
 
 
@@ -132,8 +126,7 @@ def prescribed_error() -> float:
     for h, omega, rate, rate_2 in PRESCRIBED:
         for name, value in (("omega_b", omega), ("omega_b_rate", rate), ("omega_b_rate_2", rate_2)):
             z[kernels.BLOCKS[name]] = value
-        refused = kernels.step(z, h)
-        found.append(np.full(4, np.nan) if refused else z[kernels.BLOCKS["quaternion"]].copy())
+        found.append(np.full(4, np.nan) if kernels.step(z, h) else z[kernels.BLOCKS["quaternion"]].copy())
     return attitude_error(np.array(found), np.array(references()["prescribed"]))
 
 

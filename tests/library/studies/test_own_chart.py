@@ -133,7 +133,7 @@ def test_solvers_integrate_what_the_outputs_need_and_no_more(name: str, states: 
 
 
 def test_a_run_too_long_for_the_reference_is_charted_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cases, "MAX_REFERENCE_STEPS", 1)
+    monkeypatch.setattr(cases.judge, "MAX_REFERENCE_STEPS", 1)
     case = cases.case_of(scene_of(SATELLITE))
     assert case.outputs == 5
     assert case.span == pytest.approx(0.5)
