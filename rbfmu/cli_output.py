@@ -18,10 +18,8 @@ import rbfmu
 from rbfmu.exceptions import PlanningWarning, SceneError, SceneWarning, SimulationError
 from rbfmu.on_disk import try_replacing
 
-MOST_TIMES = 5
-"""The times of an event that are printed."""
-MOST_FAILED = 5
-"""Runs that failed whose messages are printed."""
+MOST_SHOWN = 5
+"""The times of an event, and messages of runs that failed, that are printed."""
 DOUBTS = (SceneWarning, PlanningWarning)
 """Warnings that commands print as lines."""
 
@@ -170,8 +168,8 @@ def _events(result: "rbfmu.Result") -> Iterator[tuple[str, str, str]]:
     kinds = {"": result.events, ", touches": {name: times for name, times in result.touches.items() if len(times)}}
     for kind, events in kinds.items():
         for name, times in events.items():
-            shown = " ".join(f"{t:.9g}" for t in times[:MOST_TIMES])
-            yield f"{name}{kind}", f"{len(times)}", shown + (" ..." if len(times) > MOST_TIMES else "")
+            shown = " ".join(f"{t:.9g}" for t in times[:MOST_SHOWN])
+            yield f"{name}{kind}", f"{len(times)}", shown + (" ..." if len(times) > MOST_SHOWN else "")
 
 
 def write(found: "rbfmu.Result | rbfmu.Sensitivity", output: Path | None, plot: Path | None, title: str) -> None:
@@ -193,7 +191,7 @@ def print_ensemble(planned: "rbfmu.Plan", result: "rbfmu.EnsembleResult") -> Non
     click.echo("\n".join([f"{planned.model}: {planned.method}", *planned.reasons]))
     redrawn = int((result.redrawn > 0).sum())
     click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {redrawn:,} drawn again")
-    for index, text in [*result.failed.items()][:MOST_FAILED]:
+    for index, text in [*result.failed.items()][:MOST_SHOWN]:
         click.echo(f"run {index}: {text}")
     ends = {name: [" ".join(f"{x: .6g}" for x in values) for values in result.at_end(name)] for name in result.rows}
     rows = [(name, result.rows[name].unit, *words) for name, words in ends.items()]

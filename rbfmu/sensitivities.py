@@ -19,7 +19,8 @@ from rbfmu.result import write_npz
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
 from rbfmu.runs.steps import SAME, Driven
-from rbfmu.scene.own import OF_NUMBERS
+from rbfmu.scene import own
+from rbfmu.scene.body import six_numbers
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.buffer import NO_OUTPUTS
@@ -66,10 +67,7 @@ class Sensitivity:
     @property
     def keys(self) -> dict[str, list[int]]:
         """Return the keys that have the numbers, and which these are; of one number alone its own name."""
-        found: dict[str, list[int]] = {}
-        for n, number in enumerate(self.numbers):
-            found.setdefault(number.partition("[")[0], []).append(n)
-        return {key if len(at) > 1 else self.numbers[at[0]]: at for key, at in found.items()}
+        return {key if len(at) > 1 else self.numbers[at[0]]: at for key, at in by_key(self.numbers).items()}
 
     def changes(self, name: str) -> dict[str, Array]:
         """Return how far an output moves (times,), in its unit, where a key's numbers change together by 1 %.
@@ -215,6 +213,12 @@ def _least_variance(covariance: Array) -> float:
     return float(np.linalg.eigvalsh(correlations)[0]) if np.allclose(correlations, correlations.T) else -math.inf
 
 
+def by_key(numbers: Sequence[str]) -> dict[str, list[int]]:
+    """Return the keys that have these numbers, each with the places of its own."""
+    keys = [number.partition("[")[0] for number in numbers]
+    return {key: [n for n, one in enumerate(keys) if one == key] for key in dict.fromkeys(keys)}
+
+
 def keys_of(keys: object) -> list[Any]:
     """Return what may be keys as a list, of one that stands alone as well; `columns_of` says which are none."""
     return [keys] if isinstance(keys, str) or not isinstance(keys, Iterable) else [*keys]
@@ -243,11 +247,10 @@ def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:
         found = [column for column in found if column.name == key]
         if not found:
             raise ValueError(f"{expected} one of {', '.join(names)}")
-    elif whole == "body.inertia" and scene.body is not None:
-        M = scene.body.M_c
-        found = found[:3] if not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2))) else found
+    elif whole == "body.inertia" and scene.body is not None and not any(six_numbers(scene.body.M_c)[3:]):
+        found = found[:3]
     if whole in {f"loads.{name}" for name in scene.loads.made}:
-        raise ValueError(f"{expected} {OF_NUMBERS}")
+        raise ValueError(f"{expected} {own.OF_NUMBERS}")
     if block in ("inertia", "r_oc_b") and scene.body is not None and scene.body.axis_without_inertia is not None:
         raise ValueError(f"{expected} another; a slender beam has no inertia about its axis to begin with")
     return found
@@ -268,7 +271,7 @@ class _Run:
         self.sizes = np.array([0.0 if name in TURN else abs(z[self._model.place(name)]) for name in numbers])
         self.time, self.values = run.course((*self._model.shown, "errors", "slopes"), most=judge.MAX_SUBSTEPS)
         self._event = run.events.ended_by if run.events else ""
-        self._inputs, self._jumps = _rates_of_inputs(drive, float(self.time[-1])), _jump(drive, float(self.time[-1]))
+        self._inputs, self._jumps = _inputs_at(drive, float(self.time[-1]))
         self._slopes = self.values.pop("slopes")
         self._errors = self.values.pop("errors").reshape(len(self.time), -1, self._model.columns)
 
@@ -300,8 +303,7 @@ class _Run:
         return self._model.slopes_at(name, self._errors, self._slopes, self._count)
 
     def _attitude(self) -> Array:
-        at = [self._model.errors.index(name) for name in TURN]
-        return np.asarray(self._errors[:, at, : self._count])
+        return np.asarray(self._errors[:, [*map(self._model.errors.index, TURN)], : self._count])
 
     def _of_angles(self, turns: Array) -> Array:
         """Return the derivatives of roll, pitch and yaw; turns: those of the attitude."""
@@ -310,19 +312,14 @@ class _Run:
         return np.moveaxis(rates[..., ::-1], 1, 2)
 
 
-def _jump(drive: Drive, t: float) -> bool:
-    """Return whether inputs jump at a time."""
-    ends = drive.time[0] + np.cumsum(drive.lengths)
-    k = int(np.argmin(np.abs(ends[:-1] - t))) if len(ends) > 1 else 0
-    if k + 1 >= len(ends) or abs(ends[k] - t) > SAME * drive.lengths[k]:
-        return False
-    of = drive.ports.values()
-    return any(np.any(p.values[k + 1] != p.values[k] + drive.lengths[k] * p.slopes[k]) for p in of)
-
-
-def _rates_of_inputs(drive: Drive, t: float) -> dict[str, float]:
-    """Return how fast each number of the ports changes up to a time, in its unit for a second, by its name."""
+def _inputs_at(drive: Drive, t: float) -> tuple[dict[str, float], bool]:
+    """Return how fast each number of the ports changes up to a time, by name and per second; whether one jumps then."""
     ends = drive.time[0] + np.cumsum(drive.lengths)
     piece = min(int(np.searchsorted(ends, t)), len(ends) - 1)
     slopes = {port: pieces.slopes[piece] for port, pieces in drive.ports.items()}
-    return {e: float(x) for port, row in slopes.items() for e, x in zip(elements(port, len(row)), row, strict=True)}
+    rates = {e: float(x) for port, row in slopes.items() for e, x in zip(elements(port, len(row)), row, strict=True)}
+    k = int(np.argmin(np.abs(ends[:-1] - t))) if len(ends) > 1 else 0
+    if k + 1 >= len(ends) or abs(ends[k] - t) > SAME * drive.lengths[k]:
+        return rates, False
+    of = drive.ports.values()
+    return rates, any(np.any(p.values[k + 1] != p.values[k] + drive.lengths[k] * p.slopes[k]) for p in of)

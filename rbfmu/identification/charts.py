@@ -172,10 +172,9 @@ def chart_of(scene: Scene, key: str) -> Chart:
 def value_of(scene: Scene, key: str) -> ArrayLike:
     """Return what a scene has for a key without an index, of an attitude the quaternion."""
     table, _, name = key.partition(".")
-    if table in OWN:
-        return getattr(getattr(scene, table)[name], OWN[table])  # type: ignore[no-any-return]
+    section = getattr(scene, table)
     place = {ATTITUDE: "quaternion", INERTIA: "M_c"}.get(key, name)
-    return getattr(getattr(scene, table), place)  # type: ignore[no-any-return]
+    return section[name].numbers if table in OWN else getattr(section, place)  # type: ignore[no-any-return]
 
 
 def changes(charts: Sequence[Chart], p: Array) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from rbfmu.identification.measured import QUATERNION, Data, Measured, read_measu
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables, with_times
 from rbfmu.scene.ensemble import RANDOM
 from rbfmu.scene.scene import SECTIONS, Scene, of_scene_or_path
-from rbfmu.sensitivities import ATTITUDE, Varied, keys_of
+from rbfmu.sensitivities import ATTITUDE, Varied, by_key, keys_of
 from rbfmu.types import Array
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
@@ -83,12 +83,6 @@ class Fit:
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(self.covariance / np.outer(self.standard_errors, self.standard_errors))
 
-    @property
-    def _places(self) -> dict[str, list[int]]:
-        """Return where each key has its numbers among all."""
-        keys = [name.partition("[")[0] for name in self.names]
-        return {key: [n for n, one in enumerate(keys) if one == key] for key in dict.fromkeys(keys)}
-
     def posterior(self, runs: int = 1000, seed: int = 1) -> Scene:
         """Return the fitted scene with an ensemble of what the data leave open: normal, correlated as the fit has it.
 
@@ -96,7 +90,7 @@ class Fit:
         """
         if self.unknown:
             raise ValueError(f"{self.scene.name}: expected data that tell all numbers: {'; '.join(self.unknown)}")
-        spreads = {key: _spread(self, key, at) for key, at in self._places.items()}
+        spreads = {key: _spread(self, key, at) for key, at in by_key(self.names).items()}
         components = [name for _, names in spreads.values() for name in names]
         matrix = self.correlation
         np.fill_diagonal(matrix, 1.0)
@@ -113,11 +107,11 @@ class Fit:
         """
         tomlkit = extras.needed("tomlkit", "fit")
         whole = tomlkit.dumps(self.scene.to_dict()) if source is None else Path(source).read_text("utf-8-sig")
-        document = tomlkit.parse(whole)
-        for key, at in self._places.items():
+        document, places = tomlkit.parse(whole), by_key(self.names)
+        for key, at in places.items():
             errors = ("not told" if np.isinf(e) else f"{e:.2g}" for e in self.standard_errors[at])
             _put(tomlkit, document, self.scene, key, f"fitted; standard error {', '.join(errors)}")
-        if MASS in self._places and "shape" in document["body"]:
+        if MASS in places and "shape" in document["body"]:
             _put(tomlkit, document, self.scene, INERTIA, "of the shape, with the mass that it had")
         written = tomlkit.dumps(document)
         Scene.from_dict(tomllib.loads(written), str(path))  # what cannot be read again is not written
@@ -249,7 +243,8 @@ class _Search:
                 break
             p = self._nearest(p, self._data, sigma, HELD_LAST)
         given = np.zeros_like(p)  # parts of the time may have led away from it
-        if self._misfit(given, sigma) < self._misfit(p, sigma):
+        misfits = [np.linalg.norm(self._stack(x, self._data, sigma)[0]) for x in (given, p)]
+        if misfits[0] < misfits[1]:
             p = self._nearest(given, self._data, sigma, HELD_LAST)
         for _ in range(0 if len(self._given) == len(self._data.values) else 2):
             sigma = self._estimated(p, sigma)
@@ -291,9 +286,6 @@ class _Search:
             of = found.of["attitude" if name == QUATERNION else name][rows]
             left[name], slopes[name] = residuals(name, found.values[name][rows], values, of)
         return left, slopes
-
-    def _misfit(self, p: Array, sigma: Mapping[str, float]) -> float:
-        return float(np.linalg.norm(self._stack(p, self._data, sigma)[0]))
 
     def _slopes(self, p: Array) -> Array:
         """Return the derivatives of all numbers by coordinates."""

@@ -111,8 +111,7 @@ NESTED = ("body", "initial", "loads", "run", *named.PARAMETER_END)
 MOST_RUNS = 1_000_000_000
 
 
-_PARTS = ("final", "statistics", "all")
-_KEPT = rules.names(_PARTS, least=1)
+_KEPT = rules.names(("final", "statistics", "all"), least=1)
 _KEEP = rules.Rule(_KEPT.words, lambda x: _KEPT([x] if isinstance(x, str) else x), _KEPT.choice).means(
     'what is kept: of each run its end ("final") or all of it, and statistics over time'
 )

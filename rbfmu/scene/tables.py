@@ -18,7 +18,6 @@ PARAMETERS = tuple(row.name for row in IN_BUFFER_ORDER)
 QUANTITIES = tuple(OUTPUT)
 MAX_STEPS = 1e8
 """The largest number of communication steps of a run; their results take some 20 GB."""
-_IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 
 # The attitude at the start, by any representation
@@ -134,7 +133,7 @@ class Initial(rules.Section, path="initial"):
 
     position: Annotated[Vec3, rules.numbers("position_0")] = ZERO
     velocity: Annotated[Vec3, rules.numbers("velocity_0")] = ZERO
-    quaternion: Annotated[Quaternion, rules.numbers("quaternion_0")] = _IDENTITY
+    quaternion: Annotated[Quaternion, rules.numbers("quaternion_0")] = (1.0, 0.0, 0.0, 0.0)
     omega_b: Annotated[Vec3, rules.numbers("omega_b_0")] = ZERO
 
     @property

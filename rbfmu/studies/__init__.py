@@ -3,13 +3,20 @@
 import csv
 import math
 import textwrap
+import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 Progress = Callable[[int, int, str], object]
 """What is called with (done, total, text)."""
 WIDTH = 80
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"), (1e-15, "fs"))
+
+
+def tables_of(name: str) -> dict[str, Any]:
+    """Return the tables of a TOML file that stands in a folder here."""
+    return tomllib.loads((Path(__file__).parent / name).read_text(encoding="utf-8"))
 
 
 def write_rows(path: Path, rows: Iterable[Mapping[str, object]], head: Iterable[str]) -> Path:

@@ -149,8 +149,7 @@ def motion_page(motion: Motion) -> str:
     data = json.dumps(_data(geometry)).replace("<", "\\u003c")
     filled = {"TITLE": escape(motion.title), "LEGEND": _legend(geometry), "DATA": data}
     panel = re.sub(r"\$([A-Z]+)", lambda found: filled[found[1]], panel)
-    titled = f"<title>{filled['TITLE']}</title>"
-    page = re.sub("<title>.*?</title>", lambda _: titled, record_page(geometry), count=1)
+    page = re.sub("(?<=<title>).*?(?=</title>)", lambda _: filled["TITLE"], record_page(geometry), count=1)
     before, end, after = page.rpartition("</body>")
     return f"{before}{panel}{end}{after}"
 

@@ -7,7 +7,6 @@ graph, with formulas or without.
 
 import json
 import math
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,6 +22,7 @@ from rbfmu.planning import judge, methods, reference
 from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.studies import tables_of
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
 from rbfmu_kernels.compile.tiered import tiered
@@ -334,8 +334,7 @@ def _known_case(key: str, tables: dict[str, Any]) -> Case:
 
 
 _PLANNED = (1e-3, 1e-6, 1e-9, 1e-12)
-_TABLES = tomllib.loads(Path(__file__).with_name("motions.toml").read_text(encoding="utf-8"))
-CASES = {key: _known_case(key, tables) for key, tables in _TABLES.items()}
+CASES = {key: _known_case(key, tables) for key, tables in tables_of("chart/motions.toml").items()}
 """The eight motions by key."""
 
 

@@ -39,15 +39,14 @@ def figure_of(chart: Chart) -> Figure:
     draw_lines(axes, lines, {end.method for end in chart.ends if end.stopped})
     _limits(axes, chart, [row for line in lines.values() for row in line])
     _accuracy_asked(axes, chart)
-    axes.plot([max(chart.plan.error, cases.FLOOR)], [chart.plan.seconds], marker="*", markersize=24, color="#000000",
+    plan = replace(chart.plan, error=max(chart.plan.error, cases.FLOOR))
+    axes.plot([plan.error], [plan.seconds], marker="*", markersize=24, color="#000000",
               markeredgecolor="white", markeredgewidth=1.2, zorder=6, clip_on=False)  # fmt: skip
-    ends = lines | {"rbfmu's plan": [row for row in chart.above_round_off if row.kind == "rbfmu's plan" and
-                                     row.value == chart.plan.value]}  # fmt: skip
     labels = {}
     for reach in chart.reaches:
         missed = "stopped" if reach.stopped else "misses"
         labels[reach.kind] = f"{reach.name}  {cost_text(reach.cost) if math.isfinite(reach.cost) else missed}"
-    name_lines(axes, ends, labels.__getitem__, 0.062)
+    name_lines(axes, lines | {"rbfmu's plan": [plan]}, labels.__getitem__, 0.062)
     _words(figure, chart)
     return figure
 

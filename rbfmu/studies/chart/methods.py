@@ -200,15 +200,15 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
     kernels, start = chosen.kernels, start_run(scene, chosen)
     scratch = next((kernels.BLOCKS[name].start for name in ("work", "series.work") if name in kernels.BLOCKS), None)
     z, start = model_buffer.aligned_zeros(len(start)), start[:scratch]
-    at = np.concatenate([np.arange(len(z))[kernels.BLOCKS[name]] for name in case.quantities])
+    places = {name: np.arange(len(z))[kernels.BLOCKS[name]] for name in case.quantities}
+    at = np.concatenate([*places.values()])
     out = np.zeros((case.outputs, len(at)))
     runs = _around(_steps_repeated, kernels.name, kept, _step=kernels.step)
     solve = partial(runs, z, start, case.interval, at, out)
     if solve(1):
         out[:] = math.nan
-    sizes = [model_buffer.size_of_block(kernels.BLOCKS[name]) for name in case.quantities]
-    parts = np.split(out[case.checkpoints], np.cumsum(sizes)[:-1], axis=1)
-    found = dict(zip(case.quantities, parts, strict=True))
+    parts = np.split(out[case.checkpoints], np.cumsum([*map(len, places.values())])[:-1], axis=1)
+    found = dict(zip(places, parts, strict=True))
     evaluations = per_substep * (fixed or substeps_counted(kernels, z))
     return Run(found, timer(solve), evaluations, chosen.method)
 

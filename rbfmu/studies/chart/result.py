@@ -7,7 +7,7 @@ kind of method.
 import math
 import re
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rbfmu.studies import WIDTH, cost_text, join_parts, short_number, times, wrap_lines, write_rows
+from rbfmu.studies import WIDTH, cost_text, join_parts, short_number, tables_of, times, wrap_lines, write_rows
 from rbfmu.studies.chart.cases import FLOOR
 
 if TYPE_CHECKING:
@@ -26,28 +26,13 @@ TAKES_NO = "takes no"
 """How the reason begins why a model does not serve a scene with ports, or with parameters to be changed."""
 STOPPED = "stopped: time limit"
 YOURS = "your method"
-OWN_KINDS = {
-    "rbfmu's plan": "#000000", "exact": "#009e73", "Taylor series": "#56b4e9", "DOP853": "#0072b2",
-    "splitting": "#cc79a7",
-}  # fmt: skip
+_TABLES = tables_of("chart/kinds.toml")
+OWN_KINDS: Mapping[str, str] = _TABLES["own"]
 """The library's own kinds of methods, and the colour of the line that is the best of each."""
-KINDS = OWN_KINDS | {
-    "Moser-Veselov": "#8a7500", "heyoka.py": "#d55e00", "numbalsoda": "#e69f00", "SciPy odeint": "#a0522d",
-    "SciPy solve_ivp": "#c97b63", "MuJoCo": "#7b3294", "Basilisk": "#b58ac2", "Drake": "#5e3c99",
-    "RK4, Euler and others": "#8c8c8c", YOURS: "#e7298a",
-}  # fmt: skip
+KINDS: Mapping[str, str] = _TABLES["own"] | _TABLES["others"]
 """All kinds, in the same way."""
-_FAMILIES = {"planned": "rbfmu's plan", "Taylor": "Taylor series", "classic": "RK4, Euler and others"}
-
-
-SIDES = {
-    "library": ("exact", "DOP853", "Taylor", "splitting"),
-    "planned": ("planned",),
-    "integrator": ("classic", "Moser-Veselov"),
-    "peer": ("peer",),
-}
-"""Who offers families of methods: the library, its plans, which choose among them, integrators in common use, peers."""
-
+SIDES: Mapping[str, list[str]] = _TABLES["sides"]
+"""Who offers families of methods."""
 
 _KIND = "{:22}{:29.28}{:>9}{:>9}{:>10}"
 _DIGIT = "{:10}{:41.40}{:>9}{:>9}{:>10}"
@@ -57,7 +42,7 @@ _MODEL = "{:30}{:>10}{:>14}"
 def kind_of(method: str, family: str) -> str:
     """Return the kind of a method of a family."""
     if family != "peer":
-        return _FAMILIES.get(family, family)
+        return str(_TABLES["families"].get(family, family))
     if method.startswith("SciPy") and method != "SciPy odeint":
         return "SciPy solve_ivp"
     return next(name for name in KINDS if method.startswith(name))

@@ -5,7 +5,6 @@ first and draws afterwards; `print_laws` shows them as a table on the terminal.
 """
 
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -20,15 +19,9 @@ from rich.padding import Padding
 from rich.table import Table
 
 from rbfmu.exceptions import SceneWarning
-from rbfmu.studies import WIDTH, one_step, write_rows
+from rbfmu.studies import WIDTH, one_step, tables_of, write_rows
 
-
-def tables_of(name: str) -> dict[str, Any]:
-    """Return the tables of a TOML file that stands here."""
-    return tomllib.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
-
-
-LAWS: dict[int, dict[str, Any]] = {int(number): law for number, law in tables_of("laws.toml").items()}
+LAWS: dict[int, dict[str, Any]] = {int(number): law for number, law in tables_of("stability/laws.toml").items()}
 """By number: what a law says, the source of the predicted numbers, and the rows of its findings, by their names."""
 _FINDINGS = {name: (number, row) for number, law in LAWS.items() for name, row in law["findings"].items()}
 

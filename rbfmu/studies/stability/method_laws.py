@@ -164,8 +164,8 @@ def _gains(method: OneStepMethod) -> dict[str, float]:
 def rod_growth(method: OneStepMethod) -> list[float]:
     """Return a rod's transverse rate over its start after 0 to 60 steps, in one second."""
     start = at(UPRIGHT, (1e-3, 0.0, _RATE))
-    states = [start, *method.path(start, _STEP, [1] * 60, free_body(_ROD))]
-    return [math.hypot(*y.omega_b[:2]) / 1e-3 for y in states]
+    path = method.path(start, _STEP, [1] * 60, free_body(_ROD))
+    return [math.hypot(*y.omega_b[:2]) / 1e-3 for y in (start, *path)]
 
 
 def gyroscopic_blow_up(quick: bool) -> Study:

@@ -9,8 +9,8 @@ from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.steps import Steps, substeps_counted
 from rbfmu.scene.scene import SceneError
 from rbfmu.simulation import simulate
-from rbfmu.studies import dop853, reference_methods
-from rbfmu.studies.stability import Columns, Finding, Study, exponent, finding, method_laws, motions, tables_of
+from rbfmu.studies import dop853, reference_methods, tables_of
+from rbfmu.studies.stability import Columns, Finding, Study, exponent, finding, method_laws, motions
 from rbfmu.studies.stability.motions import BRICK, FLIPPING, HEAVY_TOP, UPRIGHT, scene_of
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.integrators.splitting import resonant_step
@@ -199,7 +199,7 @@ class Case(NamedTuple):
         return kind(self.model, "", 0, self.substep, self.tolerance, self.order)
 
 
-_TABLES = tables_of("models.toml")
+_TABLES = tables_of("stability/models.toml")
 CASES = [Case(motion=one, **{"name": row["model"]} | row) for row in _TABLES["models"] for one in row.pop("motions")]
 _ORDERS = [(row.pop("power"), row.pop("step"), Case(**row)) for row in _TABLES["orders"]]
 _CONTROLLED = [(row.pop("root"), row.pop("ratio"), Case(**row)) for row in _TABLES["controlled"]]

@@ -14,9 +14,9 @@ from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.simulation import SimulationError, simulate
-from rbfmu.studies import dop853, one_step, reference_methods
+from rbfmu.studies import dop853, one_step, reference_methods, tables_of
 from rbfmu.studies.chart.cases import CASES
-from rbfmu.studies.stability import Finding, finding, tables_of
+from rbfmu.studies.stability import Finding, finding
 from rbfmu.types import Array
 from rbfmu_kernels import Quaternion, Vec3, diagonal, inverse_inertia, quaternion_from_rotvec, scale
 from rbfmu_kernels.mechanics.equations_of_motion import Body, State
@@ -75,7 +75,7 @@ def _motion(tables: dict[str, Any]) -> Scene:
     return Scene.from_dict({"outputs": {"quantities": list(QUANTITIES)}} | tables | {"run": run})
 
 
-MOTIONS = {key: _motion(tables) for key, tables in tables_of("motions.toml").items()}
+MOTIONS = {key: _motion(tables) for key, tables in tables_of("stability/motions.toml").items()}
 """The motions on which laws 13 and 14 are measured."""
 
 
@@ -113,7 +113,7 @@ def error_of_model(key: str, planned: Plan) -> float:
     return error_of({name: values[1:] for name, values in result.quantities.items()}, truth(key))
 
 
-PRESCRIBED: list[list[Any]] = tables_of("models.toml")["prescribed"]
+PRESCRIBED: list[list[Any]] = tables_of("stability/models.toml")["prescribed"]
 """For each step: its length in s, and omega_b with its first and second derivative at the start of the step."""
 
 

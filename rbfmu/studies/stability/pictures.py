@@ -13,17 +13,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from rbfmu.plot import COLORS, open_frame
-from rbfmu.studies.stability import CURVE, Study, tables_of
+from rbfmu.studies import tables_of
+from rbfmu.studies.stability import CURVE, Study
 from rbfmu.studies.stability.motions import ACCURACY, LARGEST_ERROR, LONG_TURN, OURS, TURN, VERDICTS, Row
 from rbfmu.types import Array
 
 BLUE, VERMILION, GREEN, PURPLE = COLORS
 ORANGE, SKY, BLACK, GREY = "#e69f00", "#56b4e9", "#000000", "#777777"
 """Further colours of the Okabe-Ito palette, and a grey for everything that is no method."""
-_NAMED = {
-    "blue": BLUE, "vermilion": VERMILION, "green": GREEN, "purple": PURPLE, "orange": ORANGE, "sky": SKY,
-    "black": BLACK, "grey": GREY,
-}  # fmt: skip
+_NAMES = ("blue", "vermilion", "green", "purple", "orange", "sky", "black", "grey")
+_NAMED = dict(zip(_NAMES, (*COLORS, ORANGE, SKY, BLACK, GREY), strict=True))
 _INK = {ORANGE: "#b37700", SKY: "#2c7fb0", PURPLE: "#b0568c"}
 """Colours of text, which are darker for pale colours."""
 _DASHES = (0, (4, 3))
@@ -71,7 +70,7 @@ class Picture(NamedTuple):
     height: float = 5.0
 
 
-PICTURES = {name: Picture(**row) for name, row in tables_of("pictures.toml").items()}
+PICTURES = {name: Picture(**row) for name, row in tables_of("stability/pictures.toml").items()}
 """The pictures, by the study's name."""
 
 
@@ -218,11 +217,10 @@ def draw_maps(rows: Sequence[Row], path: Path) -> Path:
     figure.subplots_adjust(0.075, 0.62 / height, 0.99, 1.0 - 1.15 / height, wspace=0.11, hspace=0.3)
     for panel, name in zip(panels, names, strict=False):
         _draw_map(panel, name, [row for row in rows if row.method == name])
-    for k, panel in enumerate(panels):
-        if k + _COLUMNS >= len(names):
-            panel.tick_params(labelbottom=True)
-        if k >= len(names):
-            panel.set_axis_off()
+    for panel in panels[max(len(names) - _COLUMNS, 0) :]:  # with none below
+        panel.tick_params(labelbottom=True)
+    for panel in panels[len(names) :]:
+        panel.set_axis_off()
     worst = _worst([row for row in rows if row.method in OURS])
     seen = {row.verdict for row in rows}
     handles = [Patch(color=c, label=verdict) for c, verdict in zip(_COLORS, VERDICTS, strict=True) if verdict in seen]
@@ -251,10 +249,9 @@ def _draw_map(panel: Axes, name: str, rows: Sequence[Row]) -> None:
     panel.set_yticks([0.01, 0.1, 1.0], ["0.01", "0.1", "1"], fontsize=8)
     panel.minorticks_off()
     right = sum(row.verdict == VERDICTS[0] for row in rows) / len(rows)
-    title = f"{name.replace('quaternion not', 'q not')}: {right:.0%} right"
-    if name in OURS:
-        title = f"{name}: within {_worst(rows):.0e} rad"
-    panel.set_title(title, fontsize=9, fontweight="bold" if name in OURS else "normal", loc="left")
+    said = f"within {_worst(rows):.0e} rad" if name in OURS else f"{right:.0%} right"
+    title, weight = name.replace("quaternion not", "q not"), "bold" if name in OURS else "normal"
+    panel.set_title(f"{title}: {said}", fontsize=9, fontweight=weight, loc="left")
 
 
 def _worst(rows: Sequence[Row]) -> float:
