@@ -156,10 +156,9 @@ class Result:
         if not isinstance(stop, Real) or not stop >= first[0]:
             raise ValueError(f"stop = {stop!r}: expected a time from {first[0]!r} s on")
         n = int(np.searchsorted(self.time, stop, side="right"))
-        kinds = (self.events, self.touches)
-        events, touches = ({name: times[times <= stop] for name, times in of.items()} for of in kinds)
         quantities = {name: values[:n] for name, values in self.quantities.items()}
-        return Result(self.time[:n], quantities, self.rows, events, touches)
+        happened = ({name: times[times <= stop] for name, times in of.items()} for of in (self.events, self.touches))
+        return Result(self.time[:n], quantities, self.rows, *happened)
 
     @classmethod
     def of_rows(cls, rows: Iterable[Mapping[str, ArrayLike]]) -> "Result":

@@ -131,13 +131,6 @@ class Ensemble(rules.Section, path="ensemble"):
     vary: Annotated[tuple[Variation, ...], _VARY.means("what varies: keys of the scene, each a distribution")]
     correlation: Correlation | None = None
 
-    def _faults_together(self) -> tuple[()]:
-        """Let a grid have as many runs as points."""
-        good = vars(self)
-        if good.get("design") == GRID and "runs" not in self._given and "vary" in good:
-            good["runs"] = min(math.prod(m.points or 1 for m in self.varying), MOST_RUNS)
-        return ()
-
     @property
     def varying(self) -> tuple[Marginal, ...]:
         """Return the distributions of all numbers that vary."""
@@ -164,6 +157,8 @@ class Ensemble(rules.Section, path="ensemble"):
         return super().table() | {"vary": {variation.key: variation.table for variation in self.vary}}
 
     def _contradictions(self) -> Iterator[str]:
+        if self.design == GRID and "runs" not in self._given:  # as many as points
+            vars(self)["runs"] = min(math.prod(m.points or 1 for m in self.varying), MOST_RUNS)
         yield from self._faults_of_grid()
         if self.correlation is not None:
             yield from self._faults_of_correlation(self.correlation)

@@ -4,6 +4,7 @@ import json
 import textwrap
 from collections.abc import Iterator, Mapping
 from itertools import groupby
+from pathlib import Path
 from typing import NamedTuple
 
 from rbfmu.scene import body, tables
@@ -23,19 +24,11 @@ SKETCHED = {
     "body.shape": '{ kind = "box", sides = [0.2, 0.1, 0.05] }',
     "initial.attitude": '{ euler = "ZYX", angles_deg = [0, 0, 0] }',
     "initial.omega_b_deg": "[0, 0, 0]",
+    "outputs.quantities": f"[{', '.join(map(as_toml, tables.QUANTITIES))}]",
 }
-"""The values that a new scene shows, commented out, for keys that can replace others."""
-
-INTRODUCTION = """\
-# {name}
-#
-# A scene of rbfmu: one rigid body, its start, its loads and its run. SI units, angles in radians. The first paragraph
-# of this comment describes the scene where it becomes an FMU.
-# Frames: a is inertial, b is fixed in the body; o is the body's origin.
-# A key behind a # shows its default, or what may stand in place of another. `rbfmu keys` lists all, also those
-# of an ensemble of runs."""
-
-
+"""The values that a new scene shows, commented out, for keys that can replace others, and all quantities."""
+HEAD = Path(__file__).with_name("new_scene.toml")
+"""The first lines of a new scene."""
 HIDDEN = ("ensemble", "correlation")
 
 
@@ -81,9 +74,7 @@ def _key(section: type[Section], name: str) -> Key:
         return Key(section._path, name, rule.unit, "", rule.meaning)
     meaning = f"{rule.meaning}: {rule.choice}" if rule.choice else rule.meaning
     default = as_toml(_plain(getattr(section, name))) if hasattr(section, name) else REQUIRED
-    if section is SECTIONS["outputs"]:
-        default = OF_THE_MOTION
-    return Key(section._path, name, rule.unit, default, meaning)
+    return Key(section._path, name, rule.unit, OF_THE_MOTION if name == "quantities" else default, meaning)
 
 
 def _plain(value: object) -> object:
@@ -95,7 +86,8 @@ def _plain(value: object) -> object:
 
 def new_scene(name: str) -> str:
     """Return the text of a scene file that runs and shows every key of a run; those not needed are commented out."""
-    lines = [INTRODUCTION.format(name=name), f"name = {json.dumps(name, ensure_ascii=False)}"]
+    head = HEAD.read_text(encoding="utf-8").splitlines()
+    lines = [*(line.format(name=name) for line in head), f"name = {json.dumps(name, ensure_ascii=False)}"]
     for table, keys in groupby(scene_keys(), lambda key: key.table):
         if table in SECTIONS and table != "ensemble":
             lines += ["", f"[{table}]", *(line for key in keys if key not in OF_FORMULAS for line in _lines(key))]
@@ -106,6 +98,4 @@ def _lines(key: Key) -> Iterator[str]:
     text = f"{key.meaning} ({key.unit})" if key.unit else key.meaning
     yield from textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="#   ")
     value = WRITTEN.get(key.path) or SKETCHED.get(key.path) or key.default
-    if value == OF_THE_MOTION:
-        value = f"[{', '.join(map(as_toml, tables.QUANTITIES))}]"
     yield f"{key.name} = {value}" if key.path in WRITTEN else f"#{key.name} = {value}"

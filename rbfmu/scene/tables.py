@@ -221,10 +221,9 @@ class Inputs(rules.Section, path="inputs"):
         """Return in words what they are until something drives them."""
         return "inputs at their start" if any(any(port.start) for port in self.own.values()) else "inputs at zero"
 
-    def _faults_together(self) -> tuple[()]:
+    def _contradictions(self) -> tuple[()]:
         """Let the ports have those of one's own among them, in the order of the file, which is a controller's."""
-        listed = vars(self).pop("_listed", [])
-        if "ports" in vars(self) and listed:
+        if listed := vars(self).pop("_listed", []):
             vars(self)["ports"] = tuple(sorted((*self.ports, *self.own), key=listed.index))
         return ()
 

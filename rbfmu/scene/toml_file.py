@@ -38,9 +38,10 @@ def read_file(path: Path) -> tuple[dict[str, Any], str]:
     except RecursionError:
         raise SceneError("nested too deeply: expected a scene in TOML", str(path)) from None
     except tomllib.TOMLDecodeError as error:
+        place = re.search(r"line (\d+)", str(error))
         if _TWICE.search(str(error)):
-            _refuse_what_stands_twice(text.splitlines(), str(error), path)
-        hint = _hint(text.split("\n"), str(error))
+            _refuse_what_stands_twice(text.splitlines(), place, path)
+        hint = _hint(text.split("\n"), place)
         raise SceneError(f"not TOML: {error}{hint}", str(path)) from None
     except ValueError as error:  # of a number with too many digits, or of a path
         raise SceneError(f"not TOML: {error}", str(path)) from None
@@ -61,9 +62,8 @@ def _first_paragraph(text: str, file_name: str) -> str:
     return "".join(c for c in " ".join(words) if c.isprintable())[:LONGEST_COMMENT]
 
 
-def _hint(lines: list[str], message: str) -> str:
+def _hint(lines: list[str], place: re.Match[str] | None) -> str:
     """Return the line that is wrong, and what to write where a value is yes, True or the like, or has a unit."""
-    place = re.search(r"line (\d+)", message)
     if not place or not (line := lines[int(place[1]) - 1].strip()):
         return ""
     quoted = f": {as_toml(line)}" if line.isprintable() else ""
@@ -74,9 +74,8 @@ def _hint(lines: list[str], message: str) -> str:
     return quoted
 
 
-def _refuse_what_stands_twice(lines: list[str], message: str, path: Path) -> None:
+def _refuse_what_stands_twice(lines: list[str], place: re.Match[str] | None, path: Path) -> None:
     """Raise a SceneError with a repeated key and its line (from 1); tomllib only says where the statement ends."""
-    place = re.search(r"line (\d+)", message)
     last = int(place[1]) if place else len(lines)
     before = range(last - 1, max(last - MAX_LINES, 0) - 1, -1)
     first = next((k for k in before if _parsed(lines[:k]) is not None), last)

@@ -25,7 +25,6 @@ _NAMES = ("blue", "vermilion", "green", "purple", "orange", "sky", "black", "gre
 _NAMED = dict(zip(_NAMES, (*COLORS, ORANGE, SKY, BLACK, GREY), strict=True))
 _INK = {ORANGE: "#b37700", SKY: "#2c7fb0", PURPLE: "#b0568c"}
 """Colours of text, which are darker for pale colours."""
-_DASHES = (0, (4, 3))
 _LARGEST = 1e3
 """Names stand at the last value below this: what is larger has left the picture."""
 
@@ -50,7 +49,7 @@ class Picture(NamedTuple):
 
     title, x, y: those of picture and axes; set: limits and scales, as `axes.set` takes them (x: that of the first
     column, if nothing is said); curves: over the first column; floor: the least value that is drawn, on axes that
-    have no zero; notes: (x, y, text, colour[, alignment]); marks: vertical lines with (x, text[, height[, alignment]]);
+    have no zero; notes: (x, y, text, colour[, alignment]); marks: vertical lines with (x, text, height, alignment);
     levels: horizontal lines (y, colour); ticks: those of x and y, each with its text; edge: the right edge of the axes,
     beside which names fit; explained: whether a note explains lines and dots; height: in inches.
     """
@@ -113,8 +112,10 @@ def _annotate(axes: Axes, row: Picture) -> None:
     for x, y, text, name, *align in row.notes:
         color = _NAMED[name]
         axes.text(x, y, text, color=_INK.get(color, color), fontsize=9.5, ha=align[0] if align else "left")
-    for mark in row.marks:
-        _mark(axes, *mark)
+    for x, text, y, align in row.marks:
+        axes.axvline(x, color=GREY, linewidth=0.9, linestyle=(0, (4, 3)))
+        axes.annotate(text, (x, y), (4 if align == "left" else -4, 0), xycoords=("data", "axes fraction"), color=GREY,
+                      textcoords="offset points", ha=align, va="top", fontsize=9)  # fmt: skip
     for level, name in row.levels:
         axes.axhline(level, color=_NAMED[name], linewidth=0.8)
     for axis, ticks in row.ticks.items():
@@ -142,13 +143,6 @@ def _name_ends(axes: Axes, names: Sequence[tuple[float, str, str]]) -> None:
         place = max(min(y, 1.0 - room), place + 0.03 * (lines - 1))
         axes.text(1.01, place, name, color=_INK.get(color, color), transform=axes.transAxes, va="center", fontsize=9)
         place += 0.052 + 0.03 * (lines - 1)
-
-
-def _mark(axes: Axes, x: float, text: str, y: float = 0.06, align: str = "left") -> None:
-    """Draw a vertical line at x with a label at a height, as a part of the axes'."""
-    axes.axvline(x, color=GREY, linewidth=0.9, linestyle=_DASHES)
-    axes.annotate(text, (x, y), (4 if align == "left" else -4, 0), xycoords=("data", "axes fraction"), color=GREY,
-                  textcoords="offset points", ha=align, va="top", fontsize=9)  # fmt: skip
 
 
 def _recorded_passages(axes: Axes, study: Study) -> None:
