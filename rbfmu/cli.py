@@ -44,18 +44,17 @@ def demo(folder: Path) -> None:
 @main.command()
 def keys() -> None:
     """List every key of a scene file: unit, default, meaning."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Column, Table
+    from rich import console, markup, table
 
     from rbfmu.scene.keys import scene_keys
 
     for name, group in groupby(scene_keys(), lambda key: key.table):
-        heads = (escape(f"[{name}]") if name else "", "unit", "default", "meaning")
-        table = Table(*(Column(head, overflow="fold") for head in heads), box=None)  # nothing is left out if narrow
+        heads = (markup.escape(f"[{name}]") if name else "", "unit", "default", "meaning")
+        # nothing is left out if narrow
+        listed = table.Table(*(table.Column(head, overflow="fold") for head in heads), box=None)
         for key in group:
-            table.add_row(key.name, key.unit, escape(key.default), escape(key.meaning))
-        Console(highlight=False).print(table)
+            listed.add_row(key.name, key.unit, markup.escape(key.default), markup.escape(key.meaning))
+        console.Console(highlight=False).print(listed)
 
 
 @main.command()

@@ -52,13 +52,12 @@ def bar(name: str, shown: bool = True) -> Iterator[Callable[..., None]]:
 
 @contextmanager
 def _rich_bar() -> Iterator[Callable[..., None]]:
-    from rich.console import Console
-    from rich.progress import Progress
+    from rich import console, progress
 
     # drawn when told: a thread of Rich's sends to a notebook while the cell does, whose end may get lost
-    with Progress(console=Console(stderr=True), transient=True, auto_refresh=False) as progress:
-        task = progress.add_task("")
-        yield lambda **state: progress.update(task, refresh=True, **state)
+    with progress.Progress(console=console.Console(stderr=True), transient=True, auto_refresh=False) as shown:
+        task = shown.add_task("")
+        yield lambda **state: shown.update(task, refresh=True, **state)
 
 
 def _is_seen() -> bool:

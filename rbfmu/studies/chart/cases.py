@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.models.formulas import FormulaModel, equations_of
-from rbfmu.models.question import Question
+from rbfmu.models import formulas, question
 from rbfmu.planning import judge, methods, reference
 from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan, start_run
@@ -69,7 +68,7 @@ class Case:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Return the blocks by which methods are judged."""
-        return Question(self.scene).judged
+        return question.Question(self.scene).judged
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -129,10 +128,10 @@ class Case:
         return start_run(self.asked, self.general, self.names)
 
     @cached_property
-    def equations(self) -> FormulaModel:
+    def equations(self) -> formulas.FormulaModel:
         """Return the equations of motion of all states that the quantities come of."""
         free: dict[str, list[str]] = {"inputs.ports": [], "inputs.parameters": []}  # formulas may read ports
-        return equations_of(self.asked if self.scene.has_formulas else self.asked.replace(free))
+        return formulas.equations_of(self.asked if self.scene.has_formulas else self.asked.replace(free))
 
     @cached_property
     def states(self) -> tuple[str, ...]:
@@ -232,7 +231,7 @@ class Case:
     @cached_property
     def floors(self) -> Mapping[str, float]:
         """Return the least sizes that errors are relative to, by name."""
-        return least_sizes(Question(self.scene), self.truth) if self.scene.body else {}
+        return least_sizes(question.Question(self.scene), self.truth) if self.scene.body else {}
 
     def error(self, states: Found) -> float:
         """Return the largest error of states, or of quantities, at the checkpoints as the scene's accuracy counts."""
@@ -297,7 +296,7 @@ def state_of(r: Iterable[float], v: Iterable[float], q: Iterable[float], omega: 
 def case_of(scene: Scene) -> Case:
     """Return the case of a scene, of whose run so much is charted as the reference follows in some seconds."""
     if scene.body is not None:
-        Question(scene).start.check()
+        question.Question(scene).start.check()
     steps = scene.run.count
     whole = steps * scene.run.step <= (scene.run.stop - scene.run.start) * (1.0 + 1e-9)
     outputs = min(max(steps if whole else steps - 1, 1), MAX_OUTPUTS)

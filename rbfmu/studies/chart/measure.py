@@ -231,8 +231,7 @@ def _first_run(case: Case, method: Method, value: float, first_calls: dict[str, 
     error, drifts = case.error(run.found), case.drifts(run.found)
     if method.name not in first_calls:
         run.seconds(1)
-        first = thread_time() - start
-        first_calls[method.name] = max(0.0, first - 2.0 * run.seconds(1))
+        first_calls[method.name] = max(0.0, thread_time() - start - 2.0 * run.seconds(1))
     seconds = run.seconds(1)
     row = Row(
         kind_of(method.name, method.family), method.name, run.detail, method.family, method.setting, value, error,

@@ -13,10 +13,7 @@ from pathlib import Path
 from typing import Any
 from warnings import catch_warnings
 
-from rich.console import Console
-from rich.markup import escape
-from rich.padding import Padding
-from rich.table import Table
+from rich import console, markup, padding, table
 
 from rbfmu.exceptions import SceneWarning
 from rbfmu.studies import WIDTH, one_step, tables_of, write_rows
@@ -116,26 +113,25 @@ def in_words(finding: Finding) -> str:
 
 
 _INDENT = (0, 0, 0, 2)
-_RECORDED = '"Recorded": no theory gives this figure; it was measured when the law was written down.'
 _VERDICTS = {RECORDED: ("NOT as recorded", "as recorded"), OWN: ("", "yours")}
 
 
 def print_laws(findings: Sequence[Finding]) -> None:
     """Print law by law in at most 80 columns; findings that differ only by their place share a row."""
-    console = Console(highlight=False, width=WIDTH)
+    out = console.Console(highlight=False, width=WIDTH)
     for law, members in groupby(sorted(findings, key=lambda f: f.law), key=lambda f: f.law):
-        console.print(f"\n[bold]Law {law}.[/bold] {LAWS[law]['says']}")
-        console.print(Padding(f"Predicted by: {LAWS[law]['source']}", _INDENT, expand=False))
-        table = Table(box=None, padding=(0, 1), pad_edge=False)
-        table.add_column("finding", ratio=1)
+        out.print(f"\n[bold]Law {law}.[/bold] {LAWS[law]['says']}")
+        out.print(padding.Padding(f"Predicted by: {LAWS[law]['source']}", _INDENT, expand=False))
+        found = table.Table(box=None, padding=(0, 1), pad_edge=False)
+        found.add_column("finding", ratio=1)
         for name in ("predicted", "measured"):
-            table.add_column(name, justify="right", no_wrap=True)
-        table.add_column("verdict", no_wrap=True)
+            found.add_column(name, justify="right", no_wrap=True)
+        found.add_column("verdict", no_wrap=True)
         for row in rows(members):
-            table.add_row(*map(escape, row))
-        console.print(Padding(table, _INDENT))
+            found.add_row(*map(markup.escape, row))
+        out.print(padding.Padding(found, _INDENT))
     if any(f.kind == RECORDED for f in findings):
-        console.print(f"\n{_RECORDED}")
+        out.print('\n"Recorded": no theory gives this figure; it was measured when the law was written down.')
 
 
 def rows(findings: Iterable[Finding]) -> Iterator[tuple[str, str, str, str]]:

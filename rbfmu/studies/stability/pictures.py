@@ -7,10 +7,9 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib import colors, patches
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from rbfmu.plot import COLORS, open_frame
 from rbfmu.studies import tables_of
@@ -179,8 +178,8 @@ def _orders(axes: Axes, study: Study) -> None:
     orders = {f.what.removesuffix(": order"): f.predicted for f in study.findings}
     halvings = study.columns["halvings of the step"]
     axes.set(xlim=(-0.1, halvings[-1] + 0.1), xticks=halvings)
-    colors = (ORANGE, GREEN, BLUE, VERMILION, PURPLE, SKY, BLACK, GREY)
-    for name, color in zip(list(study.columns)[1:], colors, strict=True):
+    palette = (ORANGE, GREEN, BLUE, VERMILION, PURPLE, SKY, BLACK, GREY)
+    for name, color in zip(list(study.columns)[1:], palette, strict=True):
         errors = study.columns[name]
         axes.plot(halvings, [errors[0] * 2.0 ** (-orders[name] * k) for k in halvings], color=color, linewidth=0.9)
         axes.plot(halvings, errors, "o", color=color, markersize=5, label=f"{name}: {orders[name]:g}")
@@ -196,8 +195,7 @@ _MORE: dict[str, Callable[[Axes, Study], None]] = {
 
 # Maps: small multiples, one panel for each method
 
-_COLORS = (GREEN, ORANGE, BLACK, SKY)
-"""The colours of VERDICTS."""
+_COLORS = dict(zip(VERDICTS, (GREEN, ORANGE, BLACK, SKY), strict=True))
 _COLUMNS = 4
 
 
@@ -217,7 +215,7 @@ def draw_maps(rows: Sequence[Row], path: Path) -> Path:
         panel.set_axis_off()
     worst = _worst([row for row in rows if row.method in OURS])
     seen = {row.verdict for row in rows}
-    handles = [Patch(color=c, label=verdict) for c, verdict in zip(_COLORS, VERDICTS, strict=True) if verdict in seen]
+    handles = [patches.Patch(color=color, label=verdict) for verdict, color in _COLORS.items() if verdict in seen]
     panels[len(names)].legend(handles=handles, loc="center", frameon=False, fontsize=11)
     figure.supxlabel("hω: turn in one step (rad)")
     figure.supylabel("least moment over the largest (0.01: rod, 1: sphere)")
@@ -237,7 +235,8 @@ def _draw_map(panel: Axes, name: str, rows: Sequence[Row]) -> None:
     values = np.zeros((len(ratios), len(steps)))
     for _, h, ratio, verdict, _ in rows:
         values[ratios.index(ratio), steps.index(h)] = VERDICTS.index(verdict)
-    panel.pcolormesh(_edges(steps), _edges(ratios), values, cmap=ListedColormap(_COLORS), vmin=-0.5, vmax=3.5)
+    cells = _edges(steps), _edges(ratios), values
+    panel.pcolormesh(*cells, cmap=colors.ListedColormap([*_COLORS.values()]), vmin=-0.5, vmax=3.5)
     panel.set(xscale="log", yscale="log")
     panel.set_xticks([0.01, 0.1, 1.0, 10.0], ["0.01", "0.1", "1", "10"], fontsize=8)
     panel.set_yticks([0.01, 0.1, 1.0], ["0.01", "0.1", "1"], fontsize=8)
