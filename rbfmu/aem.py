@@ -82,12 +82,11 @@ def read_aem(path: Path) -> dict[str, Array]:
             raise ValueError("expected lines of attitudes")
     except ValueError as error:
         raise ValueError(f"{path}: line {number}: {error}") from None
-    start = rows[0][0] if origin is None else origin
-    columns = {"time": np.array([float(EXACT.subtract(row[0], start)) for row in rows])}
-    columns["quaternion"] = np.array([row[1] for row in rows])
-    rates = {row[2] for row in rows}
-    if len(rates) == 1 and (name := rates.pop()):
-        columns[name] = np.radians([row[3] for row in rows])
+    times, attitudes, names, rates = zip(*rows, strict=True)
+    start = times[0] if origin is None else origin
+    columns = {"time": np.array([float(EXACT.subtract(t, start)) for t in times]), "quaternion": np.array(attitudes)}
+    if names[0] and len({*names}) == 1:
+        columns[names[0]] = np.radians(rates)
     return columns
 
 

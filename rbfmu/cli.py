@@ -219,9 +219,7 @@ def show_sensitivity(
     "--sigma", metavar="NUMBER|FILE",
     help="Noise: a number, or a CSV file with a column an output; of quaternion that of a small turn (rad).",
 )  # fmt: skip
-@click.option(
-    "--loss", **common.choice(["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
-)
+@common.one_of("--loss", ["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
 @common.file_option("Write the fitted scene to FILE.toml.", (".toml",))
 @common.plot_option("Draw residuals")
 def fit_scene(
@@ -277,9 +275,7 @@ view.params += common.INPUTS  # for a SCENE, after its own
 @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
 @click.option("--platform", default="", metavar="NAME,...",
               help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64; all.")  # fmt: skip
-@click.option(
-    "--fmi", **common.choice(["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")
-)
+@common.one_of("--fmi", ["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")
 @click.option("--scalars", is_flag=True, help="Of FMI 3.0: no arrays, as importers that cannot take them need it.")
 @click.option("--terminals", is_flag=True, help="Of FMI 2.0: list terminals, at which some importers fail; 3.0 does.")
 def build(

@@ -226,6 +226,11 @@ def choice(known: Sequence[str], text: str) -> dict[str, Any]:
     return {"type": click.Choice(known), "default": known[0], "show_default": True, "help": text}
 
 
+def one_of(option: str, known: Sequence[str], text: str) -> Option:
+    """Return the option of a choice."""
+    return click.option(option, **choice(known, text))
+
+
 _INPUTS = "Drive the ports: columns time, torque_b[1], ...  [ports at zero]"
 _MODELS = choice(["planned", "full"], "The smallest that serves the scene, or all degrees of freedom.")
 INPUTS = [

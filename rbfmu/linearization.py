@@ -79,9 +79,8 @@ def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Lineariz
         shown["rpy"] = _roll_pitch_yaw(q) @ np.eye(rates.shape[1])[_turn(errors)]
     n, C = len(errors), np.vstack([shown[name] for name in scene.outputs.names])
     outputs = [e for name in scene.outputs.names for e in elements(name, len(shown[name]))]
-    return Linearization(
-        rates[:, :n], rates[:, n:], C[:, :n], C[:, n:], tuple(errors), tuple(inputs), tuple(outputs), t
-    )
+    matrices = rates[:, :n], rates[:, n:], C[:, :n], C[:, n:]
+    return Linearization(*matrices, tuple(errors), tuple(inputs), tuple(outputs), t)
 
 
 def _simulator_at(scene: Scene, t: float, ports: Mapping[str, Any]) -> Simulator:

@@ -17,7 +17,7 @@ from rbfmu.on_disk import replacing
 from rbfmu.planning import judge, methods, reference
 from rbfmu.result import write_npz
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
-from rbfmu.runs.plan import BLOCK_OF, KEYS, Plan, given
+from rbfmu.runs.plan import KEYS, Plan, given
 from rbfmu.runs.steps import SAME, Driven
 from rbfmu.scene import own
 from rbfmu.scene.body import six_numbers
@@ -25,7 +25,7 @@ from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.buffer import NO_OUTPUTS
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.quantities import BY_NAME, OUTPUT, elements
+from rbfmu_kernels.quantities import IN_BUFFER_ORDER, OUTPUT, elements, indices
 
 TIGHTER = 0.3
 """The tolerance of the run over the scene's accuracy: an error of the motion is one of where slopes are taken.
@@ -226,12 +226,9 @@ def keys_of(keys: object) -> list[Any]:
 
 def _names_of_numbers(scene: Scene) -> dict[str, tuple[str, list[str]]]:
     """Return for each key with numbers the block that has them, and their names."""
-    found = {ATTITUDE: ("rotvec_b", elements(ATTITUDE, 3))}
-    for name, key in KEYS.items():
-        if name != "quaternion_0":
-            row = BY_NAME[name]
-            found[key] = BLOCK_OF[name], [f"{key}[{e}]" for e in row.elements] or elements(key, row.size)
-    return found | {key: (row.block, elements(key, row.size)) for key, row in scene.own_parameters.items()}
+    rows = {KEYS[row.name]: row for row in IN_BUFFER_ORDER if row.name != "quaternion_0"} | scene.own_parameters
+    found = {key: (row.block, [key + index for index in indices(row)]) for key, row in rows.items()}
+    return {ATTITUDE: ("rotvec_b", elements(ATTITUDE, 3))} | found
 
 
 def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:

@@ -97,9 +97,8 @@ def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:
     steps = np.diff(time)
     if bad := np.flatnonzero(~(np.isfinite(steps) & (steps > 0.0))).tolist():
         first, then = time[bad[0] : bad[0] + 2].tolist()
-        raise ValueError(
-            f"time = {then!r} in row {bad[0] + 2}, after {first!r}: expected finite times (s) that increase"
-        )
+        where = f"time = {then!r} in row {bad[0] + 2}, after {first!r}"
+        raise ValueError(f"{where}: expected finite times (s) that increase")
     if time[0] < scene.run.start:
         raise ValueError(f"time = {float(time[0])!r} in row 1: expected at least run.start = {scene.run.start!r}")
     for name, value in columns.items():
