@@ -9,7 +9,6 @@ from typing import Any, Protocol
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 
 from rbfmu.exceptions import path_of
 from rbfmu.on_disk import replacing
@@ -38,7 +37,7 @@ def plain(words: str) -> str:
 class Picture(Figure):
     """A figure that a notebook shows, whichever way it shows other figures; in its title stands a scene's name."""
 
-    def suptitle(self, t: str, **options: Any) -> Text:
+    def suptitle(self, t: str, **options: Any) -> Any:
         """Set the title, as it is spelled."""
         return super().suptitle(plain(t), **options)
 

@@ -6,8 +6,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from rbfmu.scene import own as named, section as rules, variations
-from rbfmu.scene.body import SHAPES, Body, axis_without_moment
+from rbfmu.scene import body as bodies, own as named, section as rules, variations
 from rbfmu.scene.variations import ATTITUDE, AXES, INERTIA, RELATIVE, SHAPE, VARYING_ANGLES, Marginal, Variation
 
 Rows = tuple[tuple[float, ...], ...]
@@ -288,12 +287,12 @@ def _with_own(vary: dict[str, object], tables: Mapping[str, object]) -> dict[str
     return vary
 
 
-def without_idle_shape(ensemble: Ensemble, body: Body | None) -> Ensemble:
+def without_idle_shape(ensemble: Ensemble, body: bodies.Body | None) -> Ensemble:
     """Return the ensemble without a shape of which nothing varies and which is not the body's any more."""
     shape = ensemble.variation_of(SHAPE)
     if shape is None or body is None or any(m.kind != variations.FIXED for m in shape.marginals):
         return ensemble
-    if SHAPES[shape.form].read(shape.table).inertia(body.mass) == body.inertia:
+    if bodies.SHAPES[shape.form].read(shape.table).inertia(body.mass) == body.inertia:
         return ensemble
     return ensemble._with(vary=tuple(variation for variation in ensemble.vary if variation is not shape))
 
@@ -319,7 +318,7 @@ def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
         elif own and len(table[key].numbers) != len(variation.marginals):
             yield variation.refused("distributions of 3 numbers" if len(table[key].numbers) > 1 else "that of 1 number")
         elif variation.is_relative and variation.key == INERTIA:
-            if axis_without_moment(table.M_c) is not None:  # a member's moments would differ
+            if bodies.axis_without_moment(table.M_c) is not None:  # a member's moments would differ
                 yield variation.refused("body.mass, or the length of its shape: a beam's two moments are equal")
         elif variation.is_relative:
             relative = zip(variation.marginals, nominal_value(variation.key, good), strict=True)

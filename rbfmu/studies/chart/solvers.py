@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from itertools import islice
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -226,7 +225,7 @@ def _integrator(scene: Scene, tolerance: float) -> Any:
     return module("heyoka").taylor_adaptive(system, [0.0] * len(system), tol=tolerance)
 
 
-def equations(case: Case, known: Mapping[str, Any] = MappingProxyType({})) -> list[tuple[Any, Any]]:
+def equations(case: Case, known: Mapping[str, Any] = {}) -> list[tuple[Any, Any]]:
     """Return (variable, rate) of the numbers that are integrated; known: what stands for numbers of the scene."""
     heyoka = module("heyoka")
     variables = [heyoka.make_vars(f"y{i}") for i in range(len(case.states))]

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,13 +55,13 @@ class Picture(NamedTuple):
     title: str
     x: str
     y: str
-    set: Mapping[str, Any] = MappingProxyType({})
+    set: Mapping[str, Any] = {}
     curves: Sequence[Sequence[Any]] = ()
     floor: float = 0.0
     notes: Sequence[Sequence[Any]] = ()
     marks: Sequence[Sequence[Any]] = ()
     levels: Sequence[tuple[float, str]] = ()
-    ticks: Mapping[str, Sequence[tuple[float, str]]] = MappingProxyType({})
+    ticks: Mapping[str, Sequence[tuple[float, str]]] = {}
     edge: float = 0.97
     explained: bool = False
     height: float = 5.0
