@@ -18,7 +18,7 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.steps import Steps, record
 from rbfmu.scene.scene import SceneError
-from rbfmu.studies import Progress, one_step
+from rbfmu.studies import Progress, one_step, tables_of
 from rbfmu.studies.chart import simulators, solvers
 from rbfmu.studies.chart.cases import FLOOR, Case, few_and_many
 from rbfmu.studies.chart.methods import MOST_RADIANS, Method, NotFeasibleError, Run, fixed_steps, own_methods, planned
@@ -31,10 +31,6 @@ MAX_REFUSED = 30
 """The number of settings in a row that a method does not run at, after which no more are tried."""
 MAX_IDLE = 5
 """The number of finer settings in a row without a gain after which no more are tried."""
-QUICK_METHODS = (
-    "torque-free body", "DOP853, error control", "Taylor, order 12", "splitting, order 4", "RK4, quaternion",
-    "Moser-Veselov, order 10", "SciPy DOP853", "SciPy odeint", "rbfmu, as planned",
-)  # fmt: skip
 _NOT_OWN = "it has attitude and rates, and the scene asks for more, or has formulas"
 
 
@@ -120,7 +116,7 @@ class Extent:
     own: one_step.OneStepMethod | None = None
 
 
-QUICK = Extent(0.02, 2, 2e-4, True, QUICK_METHODS)
+QUICK = Extent(0.02, 2, 2e-4, True, tuple(tables_of("chart/kinds.toml")["quick"]))
 
 
 def extent(quick: bool, method: str | Path | None) -> Extent:

@@ -128,10 +128,9 @@ def gimbal_passage(quick: bool) -> Study:
         return abs(kernels.euler_rate_b(kernels.ZYX, angles, _PASSAGE.omega_b)[0])
 
     largest = max(map(yaw_rate, np.linspace(0.45 * math.pi, 0.55 * math.pi, 2001).tolist()))
-    recorded = ((10.0, 8e-2), (1.0, 3.6e-5), (0.1, 3e-9))
     findings = [
         finding("yaw rate", largest * _MISS),
-        *(finding("passage on angles", on_angles(x), error, x=x) for x, error in recorded),
+        *(finding("passage on angles", on_angles(x), error, x=x) for x, error in LAWS[4]["recorded"]),
         finding("order on angles", exponent(on_angles(0.2), on_angles(0.1))),
         finding("passage on q", passage_error(RK4, 10.0), math.pi * (math.pi / 31) ** 4 / 1920),
     ]

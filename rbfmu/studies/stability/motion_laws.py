@@ -10,7 +10,7 @@ from rbfmu.runs.steps import Steps, substeps_counted
 from rbfmu.scene.scene import SceneError
 from rbfmu.simulation import simulate
 from rbfmu.studies import dop853, reference_methods, tables_of
-from rbfmu.studies.stability import Columns, Finding, Study, exponent, finding, method_laws, motions
+from rbfmu.studies.stability import LAWS, Columns, Finding, Study, exponent, finding, method_laws, motions
 from rbfmu.studies.stability.motions import BRICK, FLIPPING, HEAVY_TOP, UPRIGHT, scene_of
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.integrators.splitting import resonant_step
@@ -159,15 +159,14 @@ def splitting_resonance(quick: bool) -> Study:
     resonance = resonant_step(HEAVY_TOP.body.inertia, HEAVY_TOP.start.omega_b)
     steps = np.sort([*np.geomspace(0.03, 0.6, 13 if quick else 121), resonance]).tolist()  # the peak is narrow
     columns = {"h": steps} | {name: [_energy_error(name, h) for h in steps] for name in reference_methods.SPLITTINGS}
-    below = (("Strang", 2.0, 0.05), ("RKN4", 4.0, 0.03), ("RKN6", 6.0, 0.1))
-    recorded = (("Strang", 0.4189, 10.7), ("Strang", 0.1, 4.5e-4), ("RKN6", 0.1047, 3.54e-10))
+    orders, recorded = LAWS[12]["orders"], LAWS[12]["recorded"]
     findings = [
         finding("resonant step", resonance, 2.0 * math.pi / (0.3 * 50.0)),
         finding("peak", _peak("Strang", 0.40, 0.44) / resonance),
         finding("largest substep", _largest_substep() / resonance),
         *(
             finding("order below", exponent(_energy_error(name, h), _energy_error(name, 0.5 * h)), order, name=name)
-            for name, order, h in below
+            for name, order, h in orders
         ),
         *(finding("energy error", _energy_error(name, h), error, name=name, h=h) for name, h, error in recorded),
     ]

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from rbfmu.plot import COLORS, open_frame
 from rbfmu.studies import tables_of
-from rbfmu.studies.stability import CURVE, Study
+from rbfmu.studies.stability import CURVE, LAWS, Study
 from rbfmu.studies.stability.motions import ACCURACY, LARGEST_ERROR, LONG_TURN, OURS, TURN, VERDICTS, Row
 from rbfmu.types import Array
 
@@ -145,7 +145,8 @@ def _name_ends(axes: Axes, names: Sequence[tuple[float, str, str]]) -> None:
 
 def _recorded_passages(axes: Axes, study: Study) -> None:
     """Mark the errors that were recorded when law 4 was written down."""
-    axes.plot((10, 1, 0.1), (8e-2, 3.6e-5, 3e-9), "D", color=BLACK, markersize=6, markerfacecolor="none", clip_on=False)
+    x, errors = zip(*LAWS[4]["recorded"], strict=True)
+    axes.plot(x, errors, "D", color=BLACK, markersize=6, markerfacecolor="none", clip_on=False)
 
 
 def _period(axes: Axes, study: Study) -> None:
