@@ -286,13 +286,10 @@ def build(
     from rbfmu_fmu.native.platforms import platforms_named, takes_minutes
 
     platforms, kind = [name.strip() for name in platform.split(",") if name.strip()], "native" if native else "python"
-    for is_alone, option, needs in (
-        (platforms and not native, "--platform", "--native"),
-        (fmi == "3" and not native, "--fmi 3", "--native"),
-        (scalars and fmi != "3", "--scalars", "--fmi 3"),
-    ):
-        if is_alone:
-            raise click.UsageError(f"{option}: expected {needs} with it")
+    if not native and (option := "--platform" if platforms else "--fmi 3" if fmi == "3" else ""):
+        raise click.UsageError(f"{option}: expected --native with it")
+    if scalars and fmi != "3":
+        raise click.UsageError("--scalars: expected --fmi 3 with it")
     with common.usage_errors(rbfmu_fmu.BuildError), asked.opened() as scene:
         if slow := [one.name for one in platforms_named(platforms) if takes_minutes(one)]:
             why = "the first time takes minutes, as ziglang builds the platform's C library"

@@ -106,10 +106,8 @@ def say_where_nothing_is_kept() -> None:
         click.echo(f"Note: {NOT_KEPT}", err=True)
 
 
-def check_target(path: Path | None, option: str, endings: Sequence[str]) -> None:
+def check_target(path: Path, option: str, endings: Sequence[str]) -> None:
     """Refuse a file that cannot be written before anything runs."""
-    if path is None:
-        return
     if path.suffix not in endings:
         raise click.UsageError(f"{option} {str(path)!r}: expected a name that ends in {' or '.join(endings)}")
     if not path.parent.is_dir():
@@ -311,7 +309,8 @@ def file_option(text: str, endings: Sequence[str], *names: str, **more: Any) -> 
     """Return the option of a file to write, by default --output, which is refused at once where it cannot be."""
 
     def checked(_: click.Context, option: click.Parameter, path: Path | None) -> Path | None:
-        check_target(path, option.opts[-1], endings)
+        if path is not None:
+            check_target(path, option.opts[-1], endings)
         return path
 
     kind = {"type": click.Path(dir_okay=False, path_type=Path), "callback": checked, **more}

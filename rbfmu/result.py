@@ -98,10 +98,8 @@ class Result:
         if not len(self.time):
             return table("0 points in time", ("quantity", "unit"), [(name, r.unit) for name, r in self.rows.items()])
         header = ("quantity", "unit", *(f"t = {self.time[k]:g} s" for k in (0, -1)), "smallest", "largest")
-        rows = (
-            (name, self.rows[name].unit, *map(numbers_text, (v[0], v[-1], v.min(axis=0), v.max(axis=0))))
-            for name, v in self.quantities.items()
-        )
+        shown = {name: (v[0], v[-1], v.min(axis=0), v.max(axis=0)) for name, v in self.quantities.items()}
+        rows = ((name, self.rows[name].unit, *map(numbers_text, values)) for name, values in shown.items())
         return table(f"{len(self.time)} points in time", header, rows)
 
     def plot(self, path: str | Path | None = None, title: str = "") -> "Figure":
@@ -187,12 +185,7 @@ class Result:
             raise ValueError(f"{str(path)!r}: expected a name that ends in {ENDINGS}")
         from rbfmu.aem import read_aem  # a run does without
 
-        readers = {
-            ".csv": lambda path: by_quantity(read_columns(path, faults_of_names=incomplete)) | _read_events(path),
-            ".npz": arrays_of_npz,
-            ".aem": read_aem,
-        }
-        columns = readers[path.suffix](path)
+        columns = {".csv": _read_csv, ".npz": arrays_of_npz, ".aem": read_aem}[path.suffix](path)
         if "time" not in columns:
             raise ValueError(f"{path}: time is missing: expected the result of a run")
         time, quantities = columns["time"], {name: columns[name] for name in OUTPUT if name in columns}
@@ -202,11 +195,11 @@ class Result:
         if np.any(np.diff(time) <= 0.0):
             row = int(np.argmax(np.diff(time) <= 0.0)) + 1
             raise ValueError(f"{path}: time = {float(time[row])!r} in row {row + 1}: expected times that increase")
-        events, touches = (
-            {name.removeprefix(kind): times for name, times in columns.items() if name.startswith(kind)}
-            for kind in (EVENTS, TOUCHES)
-        )
-        return cls(time, quantities, None, events, touches)
+
+        def happened(kind: str) -> dict[str, Array]:
+            return {name.removeprefix(kind): times for name, times in columns.items() if name.startswith(kind)}
+
+        return cls(time, quantities, None, happened(EVENTS), happened(TOUCHES))
 
     def save(self, path: str | Path) -> None:
         """Write `.csv` (FMU variable names, every digit), `.npz` (arrays by quantity) or `.aem` (CCSDS, the attitude).
@@ -257,8 +250,9 @@ def _has_events(path: Path) -> bool:
     return path.is_file() and path.read_bytes().startswith(",".join(OF_EVENTS).encode())
 
 
-def _read_events(path: Path) -> dict[str, Array]:
-    """Return the times of the events that were written beside a CSV, called as in a .npz."""
+def _read_csv(path: Path) -> dict[str, Array]:
+    """Return the arrays of a CSV, and the times of the events that were written beside it, called as in a .npz."""
+    columns = by_quantity(read_columns(path, faults_of_names=incomplete))
     beside, found = path.with_suffix(".events.csv"), dict[str, list[float]]()
     rows = csv.reader(beside.read_text(encoding="utf-8").splitlines()[1:] if _has_events(beside) else ())
     for k, row in enumerate(rows):
@@ -267,7 +261,7 @@ def _read_events(path: Path) -> dict[str, Array]:
             found.setdefault(f"{KINDS[kind]}{name}", []).append(float(time))
         except (ValueError, KeyError):
             raise ValueError(f"{beside}: row {k + 1}: expected a time, a name, and event or touch") from None
-    return {name: np.array(times) for name, times in found.items()}
+    return columns | {name: np.array(times) for name, times in found.items()}
 
 
 def _check_shape(row: Quantity, values: Array, points: int, where: str = "") -> None:

@@ -25,6 +25,9 @@ from rbfmu_kernels.quantities import BY_NAME, OUTPUTS, Output
 
 __all__ = ["Simulator", "compiled_step", "plan", "simulate"]
 
+Wrap = Callable[[Sequence[int]], Iterable[int]]
+"""A function that wraps a sequence of step numbers."""
+
 
 @of_scene_or_path
 def plan(
@@ -61,7 +64,7 @@ def simulate(
     interpolate: str = HOLD,
     *,
     planned: Plan | None = None,
-    progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
+    progress: Wrap | None = None,
 ) -> Result:
     """Run a scene, or that of a scene file: its FMU's bits at the same communication steps and inputs.
 
@@ -85,10 +88,7 @@ def simulate(
     return result
 
 
-def run_of(
-    scene: Scene, planned: Plan, drive: Drive | None = None,
-    progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
-) -> Result:  # fmt: skip
+def run_of(scene: Scene, planned: Plan, drive: Drive | None = None, progress: Wrap | None = None) -> Result:
     """Return a scene's run by a plan, without inputs if no drive is given; nothing is said of slips."""
     planned = planned.of_scene(scene)
     run = Driven(scene, planned, drive or drive_of(scene, {}, HOLD))

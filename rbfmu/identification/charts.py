@@ -65,7 +65,7 @@ class Chart:
 
     def outgrown(self, p: Array) -> bool:
         """Give coordinates, in place, the unit of what they come to, if that is far larger; return whether it is."""
-        size = float(np.max(np.abs(self.numbers(p))))
+        size = self.scale(p)
         if type(self) is not Chart or size <= FAR * self.size:  # coordinates of others have no unit
             return False
         p *= self.size / size

@@ -94,6 +94,11 @@ def equivalent_box(mass: float, moments: Vec3 | Array) -> Vec3:
 UP: Vec3 = (0.0, 0.0, 1.0)
 
 
+def longest(vectors: Array) -> float:
+    """Return the largest length of vectors (n, 3)."""
+    return float(np.max(np.linalg.norm(vectors, axis=1)))
+
+
 class Ghost(NamedTuple):
     """The attitude q_ab (n, 4) and the place of o in a (n, 3), m, of a member."""
 
@@ -149,7 +154,7 @@ class Motion:
     @property
     def largest_rate(self) -> float:
         """Return the largest rate, rad/s; 0 where it is not known."""
-        return 0.0 if self.rate is None else float(np.max(np.linalg.norm(self.rate, axis=1)))
+        return 0.0 if self.rate is None else longest(self.rate)
 
     @cached_property
     def largest_turn(self) -> float:

@@ -16,7 +16,7 @@ from viser import FrameHandle, LineSegmentsHandle, SceneApi, SceneNodeHandle, Vi
 
 from rbfmu.arrays import rotate
 from rbfmu.types import Array
-from rbfmu.viewer import Motion
+from rbfmu.viewer import Motion, longest
 
 # Where things are drawn: in lengths of which 1 is half the body's size as drawn
 
@@ -92,11 +92,7 @@ class Geometry:
     def arrows(self) -> dict[str, Array]:
         """Return angular momentum and rate (n, 3), as far as they are known, as arrows by their names."""
         known = {"h": self.motion.angular_momentum, "ω": self.motion.rate}
-        return {
-            name: vectors * (LONGEST_ARROW[name] / (float(np.max(np.linalg.norm(vectors, axis=1))) or 1.0))
-            for name, vectors in known.items()
-            if vectors is not None
-        }
+        return {name: v * (LONGEST_ARROW[name] / (longest(v) or 1.0)) for name, v in known.items() if v is not None}
 
     @cached_property
     def traced(self) -> int | None:
@@ -207,7 +203,7 @@ def _pace(factor: float) -> str:
 
 
 def _longest(vectors: Array) -> str:
-    return f"longest {float(np.max(np.linalg.norm(vectors, axis=1))):.3g}"
+    return f"longest {longest(vectors):.3g}"
 
 
 def record_page(geometry: Geometry) -> str:
@@ -333,11 +329,8 @@ def _trace(scene: SceneApi, geometry: Geometry) -> Show:
     tip = geometry.trace
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(tip, axis=0), axis=1))])
     borders = np.unique(np.linspace(0, len(tip) - 1, CHUNKS + 1).round().astype(int)).tolist()
-    pieces = [
-        (last, _line(scene, f"/trace/{first}", tip[first : last + 1], TRACE, visible=False))
-        for first, last in pairwise(borders)
-        if geometry.traced is not None
-    ]
+    of = pairwise(borders) if geometry.traced is not None else ()
+    pieces = [(b, _line(scene, f"/trace/{a}", tip[a : b + 1], TRACE, visible=False)) for a, b in of]
 
     def show(k: int) -> None:
         for last, piece in pieces:

@@ -297,12 +297,8 @@ def machine() -> list[str]:
     """Return lines on the machine and the packages for a file's head."""
     packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "llvmlite"))
     theirs = ", ".join(f"{name} {peer.installed}" for name, peer in PEERS.items() if peer.installed)
-    return [
-        f"{_processor()}, {os.cpu_count()} processors, {platform.platform()}",
-        f"Python {platform.python_version()}, {packages}",
-        *([theirs] if theirs else []),
-        *absent(),
-    ]
+    processors = f"{_processor()}, {os.cpu_count()} processors, {platform.platform()}"
+    return [*filter(None, (processors, f"Python {platform.python_version()}, {packages}", theirs)), *absent()]
 
 
 def _processor() -> str:

@@ -82,11 +82,8 @@ def _numpy_rates(case: Case) -> Callable[[float, Array], list[float]]:
             (2.0 * (x * z - e * y), 2.0 * (y * z + e * x), 1.0 - 2.0 * (x * x + y * y)),
         ))  # fmt: skip
         torque = torque_b + R.T @ torque_a + np.cross(arm, force_b + R.T @ force_a)
-        turned = [
-            -0.5 * (u @ w),
-            *(0.5 * (e * w + np.cross(u, w))),
-            *(M_inverse @ (torque - np.cross(w, M @ w) - damping * w)),
-        ]
+        alpha = M_inverse @ (torque - np.cross(w, M @ w) - damping * w)
+        turned = [-0.5 * (u @ w), *(0.5 * (e * w + np.cross(u, w))), *alpha]
         if len(state) == 7:
             return turned
         return [*turned, *state[10:], *(is_free * gravity_a + inverse_mass * (force_a + R @ force_b))]

@@ -205,8 +205,7 @@ def damping_limits(quick: bool) -> Study:
     columns = {"h d / I": x, "exact": [math.exp(-value) for value in x]}
     columns |= {name: [abs(_DECAYS[name](value)) for value in x] for name in (*damped, MIDPOINT.name)}
     columns |= {f"{name}, predicted": [abs(stability_polynomial(name)(-value)) for value in x] for name in damped}
-    known = LAWS[6]["limits"].items()
-    limits = [finding("damping limit", limit_near(_DECAYS[n], limit), limit, name=n) for n, limit in known]
+    limits = [finding("damping limit", limit_near(_DECAYS[n], y), y, name=n) for n, y in LAWS[6]["limits"].items()]
     factors = [finding("damping factor", _DECAYS[n](3.0), stability_polynomial(n)(-3.0).real, name=n) for n in _MODELS]
     own = partial(_along, lambda method, value: abs(decay_factor(method, value)), x)
     return Study("damping_limits", limits + factors, columns, own)

@@ -160,14 +160,15 @@ def splitting_resonance(quick: bool) -> Study:
     steps = np.sort([*np.geomspace(0.03, 0.6, 13 if quick else 121), resonance]).tolist()  # the peak is narrow
     columns = {"h": steps} | {name: [_energy_error(name, h) for h in steps] for name in reference_methods.SPLITTINGS}
     orders, recorded = LAWS[12]["orders"], LAWS[12]["recorded"]
+
+    def power(name: str, h: float) -> float:
+        return exponent(_energy_error(name, h), _energy_error(name, 0.5 * h))
+
     findings = [
         finding("resonant step", resonance, 2.0 * math.pi / (0.3 * 50.0)),
         finding("peak", _peak("Strang", 0.40, 0.44) / resonance),
         finding("largest substep", _largest_substep() / resonance),
-        *(
-            finding("order below", exponent(_energy_error(name, h), _energy_error(name, 0.5 * h)), order, name=name)
-            for name, order, h in orders
-        ),
+        *(finding("order below", power(name, h), order, name=name) for name, order, h in orders),
         *(finding("energy error", _energy_error(name, h), error, name=name, h=h) for name, h, error in recorded),
     ]
     return Study("splitting_resonance", findings, columns)
