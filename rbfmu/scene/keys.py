@@ -7,12 +7,11 @@ from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
-from rbfmu.scene import body, tables
-from rbfmu.scene.ensemble import Correlation, Ensemble
+from rbfmu.scene import body, ensemble, tables
 from rbfmu.scene.scene import SECTIONS, Scene
 from rbfmu.scene.section import Section, as_toml, joined
 
-INSIDE: Mapping[type[Section], type[Section]] = {tables.Initial: tables.Attitude, Ensemble: Correlation}
+INSIDE: Mapping[str, type[Section]] = {"initial": tables.Attitude, "ensemble": ensemble.Correlation}
 """The tables that stand inside others."""
 OWN = ("constants", "tables", "formulas", "states", "events")
 """The tables whose keys are names of one's own."""
@@ -63,7 +62,7 @@ def scene_keys() -> Iterator[Key]:
         if section is body.Body:
             yield Key("body.shape", "kind", "", REQUIRED, " or ".join(f'"{kind}"' for kind in body.SHAPES))
             yield from (_key(shape, key) for shape in body.SHAPES.values() for key in shape.sizes())
-        if inside := INSIDE.get(section):
+        if inside := INSIDE.get(section._path):
             yield from (_key(inside, key)._replace(default="") for key in inside._keys)
     yield from (Key(table, "NAME", "", "", Scene._rules[table].meaning) for table in OWN)
 

@@ -6,7 +6,6 @@ compiled; numbalsoda's are called from compiled code themselves; heyoka.py takes
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import cache, partial
 from itertools import islice
 from typing import Any
@@ -256,9 +255,7 @@ SCIPY = (
     solver("SciPy odeint", _odeint),
 )
 NUMBALSODA = tuple(solver(f"numbalsoda {m.upper()}", partial(_numbalsoda, m)) for m in ("lsoda", "dop853"))
-HEYOKA = replace(
-    solver("heyoka.py", _heyoka, _no_corners),
-    setting="tol",
-    settings=lambda case, quick: islice(tolerances(-2, -15, False), 0, None, 6 if quick else 2),
-)
+HEYOKA = solver("heyoka.py", _heyoka, _no_corners)
+HEYOKA.setting = "tol"
+HEYOKA.settings = lambda case, quick: islice(tolerances(-2, -15, False), 0, None, 6 if quick else 2)
 """At powers of ten, each of which takes seconds to compile, since it determines the order."""
