@@ -182,18 +182,16 @@ def _legend(geometry: Geometry) -> str:
 
 def _notes(geometry: Geometry) -> list[str]:
     motion, span = geometry.motion, float(geometry.motion.result.time[-1] - geometry.motion.result.time[0])
-    notes = [f"body: {motion.shape.text}"]
-    if motion.ghosts:
-        notes.append(f"pale bodies: {len(motion.ghosts)} runs of the ensemble")
-    if geometry.enlarged > 1.0:
-        notes.append(f"the body is drawn {geometry.enlarged:.3g} times too large beside its path")
-    if np.any(geometry.origin_a):
-        notes.append("the axes of a stand where the path begins")
-    notes.append(_pace(span / motion.played))
-    if motion.largest_turn > STROBE:
-        turn = f"it turns by up to {np.degrees(motion.largest_turn):.0f}° between pictures"
-        notes.append(f"{turn}, so its spin is not seen as it is: show a shorter time")
-    return [*notes, *motion.notes]
+    turn = f"it turns by up to {np.degrees(motion.largest_turn):.0f}° between pictures"
+    notes = {
+        f"body: {motion.shape.text}": True,
+        f"pale bodies: {len(motion.ghosts)} runs of the ensemble": motion.ghosts,
+        f"the body is drawn {geometry.enlarged:.3g} times too large beside its path": geometry.enlarged > 1.0,
+        "the axes of a stand where the path begins": np.any(geometry.origin_a),
+        _pace(span / motion.played): True,
+        f"{turn}, so its spin is not seen as it is: show a shorter time": motion.largest_turn > STROBE,
+    }
+    return [*(note for note, holds in notes.items() if holds), *motion.notes]
 
 
 def _pace(factor: float) -> str:

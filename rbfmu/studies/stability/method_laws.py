@@ -257,8 +257,7 @@ def energy_drift(quick: bool) -> Study:
     def curve(method: OneStepMethod | None) -> list[float]:
         return [abs(error) for error in energies(method, H, counts)]
 
-    columns: Columns = {"steps": counts}
-    columns |= {method.name: curve(method) for method in (SEMI, RK4, MIDPOINT, MOSER_VESELOV_10)}
+    columns: Columns = {"steps": counts} | {m.name: curve(m) for m in (SEMI, RK4, MIDPOINT, MOSER_VESELOV_10)}
     columns["exact steps"] = curve(None)
     n, (coarse, longer), (finer,) = counts[-1], energies(RK4, H, [1000, 10_000]), energies(RK4, 0.5 * H, [20_000])
     findings = [
