@@ -50,7 +50,10 @@ class Chart:
         self.count = len(self.columns)
 
     def value(self, p: Array, before: Any = None) -> Any:
-        """Return what the scene has for the key (without an index); before: with another of its numbers."""
+        """Return what the scene has for the key, without an index: a number, a vector or matrix, or an attitude.
+
+        before: with another of its numbers.
+        """
         found = np.array(self.start if before is None else before)
         found[self.chosen] = self.numbers(p)
         return found.tolist() if len(found) > 1 else found.item()
