@@ -89,12 +89,9 @@ class Sensitivity:
                 carried = {f"covariance {name}": rows for name, rows in self.covariance.items()}
                 write_npz(file, {"time": self.time, "numbers": self.numbers, **self.of, **carried})
                 return
-            columns = {"time": self.time}
-            for name, rows in self.of.items():
-                for k, element in enumerate(elements(name, rows.shape[1])):
-                    columns |= {f"{element} by {n}": rows[:, k, i] for i, n in enumerate(self.numbers)}
-            header = ",".join(f'"{name}"' for name in columns)
-            table = np.column_stack([*columns.values()])
+            of = [element for name, rows in self.of.items() for element in elements(name, rows.shape[1])]
+            header = ",".join(f'"{name}"' for name in ("time", *(f"{e} by {n}" for e in of for n in self.numbers)))
+            table = np.column_stack([self.time, *(rows.reshape(len(rows), -1) for rows in self.of.values())])
             np.savetxt(file, table, fmt="%.17g", delimiter=",", header=header, comments="", encoding="utf-8")
 
     def plot(self, path: str | Path | None = None, title: str = "") -> Any:
