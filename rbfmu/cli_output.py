@@ -151,11 +151,9 @@ def print_end(scene: "rbfmu.Scene", planned: "rbfmu.Plan", result: "rbfmu.Result
 
 def print_fit(found: "rbfmu.Fit") -> None:
     """Print the numbers with their standard errors, what the data do not tell, and how residuals look."""
-    rows = [("number", "value", "standard error")]
-    for name, value, error in zip(found.names, found.values, found.standard_errors, strict=True):
-        told = error < math.inf
-        rows.append((name, f"{value: .8g}" if told else " not told", f"{error:.2g}" if told else ""))
-    print_columns(rows)
+    numbers = zip(found.names, found.values, found.standard_errors, strict=True)
+    rows = [(n, f"{x: .8g}", f"{error:.2g}") if error < math.inf else (n, " not told", "") for n, x, error in numbers]
+    print_columns([("number", "value", "standard error"), *rows])
     noise = (f"{'attitude' if name == 'quaternion' else name} {size:.3g}" for name, size in found.sigma.items())
     click.echo(f"noise: {', '.join(noise)}")
     click.echo("\n".join([*found.unknown, *(found.doubts or ("residuals look like noise",))]))
@@ -163,11 +161,10 @@ def print_fit(found: "rbfmu.Fit") -> None:
 
 def _events(result: "rbfmu.Result") -> Iterator[tuple[str, str, str]]:
     """Yield a row for each event, and for each that touched zero without one, with the first of its times."""
-    kinds = {"": result.events, ", touches": {name: times for name, times in result.touches.items() if len(times)}}
-    for kind, events in kinds.items():
-        for name, times in events.items():
-            shown = " ".join(f"{t:.9g}" for t in times[:MOST_SHOWN])
-            yield f"{name}{kind}", f"{len(times)}", shown + (" ..." if len(times) > MOST_SHOWN else "")
+    touched = {f"{name}, touches": times for name, times in result.touches.items() if len(times)}
+    for name, times in (result.events | touched).items():
+        shown = " ".join(f"{t:.9g}" for t in times[:MOST_SHOWN])
+        yield name, f"{len(times)}", shown + (" ..." if len(times) > MOST_SHOWN else "")
 
 
 def write(found: "rbfmu.Result | rbfmu.Sensitivity", output: Path | None, plot: Path | None, title: str) -> None:

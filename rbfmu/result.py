@@ -211,8 +211,7 @@ class Result:
         """
         path = path_of(path)
         if path.suffix == ".npz":
-            kinds = {EVENTS: self.events, TOUCHES: self.touches}
-            events = {f"{kind}{name}": times for kind, found in kinds.items() for name, times in found.items()}
+            events = {EVENTS + n: t for n, t in self.events.items()} | {TOUCHES + n: t for n, t in self.touches.items()}
             with replacing(path) as file:
                 write_npz(file, {"time": self.time, **self.quantities, **events})
         elif path.suffix == ".csv":

@@ -241,10 +241,8 @@ def _not_charted(case: Case, ends: Sequence[End]) -> Iterator[str]:
     if case.scene.body is None:
         yield "Peers: the scene has no body, and prescribed rates are theirs to supply"
         return
-    told, names = {}, {method.name for method in peers()}
-    for method in peers():
-        if why := why_not(method, case):
-            told[method.name if method.takes_formulas else _program(method.name)] = why
+    told = {m.name if m.takes_formulas else _program(m.name): why for m in peers() if (why := why_not(m, case))}
+    names = {method.name for method in peers()}
     for end in ends:
         if end.method in names and math.isinf(end.error) and end.why.startswith("not run"):
             told[_program(end.method)] = end.why.split(": ", 1)[1]

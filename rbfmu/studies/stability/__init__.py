@@ -136,10 +136,9 @@ def print_laws(findings: Sequence[Finding]) -> None:
 
 def rows(findings: Iterable[Finding]) -> Iterator[tuple[str, str, str, str]]:
     """Yield (finding, predicted, measured, verdict) of the worst in each group, and of each that does not hold."""
-    together: dict[str, list[Finding]] = {}
-    for finding in findings:
-        together.setdefault(finding.what, []).append(finding)
-    for what, members in together.items():
+    listed = [*findings]
+    for what in dict.fromkeys(f.what for f in listed):
+        members = [f for f in listed if f.what == what]
         if good := [f for f in members if f.holds]:
             places = f" ({len(good)} of {len(members)})" if len(members) > 1 else ""
             yield _row(max(good, key=lambda f: f.measured), what + places)
