@@ -195,7 +195,7 @@ def test_rows_of_peers_are_quoted_with_every_accuracy() -> None:
 
 
 def test_who_is_ahead_where_is_what_the_readme_says() -> None:
-    """DOP853 with few outputs at 1e-3; with many LSODA up to 1e-6, and heyoka.py at 1e-12 with the thruster."""
+    """DOP853 at 1e-3; with many outputs LSODA up to 1e-6 as well, and heyoka.py from 1e-9 on with the thruster."""
     behind = [row for row in record.read("peers")[1] if row["even"] == "False"]
     behind = [row for row in behind if not float(row["seconds"]) < float(row["peer_seconds"])]
     ahead = {(row["case"], row["peer"], float(row["accuracy"]), int(row["outputs"]) > CASES[row["case"]].outputs):
@@ -208,10 +208,11 @@ def test_who_is_ahead_where_is_what_the_readme_says() -> None:
     assert 0.605 <= min(coarse.values()) < 0.65
     finer = {key[0]: ratio for key, ratio in coarse.items() if key[2] == 1e-6}
     assert {*finer} == {"d", "f"}
-    assert 0.825 <= min(finer.values()) <= max(finer.values()) < 0.925
+    assert 0.815 <= min(finer.values()) <= max(finer.values()) < 0.885
     others = {key: ratio for key, ratio in ahead.items() if key not in few and key not in coarse}
-    assert {key[:3] for key in others} == {("f", "heyoka.py", 1e-12)}
-    assert 0.855 <= min(others.values()) <= max(others.values()) < 0.865
+    assert 0.925 <= others.pop(("c'", "numbalsoda DOP853", 1e-3, True)) < 0.935
+    assert {key[:3] for key in others} == {("f", "heyoka.py", 1e-9), ("f", "heyoka.py", 1e-12)}
+    assert 0.855 <= min(others.values()) <= max(others.values()) < 0.905
     many = [row for row in record.read("peers")[1] if int(row["outputs"]) > CASES[row["case"]].outputs]
     sure = [row for row in many if "**" in pages.times(row)]
     assert [
