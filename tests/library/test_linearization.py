@@ -295,6 +295,7 @@ def test_states_inputs_and_outputs_of_ones_own_are_in_the_system():
     assert not near.C[4].any()  # it is at its limit
 
 
+@pytest.mark.thorough
 def test_events_on_the_way_are_none_of_its_business():
     """More than a step takes, 4,096, made it refuse a motion that a run follows."""
     scene = rbfmu.Scene.from_dict(FREE | {"loads": {"torque_b": "-0.1*omega_b"}})

@@ -48,6 +48,7 @@ def test_bad_tables_are_refused_by_one_message(tmp_path, text, said):
         rbfmu.fit(scene, csv_of(tmp_path, text), ["body.inertia", "initial.omega_b"])
 
 
+@pytest.mark.thorough
 def test_a_run_s_own_result_serves_as_data(tmp_path):
     """It was refused, as it has the attitude twice; the quaternion counts, and angles where that has a gap.
 

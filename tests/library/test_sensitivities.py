@@ -188,6 +188,7 @@ def test_inputs_drive_the_motion_along_which_derivatives_are_taken(interpolate):
     np.testing.assert_allclose(found.of["omega_b"][:, :, 0], difference, rtol=0, atol=1e-7)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("accuracy", [1e-5, 1e-8])
 def test_errors_that_turn_much_faster_than_the_motion_are_followed(accuracy):
     """A flywheel runs down smoothly; a rate across its axis turns about it by (I_z/I_x - 1) times its angle."""

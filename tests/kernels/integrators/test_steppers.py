@@ -63,6 +63,7 @@ def orders(errors):
     return [math.log2(a / b) for a, b in itertools.pairwise(errors)]
 
 
+@pytest.mark.thorough
 def test_rk4_converges_at_order_4_in_attitude_on_nasa_s_brick():
     (truth,) = reference.motion(BRICK, (30.0,))
     body, omega = free_body(BRICK.body.inertia, BRICK.body.mass), BRICK.initial.omega_b
