@@ -51,6 +51,7 @@ def test_an_event_beyond_a_corner_that_is_smooth_close_up_is_in_time(e, accuracy
     assert found == pytest.approx([1.0 + 0.3 * e / math.sqrt(0.91)], abs=accuracy)
 
 
+@pytest.mark.thorough
 def test_an_event_that_is_little_beside_its_terms_is_no_corner():
     """2026-11-28: round-off of a height over an orbit was taken for a hidden corner: steps of 1e-15 s, and refusals."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]},
@@ -107,12 +108,11 @@ def test_what_touches_zero_is_said_to_touch_it(step):
     assert not len(found.events["touch"])
     np.testing.assert_allclose(found.touches["touch"], [2.0 * math.pi * k for k in range(8)], atol=1e-6)
     np.testing.assert_allclose(found.touches["below"], [11.0], atol=1e-6)
-    assert len(found.events["other"]) == 48
-    assert not len(found.touches["other"])
-    assert not len(found.events["beside"])
-    assert not len(found.touches["beside"])
+    assert [len(kind["other"]) for kind in (found.events, found.touches)] == [48, 0]
+    assert [len(kind["beside"]) for kind in (found.events, found.touches)] == [0, 0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("accuracy", [1e-4, 1e-9])
 def test_what_touches_zero_at_its_corner_is_said_to_touch_it_once(accuracy):
     """2026-11-29: where the series before was off it was not said, or was told as two events."""
