@@ -5,6 +5,7 @@ addresses: one loop serves all models, with the code that `simulate` calls. Lane
 side by side, where their model knows how, with the same bits.
 """
 
+import math
 from collections.abc import Callable
 from functools import cache
 from threading import Thread
@@ -14,7 +15,7 @@ import numpy as np
 from numba import config, float64, int64, typeof, types
 
 from rbfmu.models.model_buffer import aligned_zeros
-from rbfmu.types import Array
+from rbfmu.types import Array, Indices
 from rbfmu_kernels.body.members import Driving, Members, Room, Run, begin, drive, note, pieces_before, record
 from rbfmu_kernels.compile.decorator import kernel, loop
 from rbfmu_kernels.compile.simd import WIDEST, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
@@ -136,6 +137,78 @@ def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any
     return 0
 
 
+RUN = 256
+"""Numbers up to which NumPy sorts by a network within registers: 2 ns for each, beyond that seven to twelve times more
+where a processor is slow to store the chosen lanes of a vector, as AMD's Zen 4 is."""
+
+
+@kernel
+def _put_smaller(x: Any, i: Any, j: Any, y: Any, to: Any) -> tuple[Any, Any]:
+    """Put the smaller of x[i] and x[j] to y[to]; return the places to go on from."""
+    a, b = x[i], x[j]
+    y[to] = a if a < b else b
+    taken = np.uint64(a <= b)
+    return i + taken, j + (np.uint64(1) - taken)
+
+
+@kernel
+def _put_larger(x: Any, i: Any, j: Any, y: Any, to: Any) -> tuple[Any, Any]:
+    """Put the larger of x[i] and x[j] to y[to]; return the places to go on from."""
+    a, b = x[i], x[j]
+    y[to] = a if a > b else b
+    taken = np.uint64(a <= b)
+    return i - (np.uint64(1) - taken), j - taken
+
+
+@kernel
+def _merge(x: Any, at: Any, beside: Any, half: Any, y: Any, to: Any, other: Any) -> None:
+    """Merge the sorted halves from x[at] on to y[to], and those from x[beside] on to y[other].
+
+    From both ends, so that no half can end too soon, and two at once, so that none waits for another's comparison.
+    """
+    one = np.uint64(1)
+    i, j, end = at + half - one, at + half + half - one, to + half + half - one
+    m, n, last = beside + half - one, beside + half + half - one, other + half + half - one
+    a, b, c, d = at, at + half, beside, beside + half
+    for k in range(half):
+        a, b = _put_smaller(x, a, b, y, to + k)
+        c, d = _put_smaller(x, c, d, y, other + k)
+        i, j = _put_larger(x, i, j, y, end - k)
+        m, n = _put_larger(x, m, n, y, last - k)
+
+
+def merged(x: Any, ranks: Any, found: Any, room: Any) -> int:
+    """Set the numbers (r, p) that have these ranks (p,) in each of r rows x (r n,); see `in_order`. room (2 n,)."""
+    zero, whole = np.uint64(0), np.uint64(len(room) // 2)
+    for r in range(0, len(found), 2):
+        s = min(r + 1, len(found) - 1)
+        source, at, beside = x, np.uint64(r) * whole, np.uint64(s) * whole
+        target, to, other = room, zero, whole
+        half = np.uint64(RUN)
+        while half < whole:
+            for k in range(zero, whole, half + half):
+                _merge(source, at + k, beside + k, half, target, to + k, other + k)
+            half = half + half
+            source, at, beside, target, to, other = target, to, other, source, at, beside
+        for p in range(len(ranks)):
+            found[r, p], found[s, p] = source[at + np.uint64(ranks[p])], source[beside + np.uint64(ranks[p])]
+    return 0
+
+
+def in_order(values: Array, ranks: Indices) -> Array:
+    """Return the numbers (..., p) that have these ranks (p,), from 0 on, among n numbers: values (..., n).
+
+    Runs are sorted, and merged two by two: rows are filled up to a power of 2 of them.
+    """
+    *shape, count = values.shape
+    size = max(count, 1) if count <= RUN else RUN << (-(-count // RUN) - 1).bit_length()
+    x, found = np.full((math.prod(shape), size), np.inf), np.empty((math.prod(shape), len(ranks)))
+    x[:, :count] = values.reshape(len(x), count)
+    x.reshape(-1, min(size, RUN)).sort(axis=1)
+    compiled(merged)(x.ravel(), ranks, found, np.empty(2 * size))
+    return found.reshape(*shape, len(ranks))
+
+
 _GIVEN = (
     types.FunctionType(types.void(*CONTROLLED)),
     types.NamedTuple((_NUMBERS, _INDICES, _TABLE, _INDICES, _BLOCK, _PAIRS, _INDICES, _TABLE), Members),
@@ -145,6 +218,7 @@ _GIVEN = (
 _SIGNATURES: dict[Callable[..., Any], Any] = {
     run_members: int64(_INITIALIZE, _STEP, *_GIVEN, _NUMBERS, _NUMBERS),
     moments: int64(_BLOCK, _INDICES, int64, _INDICES, _PAIRS, _TABLE, _TABLE, _TABLE),
+    merged: int64(_NUMBERS, _INDICES, _TABLE, _NUMBERS),
 }
 
 

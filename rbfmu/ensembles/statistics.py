@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.ensembles.attitudes import ATTITUDE, around
-from rbfmu.ensembles.loops import LANES, compiled, moments
+from rbfmu.ensembles.loops import LANES, compiled, in_order, moments
 from rbfmu.ensembles.variables import Columns
 from rbfmu.types import Array, Indices
 
@@ -113,10 +113,8 @@ def summary_of(rows: Array, good: Indices, columns: Columns, most: int, turn: in
         times = slice(first, first + at_once)
         compiled(moments)(rows, good, first, angles, pairs, mean[times], products[times], x)
         if most:
-            block = x.reshape(at_once, width, padded)[: len(mean[times])]
-            for column in ranked:
-                block[:, column, : len(good)].sort(axis=1)
-            values[times] = block[:, ranked[:, None], chosen]
+            block = x.reshape(at_once, width, padded)[: len(mean[times]), ranked, : len(good)]
+            values[times] = in_order(block, chosen)
     table = values.reshape(points * len(ranked), values.shape[2])
     return Summary(len(good), mean, products, Points(table, weight, members, error))
 
@@ -144,8 +142,7 @@ def _thinned(sets: Sequence[Points], weight: int, turn: int) -> Points:
     at_once = max(1, SUMMED_AT_ONCE // max(count, 1))
     for first in range(0, rows, at_once):
         values = np.concatenate([points.values[first : first + at_once] for points in sets], axis=1)
-        values.sort(axis=1)
-        values.take(chosen, axis=1, out=thinned[first : first + at_once], mode="clip")
+        thinned[first : first + at_once] = in_order(values, chosen)
     members, before = sum(points.members for points in sets), sum(points.error for points in sets)
     return Points(thinned, weight, members, before + old * error)
 

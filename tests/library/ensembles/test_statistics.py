@@ -10,6 +10,7 @@ from scipy import stats
 from rbfmu import run_ensemble
 from rbfmu.ensembles import statistics
 from rbfmu.ensembles.attitudes import moments_of
+from rbfmu.ensembles.loops import in_order
 from rbfmu.ensembles.statistics import MOST_POINTS, Statistics, exact_quantiles, most_points, summary_of
 from rbfmu.ensembles.variables import Columns
 from rbfmu.scene.scene import Scene
@@ -99,6 +100,15 @@ def test_sets_are_thinned_as_all_of_their_values_are(seed, lengths):
     found = statistics._thinned(sets, 8, 1)
     assert (found.values == np.sort(np.concatenate(values, axis=1))[:, every]).all()
     assert found.members == 2 * sum(lengths)
+
+
+@pytest.mark.parametrize("n", [0, 1, 3, 256, 257, 1000, 2048, 4097])
+def test_numbers_of_a_rank_are_those_of_all_that_are_sorted(n):
+    """Also of equal ones, of infinite ones, and of rows of which one is left over where two are merged at once."""
+    values = np.random.default_rng(n).integers(-n, n, (3, 1, n), endpoint=True) / 7.0
+    values[values == values.max(initial=-1.0)] = np.inf
+    ranks = np.arange(0, n, 3)
+    assert in_order(values, ranks).tobytes() == np.sort(values, axis=2)[:, :, ranks].tobytes()
 
 
 def test_points_are_fewer_where_there_are_many_numbers():
