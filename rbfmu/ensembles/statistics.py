@@ -216,15 +216,11 @@ class Statistics:
         if not any(points.values.shape[1] for points in sets):
             return np.full((len(probabilities), *middle.shape), np.nan), 0.0
         levels = [_thinned([*group], sets[-1].weight, turn) for turn, (_, group) in enumerate(groupby(sets, _weight))]
-        points = _thinned(levels, sets[-1].weight, 0)
+        points = _thinned(levels, sets[-1].weight, 0) if len(levels) > 1 else levels[0]
         angles = ~np.isnan(middle.ravel())
-        points.values[angles] = np.sort(around(middle.ravel()[angles, None], points.values[angles]), axis=1)
-        count = points.values.shape[1]  # each has the rank of the middle of its weight
-        ranks = np.clip(probabilities * count - 0.5, 0.0, count - 1.0)
-        low = ranks.astype(int)
-        below, above = points.values[:, low], points.values[:, np.minimum(low + 1, count - 1)]
-        found = below + (ranks - low) * (above - below)
-        return found.T.reshape(len(probabilities), *middle.shape), points.error / self.count
+        points.values[angles] = around(middle.ravel()[angles, None], points.values[angles])
+        found = _quantiles(points.values, probabilities)
+        return found.reshape(len(probabilities), *middle.shape), points.error / self.count
 
     def to_arrays(self) -> dict[str, Any]:
         """Return arrays from which `from_arrays` makes the same."""
@@ -256,11 +252,20 @@ class Statistics:
 
 
 def exact_quantiles(values: Array, probabilities: Array) -> Array:
-    """Return the quantiles (q, ...) over the first axis, NaN left out: as those of the points of all members.
-
-    Value i of n has the rank (i - 1/2) / n (Hazen), as a point in the middle of its weight has above.
-    """
+    """Return the quantiles (q, ...) over the first axis, NaN left out."""
     good = values[~np.isnan(values).any(axis=tuple(range(1, values.ndim)))]
     if not len(good):
         return np.full((len(probabilities), *values.shape[1:]), np.nan)
-    return np.quantile(good, probabilities, axis=0, method="hazen")
+    return _quantiles(np.moveaxis(good, 0, -1), probabilities)
+
+
+def _quantiles(values: Array, probabilities: Array) -> Array:
+    """Return the quantiles (q, ...) of n numbers: values (..., n), of which each has the rank of its middle.
+
+    Value i of n has the rank (i - 1/2) / n (Hazen), as has a point in the middle of its weight.
+    """
+    count = values.shape[-1]
+    ranks = np.clip(probabilities * count - 0.5, 0.0, count - 1.0)
+    low = ranks.astype(int)
+    below, above = np.split(in_order(values, np.append(low, np.minimum(low + 1, count - 1))), 2, axis=-1)
+    return np.moveaxis(below + (ranks - low) * (above - below), -1, 0)
