@@ -10,7 +10,7 @@ import numpy as np
 
 from rbfmu.arrays.from_kernel import no_numbers
 from rbfmu.csv_table import read_columns
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Scene, warn
 from rbfmu.scene.section import SceneError, as_toml, fault
 from rbfmu.types import Array, ArrayLike, NDArray
 from rbfmu_kernels.quantities import elements
@@ -66,10 +66,15 @@ def input_tables(scene: Scene, inputs: Inputs | None, interpolate: str = HOLD) -
         tables = _from_mapping(inputs, scene, interpolate, faults)
     else:
         tables = _read(Path(inputs), scene, faults)
-    for port, table in tables.items():
-        faults += _faults_of_times(scene, table.times, "time" if source else f"times of {port}", interpolate)
+    times = {"time" if source else f"times of {port}": table.times for port, table in tables.items()}
+    for name, column in times.items():
+        faults += _faults_of_times(scene, column, name, interpolate)
     if faults:
-        raise SceneError([f"{source}{text}" for text in dict.fromkeys(faults)], scene.name)
+        raise SceneError([f"{source}{text}" for text in faults], scene.name)
+    read_before = isinstance(inputs, Mapping) and any(isinstance(table, InputTable) for table in inputs.values())
+    if interpolate == HOLD and not read_before:
+        for name, column in times.items():
+            warn(scene, _doubts_of_end(scene, column, f"{source}{name}"))
     return tables
 
 
@@ -190,14 +195,17 @@ def _faults_of_times(scene: Scene, times: Array, name: str, interpolate: str) ->
     start, stop, near = scene.run.start, min(scene.run.stop, scene.run.end), _near(scene)
     if times[0] > start + near:
         yield f"{name} = {float(times[0])!r} in row 1: expected at most {start!r} s, where the run starts"
-    last, held = float(times[-1]), interpolate == HOLD
-    gap = (math.inf if len(times) == 1 else float(times[-1] - times[-2])) if held else 0.0
-    if last + gap < stop - near:
-        why = f", as a last row is held as long as the one before it, {gap:.6g} s, and" if held else ", as"
-        yield (
-            f"{name} = {last!r} in row {len(times)}, the last: "
-            f"expected at least {stop - gap:.12g} s{why} the run stops at {stop!r} s"
-        )
+    if interpolate == LINEAR and times[-1] < stop - near:
+        before = f"{name} = {float(times[-1])!r} in row {len(times)}, the last"
+        yield f"{before}: expected at least {stop:.12g} s, as the run stops at {stop!r} s"
+
+
+def _doubts_of_end(scene: Scene, times: Array, name: str) -> Iterator[str]:
+    """Yield that a table may have been cut short, where its last row is held for longer than the one before it."""
+    left = min(scene.run.stop, scene.run.end) - float(times[-1])
+    if len(times) > 1 and left > times[-1] - times[-2] + _near(scene):
+        last = f"{name} = {float(times[-1])!r} in row {len(times)}, the last"
+        yield f"{last}: held for {left:.6g} s, to the end of the run; was the table cut short?"
 
 
 class PortPieces(NamedTuple):

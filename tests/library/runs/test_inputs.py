@@ -182,7 +182,6 @@ BAD = {
     "NaN time": ({"force_a": ([0.0, math.nan, 2.0], ZEROS)}, "times of force_a = nan in row 2: expected a finite"),
     "order": ({"force_a": ([0.0, 2.0, 2.0], ZEROS)}, "times of force_a = 2.0 in row 3: expected a time after 2.0 s"),
     "begin": ({"force_a": ([0.1, 1.0, 2.0], ZEROS)}, "times of force_a = 0.1 in row 1: expected at most 0.0 s"),
-    "end": ({"force_a": ([0.0, 0.1, 0.2], ZEROS)}, "0.2 in row 3, the last: expected at least 1.4 s, as a last row"),
     "kind": (3, 'inputs = "int": expected a mapping'),
 }  # fmt: skip
 
@@ -192,6 +191,14 @@ def test_wrong_inputs_are_refused_in_one_message(name):
     inputs, message = BAD[name]
     with pytest.raises(rbfmu.SceneError, match=message):
         rbfmu.simulate(scene(), inputs=inputs)
+
+
+def test_a_last_row_is_held_to_the_end_of_the_run_and_a_table_that_may_be_cut_short_is_told():
+    times, forces = [0.0, 0.1, 0.2], np.arange(9.0).reshape(3, 3)
+    with pytest.warns(rbfmu.SceneWarning, match=r"force_a = 0\.2 in row 3, the last: held for 1\.3 s, to the end"):
+        found = rbfmu.simulate(scene(), inputs={"force_a": (times, forces)})
+    whole = {"force_a": ([*times, STOP], forces[[0, 1, 2, 2]])}
+    assert found.position.tobytes() == rbfmu.simulate(scene(), inputs=whole).position.tobytes()
 
 
 def test_linear_inputs_must_reach_the_end_and_the_way_to_interpolate_must_be_known():
