@@ -13,7 +13,6 @@ import rbfmu
 import rbfmu.cli_output as common
 import rbfmu_fmu
 from rbfmu.exceptions import SceneWarning, named, warn_caller
-from rbfmu.extras import needed
 from rbfmu.on_disk import kept_plan
 from rbfmu.progress import bar, progress_bar
 
@@ -170,8 +169,6 @@ def ensemble(
         raise click.UsageError("--resume: expected --output with the store to go on with")
     with asked.opened() as loaded, common.usage_errors():
         running.check_store(output, resume)
-        if plot:
-            needed("scipy.stats", "ensemble")  # known to be there before anything runs
         scene = members.for_ends(members.with_runs(loaded, runs))
         with running.dask_client(scheduler) if scheduler else nullcontext(workers) as executor:
             with bar(f"planning {scene.name}") as tell:

@@ -79,8 +79,7 @@ class Drivers(NamedTuple):
         varied, ends = ({name: x for name, x in some.items() if np.ptp(x) > 0.0} for some in columns)
         if not varied or not ends:
             return cls((*varied,), (*ends,), np.empty((len(varied), len(ends))), 1.0)
-        rank = needed("scipy.stats", "ensemble").rankdata
-        ranks = (rank(np.column_stack([*some.values()]), axis=0) for some in (varied, ends))
+        ranks = (np.column_stack([_ranks(x) for x in some.values()]) for some in (varied, ends))
         a, b = (x / np.linalg.norm(x, axis=0) for x in (x - x.mean(axis=0) for x in ranks))
         return cls((*varied,), (*ends,), a.T @ b, SURE / float(np.sqrt(len(a) - 1)))
 
@@ -92,6 +91,15 @@ class Drivers(NamedTuple):
             if len(column) and abs(column[k := int(np.argmax(np.abs(column)))]) > self.chance:
                 lines.append(f"{end}: {column[k]:.2f} with {self.varied[k]}")
         return "\n  ".join(lines) + ")"
+
+
+def _ranks(x: Array) -> Array:
+    """Return the ranks of numbers (n,), from 1 on; those that are equal have the mean of theirs.
+
+    As `scipy.stats.rankdata`, which takes a second to load.
+    """
+    _, at, counts = np.unique(x, return_inverse=True, return_counts=True)
+    return np.asarray((np.cumsum(counts) - 0.5 * (counts - 1))[at])
 
 
 def _columns(name: str, row: Quantity, values: Array) -> dict[str, Array]:

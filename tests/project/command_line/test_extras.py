@@ -120,17 +120,24 @@ OF_ENSEMBLES = ["scipy", "zarr", "xarray", "distributed"]
 
 
 @pytest.mark.thorough
-def test_an_ensemble_needs_no_extra_in_memory_and_in_one_file(tmp_path):
-    arguments = ["rbfmu", "ensemble", str(ENSEMBLE), "-o", str(tmp_path / "store.npz")]
+def test_an_ensemble_needs_no_extra_in_one_file_and_a_picture(tmp_path):
+    arguments = [
+        "rbfmu",
+        "ensemble",
+        str(ENSEMBLE),
+        "-o",
+        str(tmp_path / "store.npz"),
+        "--plot",
+        str(tmp_path / "p.png"),
+    ]
     done = without(OF_ENSEMBLES, f"from rbfmu.cli import main; sys.argv = {arguments!r}; main()")
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "store.npz").exists()
+    assert {path.name for path in tmp_path.iterdir()} == {"store.npz", "p.png"}
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("options", "package", "extra"), [
     (["-o", "store.zarr"], "zarr", "ensemble"),
-    (["--plot", "picture.png"], "scipy", "ensemble"),
     (["--scheduler", "tcp://127.0.0.1:9"], "distributed", "cluster"),
 ])  # fmt: skip
 def test_what_of_an_ensemble_needs_an_extra_says_so_before_it_runs(options, package, extra, tmp_path):
