@@ -74,7 +74,7 @@ FAULTS = {
     "prescribed rates that change": Fault("models/prescribed_rates",
         "add_scaled_quaternion(after, 1.0, compose_quaternions(before,",
         "add_scaled_quaternion(after, 0.99999, compose_quaternions(before,"),
-    "weight of Gauss's rule": Fault("models/free", "    0.5, 0.5,\n", "    0.5, 0.500005,\n"),
+    "weight of Gauss's rule": Fault("models/free", "float(1 / ((1 - x * x)", "1.00001 * float(1 / ((1 - x * x)"),
     "angular momentum under a torque": Fault("models/unturned", "add_scaled(omega, since + low, alpha)",
         "add_scaled(omega, 1.00001 * (since + low), alpha)"),
     "inertia about the pivot": Fault("mechanics/inertia",

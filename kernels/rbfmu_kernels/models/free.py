@@ -10,6 +10,10 @@ panels of at most `substep`, each with `order` points of Gauss's rule. What a pa
 Source: Abramowitz and Stegun, 25.4.30.
 """
 
+import math
+from collections.abc import Iterator
+from decimal import Decimal, localcontext
+
 from ..body import closed_form, memory, outputs, principal
 from ..body.shell import make_model
 from ..buffer import OK, STEP_REJECTED, TORQUE_ACTS, UNSTEADY, UNSYMMETRIC, places, with_work_space
@@ -233,35 +237,26 @@ FREE_TRIAXIAL = make_model(
 
 ORDERS = (1, 2, 3, 4, 5, 6, 7, 8)
 """The numbers of points a panel that may be chosen."""
-_POINTS = (
-    0.5,
-    0.2113248654051871, 0.7886751345948129,
-    0.11270166537925831, 0.5, 0.8872983346207417,
-    0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263,
-    0.046910077030668004, 0.23076534494715845, 0.5, 0.7692346550528415,
-    0.953089922969332,
-    0.03376524289842399, 0.16939530676686773, 0.38069040695840156, 0.6193095930415985,
-    0.8306046932331322, 0.966234757101576,
-    0.025446043828620736, 0.12923440720030277, 0.2970774243113014, 0.5,
-    0.7029225756886985, 0.8707655927996972, 0.9745539561713793,
-    0.019855071751231884, 0.10166676129318664, 0.2372337950418355, 0.4082826787521751,
-    0.591717321247825, 0.7627662049581645, 0.8983332387068134, 0.9801449282487681,
-)  # fmt: skip
-_WEIGHTS = (
-    1.0,
-    0.5, 0.5,
-    0.2777777777777778, 0.4444444444444444, 0.2777777777777778,
-    0.17392742256872692, 0.32607257743127305, 0.32607257743127305, 0.17392742256872692,
-    0.11846344252809454, 0.23931433524968324, 0.28444444444444444, 0.23931433524968324,
-    0.11846344252809454,
-    0.08566224618958518, 0.1803807865240693, 0.23395696728634552, 0.23395696728634552,
-    0.1803807865240693, 0.08566224618958518,
-    0.06474248308443485, 0.13985269574463832, 0.19091502525255946, 0.2089795918367347,
-    0.19091502525255946, 0.13985269574463832, 0.06474248308443485,
-    0.05061426814518813, 0.11119051722668724, 0.15685332293894363, 0.181341891689181,
-    0.181341891689181, 0.15685332293894363, 0.11119051722668724, 0.05061426814518813,
-)  # fmt: skip
-"""Points or weights of Gauss's rule on [0, 1], by order: k of them from k (k - 1) / 2 on."""
+
+
+def _rule_of_gauss(order: int) -> Iterator[tuple[float, float]]:
+    """Yield points on [0, 1] and weights: roots of Legendre's polynomial by Newton's method, in 40 digits."""
+    with localcontext() as context:
+        context.prec = 40
+        for k in range(order, 0, -1):
+            x, change = Decimal(math.cos(math.pi * (k - 0.25) / (order + 0.5))), Decimal(1)
+            while abs(change) > 1e-30:
+                before, p = Decimal(0), Decimal(1)
+                for n in range(order):
+                    before, p = p, ((2 * n + 1) * x * p - n * before) / (n + 1)
+                slope = order * (before - x * p) / (1 - x * x)
+                change = p / slope
+                x -= change
+            yield float((1 + x) / 2), float(1 / ((1 - x * x) * slope * slope))
+
+
+_POINTS, _WEIGHTS = zip(*(row for order in ORDERS for row in _rule_of_gauss(order)), strict=True)
+"""Points and weights of Gauss's rules, by order: k of them from k (k - 1) / 2 on."""
 
 _FREE_BODY_FORCE_LAYOUT = places(FREE | {"order": 1, "low_r": 3, "low_v": 3})
 """After FREE: order, and the low parts of position and velocity of the centre of mass."""
