@@ -4,7 +4,7 @@ from ..buffer import NO_OUTPUTS
 from ..buffer_access import are_finite, matrix_at, put_quaternion_at, put_vec3_at, vec3_at
 from ..compile.decorator import kernel
 from ..mechanics import newton_euler
-from ..mechanics.equations_of_motion import Body, Loads, angular_acceleration, angular_jerk, linear_acceleration
+from ..mechanics.equations_of_motion import Loads, angular_acceleration, angular_jerk, linear_acceleration
 from ..rotations.euler_angles import ZYX, euler_from_quaternion, euler_rate_b
 from ..rotations.matrix import transform
 from ..rotations.quaternion import quaternion_rate_b, rotate
@@ -23,7 +23,7 @@ def outputs(z: Buffer) -> int:
     if memory.needs_translation(z):
         _put_translation(z, q, omega)
     if memory.shows_loads(z):
-        _put_accelerations(z, q, omega)
+        _put_accelerations(z, z, q, omega, memory.loads_of(z))
     if memory.is_set(z, SHOWN.quaternion):
         put_quaternion_at(z, AT.quaternion, q)
     if memory.is_set(z, SHOWN.rpy):
@@ -53,20 +53,14 @@ def _put_translation(z: Buffer, q: Quaternion, omega: Vec3) -> None:
 
 
 @kernel
-def _put_accelerations(z: Buffer, q: Quaternion, omega: Vec3) -> None:
-    """Set alpha_b and the acceleration of o."""
-    alpha, acceleration = accelerations(q, omega, memory.body_of(z), memory.loads_of(z), vec3_at(z, AT.r_oc_b))
-    put_vec3_at(z, AT.alpha_b, alpha)
-    put_vec3_at(z, AT.acceleration, acceleration)
-
-
-@kernel
-def accelerations(q: Quaternion, omega: Vec3, body: Body, loads: Loads, r_oc: Vec3) -> tuple[Vec3, Vec3]:
-    """Return (alpha_b, acceleration of o in a) of a body under loads; with a pivot o stays."""
+def _put_accelerations(to: Buffer, z: Buffer, q: Quaternion, omega: Vec3, loads: Loads) -> None:
+    """Set alpha_b and the acceleration of o in a of a body under loads; with a pivot o stays."""
+    body = memory.body_of(z)
     alpha = angular_acceleration(q, omega, body, loads)
-    relative = newton_euler.relative_acceleration(omega, alpha, r_oc)
+    relative = newton_euler.relative_acceleration(omega, alpha, vec3_at(z, AT.r_oc_b))
     a_o = subtract(linear_acceleration(q, body, loads), rotate(q, relative))
-    return alpha, (ZERO if body.is_free == 0.0 else a_o)
+    put_vec3_at(to, AT.alpha_b, alpha)
+    put_vec3_at(to, AT.acceleration, ZERO if body.is_free == 0.0 else a_o)
 
 
 @kernel(inline=False)
@@ -77,7 +71,7 @@ def output_rates(z: Buffer) -> int:
     """
     (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
     _put_translation(z, q, omega)
-    _put_accelerations(z, q, omega)
+    _put_accelerations(z, z, q, omega, loads)
     M, alpha = body.inertia, vec3_at(z, AT.alpha_b)
     alpha_rate = angular_jerk(q, omega, alpha, body, loads)
     torque = add(transform(M, alpha), newton_euler.gyroscopic_torque(M, omega))
@@ -114,9 +108,5 @@ def feedthrough(z: Buffer, change: Buffer) -> int:
     outputs' must be 0 and are set. It is the derivative of `outputs` along the inputs' change, in closed form.
     """
     loads = memory.loads_at(change, memory.INPUTS_START, memory.has_pivot(z))
-    alpha, acceleration = accelerations(
-        memory.rotation_of(z).q_ab, ZERO, memory.body_of(z), loads, vec3_at(z, AT.r_oc_b)
-    )
-    put_vec3_at(change, AT.alpha_b, alpha)
-    put_vec3_at(change, AT.acceleration, acceleration)
+    _put_accelerations(change, z, memory.rotation_of(z).q_ab, ZERO, loads)
     return 0
