@@ -53,28 +53,41 @@ class Steps:
         """Set what all runs have: pieces, by their lengths (s), and how many of these end at each point."""
         self.kernels, self.z, self.count = kernels, z, len(counts) - 1
         self._lengths, self._counts = lengths, counts.astype(np.int64)
-        self._places, self._values = np.empty(0, np.int64), np.empty((len(lengths), 0))
+        (self._places, self._values), (self._at_points, self._last) = map(self._columns, ({}, {}))
         self._step = tiered(kernels.step, len(lengths) * runs)
+        self.events: Events | None = None
+        self.ended: float | None = None
+        """The time of the event that ended the run, s."""
         self._together, self._is_over = 0, False
         Steps.taken_by_all += self.count
 
     def advance(self, k: int) -> bool:
-        """Take step k, counted from 1; return whether none of its pieces was refused."""
+        """Take step k, counted from 1, or to an event that ends the run; return whether no piece was refused."""
         for i in range(self._counts[k - 1], self._counts[k]):
-            self._drive(i)
-            if self._step(self.z, float(self._lengths[i])) != OK:
+            if len(self._places):
+                self.z[self._places] = self._values[i]
+            before, length = self.z.copy() if self.events and self.events.ending else None, float(self._lengths[i])
+            if self._step(self.z, length) != OK:
                 return False
+            self.ended = self.events.take(length) if self.events else None
+            if self.ended is not None and before is not None:
+                return self._go_back(before, self.ended)
+        if len(self._at_points):
+            self.z[self._at_points] = self._last[self._counts[k] - 1]
+            tiered(self.kernels.outputs)(self.z)
         return True
 
-    def _drive(self, i: int) -> None:
-        """Set the inputs of a piece."""
-        if len(self._places):
-            self.z[self._places] = self._values[i]
+    def _go_back(self, before: Buffer, end: float) -> bool:
+        """Take the last piece anew, up to an event."""
+        self.z[:] = before
+        since, rest = before[self.kernels.BLOCKS["series.time"]]
+        length = (end - since) - rest
+        return length <= 0.0 or bool(self._step(self.z, length) == OK)
 
     @property
     def _goes_in_a_loop(self) -> bool:
         """Return whether steps are alike and many, and machine code."""
-        many = Steps.taken_by_all > LONG and self.count >= FIRST
+        many = Steps.taken_by_all > LONG and self.count >= FIRST and not self.events and not len(self._at_points)
         if not (many and isinstance(self._step, Tiered) and self._step.is_compiled):
             return False
         # what the loop compiled would be kept by its signature, by which nobody looks for it
@@ -109,6 +122,10 @@ class Steps:
         """Return the places of these blocks in the buffer."""
         blocks = (self.kernels.BLOCKS[name] for name in names)
         return np.array([place for block in blocks for place in range(block.start, block.stop)], np.int64)
+
+    def _columns(self, of: dict[str, Array]) -> tuple[Indices, Array]:
+        """Return places in the buffer, and what stands there in each piece."""
+        return self.places(of), np.hstack([np.empty((len(self._lengths), 0)), *of.values()])
 
     def by_name(self, rows: Array, names: Collection[str]) -> Motion:
         """Return the rows of each block."""
@@ -162,19 +179,8 @@ class Driven(Steps):
         if takes_slopes and not drive.is_steady:
             values |= {f"{port}_rate": pieces.slopes for port, pieces in drive.ports.items()}
         (self._places, self._values), (self._at_points, self._last) = map(self._columns, (values, last))
-        self._outputs = tiered(self.kernels.outputs)
         self.events = Events(scene, plan, self.z) if scene.events else None
-        self.ended: float | None = None
-        """The time of the event that ended the run, s."""
         self._name, self._time = scene.name, drive.time
-
-    def _columns(self, of: dict[str, Array]) -> tuple[Indices, Array]:
-        """Return places in the buffer, and what stands there in each piece."""
-        return self.places(of), np.hstack([np.empty((len(self._lengths), 0)), *of.values()])
-
-    @property
-    def _goes_in_a_loop(self) -> bool:
-        return not self.events and not len(self._at_points) and super()._goes_in_a_loop
 
     def course(
         self, names: Collection[str], progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
@@ -209,28 +215,6 @@ class Driven(Steps):
         end = float(self._time[taken + 1])
         said = f"t = {end!r} s takes {counted:.1e} substeps: expected a shorter run or slower rates"
         return SimulationError(f"{self._name}: {said}")
-
-    def advance(self, k: int) -> bool:
-        """Take the pieces from communication point k - 1 to k; return whether none was refused."""
-        for i in range(self._counts[k - 1], self._counts[k]):
-            self._drive(i)
-            before, length = self.z.copy() if self.events and self.events.ending else None, float(self._lengths[i])
-            if self._step(self.z, length) != OK:
-                return False
-            self.ended = self.events.take(length) if self.events else None
-            if self.ended is not None and before is not None:
-                return self._go_back(before, self.ended)
-        if len(self._at_points):
-            self.z[self._at_points] = self._last[self._counts[k] - 1]
-            self._outputs(self.z)
-        return True
-
-    def _go_back(self, before: Buffer, end: float) -> bool:
-        """Take the last piece anew, up to an event."""
-        self.z[:] = before
-        since, rest = before[self.kernels.BLOCKS["series.time"]]
-        length = (end - since) - rest
-        return length <= 0.0 or bool(self._step(self.z, length) == OK)
 
 
 def record(run: Steps, names: Sequence[str], most: float = math.inf, progress: Told = None) -> Motion:
