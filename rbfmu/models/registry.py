@@ -242,9 +242,7 @@ NO_ROTATION = closed_form(
 
 
 def _constant_rate_rests_on(asked: Question) -> set[str]:
-    M = asked.body.M
-    sphere = M[0][0] == M[1][1] == M[2][2] and not any(M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
-    return asked.would_turn | asked.shape | (set() if sphere else {"omega_b_0"})
+    return asked.would_turn | asked.shape | (set() if asked.start.is_sphere else {"omega_b_0"})
 
 
 CONSTANT_RATE = closed_form(
