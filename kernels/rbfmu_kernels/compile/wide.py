@@ -43,11 +43,6 @@ def alike(x: float, value: float) -> float:
     return value
 
 
-def always(x: float) -> bool:
-    """Return the condition that holds in as many lanes as x has."""
-    return True
-
-
 def bits_of(x: float) -> np.int64:
     """Return the bits of a number as an integer."""
     return np.float64(x).view(np.int64)
@@ -198,12 +193,6 @@ _register_summary(all_of, "==", lambda width: (1 << width) - 1)
 @register(alike, lambda x, value: x if isinstance(x, WideType | types.Float) else None)
 def _alike(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
     return context.cast(builder, args[1], signature.args[1], signature.return_type)
-
-
-@register(always, lambda x: MaskType(x.width) if isinstance(x, WideType) else types.boolean)
-def _always(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
-    true = context.get_constant(types.boolean, True)
-    return context.cast(builder, true, types.boolean, signature.return_type)
 
 
 def _type_of_choice(context: Context, condition: types.Type, a: types.Type, b: types.Type) -> types.Type | None:

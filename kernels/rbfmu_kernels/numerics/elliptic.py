@@ -16,7 +16,7 @@ import math
 from typing import NamedTuple
 
 from ..compile.decorator import kernel
-from ..compile.wide import all_of, always, any_of, choose
+from ..compile.wide import alike, all_of, any_of, choose
 from ..types import Vec3
 from . import double_double as dd, elementary
 from .double_double import ONE_OVER_PI, DoubleDouble, two_product, two_sum
@@ -52,7 +52,7 @@ def climb_scale(kc: DoubleDouble, n: DoubleDouble, s: DoubleDouble, c: DoubleDou
     p = dd.root(dd.add_float(n, 1.0))
     term: DoubleDouble = (1.0, 0.0)
     total: DoubleDouble = (1.0, 0.0)
-    turns, halves, goes_on = 0.0, 1.0, always(kc[0])
+    turns, halves, goes_on = 0.0, 1.0, alike(kc[0], 1.0) > 0.0
     for _ in range(16):
         ag = dd.multiply(a, g)
         a_plus_g = dd.add(a, g)

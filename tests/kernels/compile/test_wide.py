@@ -22,7 +22,7 @@ from rbfmu_kernels.compile.simd import (
     wide_at,
     width_of,
 )
-from rbfmu_kernels.compile.wide import alike, all_of, always, any_of, bits_of, choose, number_of
+from rbfmu_kernels.compile.wide import alike, all_of, any_of, bits_of, choose, number_of
 from rbfmu_kernels.integrators.taylor_coefficients import ROW, WORK, _inner_products, put_factors
 from rbfmu_kernels.rotations.vec3 import add, cross
 
@@ -90,7 +90,7 @@ def _bits(z):
     x = s[0]
     s[1] = number_of(bits_of(x) ^ ((bits_of(s[1]) & 2) << 62))
     s[2] = choose((bits_of(x) + 1) & 1 != 0, math.copysign(3.0, x), alike(x, 4.0))
-    s[3] = choose(always(x), 1.0, x)
+    s[3] = choose(alike(x, 1.0) > 0.0, 1.0, x)
 
 
 def test_bits_are_those_of_each_lane():
@@ -105,7 +105,7 @@ def test_bits_are_those_of_each_lane():
 
 def test_of_a_plain_number_they_are_its_own():
     assert number_of(bits_of(-2.5)) == -2.5
-    assert (alike(2.0, 3.0), always(2.0)) == (3.0, True)
+    assert alike(2.0, 3.0) == 3.0
 
 
 @kernel
