@@ -2,7 +2,9 @@
 
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from itertools import accumulate
+from itertools import accumulate, chain
+from pathlib import Path
+from string import Template
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from rbfmu.formulas import source
 from rbfmu.formulas.graph import LEAVES, Graph, Number, arctangent, changes_of, square_root
 from rbfmu.formulas.motion import CHANGE, MADE, STATE, Start, rotation_of
 from rbfmu.models import formulas, model_buffer
-from rbfmu_fmu.description import Description
+from rbfmu_fmu.description import Description, Variable
 from rbfmu_fmu.model_description import FmiVersion
 from rbfmu_fmu.python import slave_access
 from rbfmu_fmu.python.call_rules import CALLS, LOG_CATEGORIES, PHASES, SET_REFUSAL, SETTABLE
@@ -27,102 +29,65 @@ def headers(d: Description, version: FmiVersion, guid: str = "") -> dict[str, st
     return {"call_rules.h": call_rules(), "scene.h": scene_header(d, version, guid), "slopes.h": slopes_header(d)}
 
 
+def _filled(name: str, parts: Mapping[str, object]) -> str:
+    """Return a header that stands beside this file as a template, with its parts."""
+    return Template(Path(__file__).with_name(f"{name}.txt").read_text(encoding="ascii")).substitute(parts)
+
+
 def call_rules() -> str:
     """Return C source of call_rules.py."""
-    about = "The rules of FMI calls, made from call_rules.py. A set of phases has a bit for each."
-    return _header("CALL_RULES_H", about, [
-        f"typedef enum {_row([*PHASES, 'PHASES'])} Phase;",
-        f"typedef enum {_row(map(str.upper, CALLS))} Call;",
-        f"typedef enum {_row(map(str.upper, SETTABLE))} Causality;",
-        f"static const char *const PHASE_NAMES[] = {_row(map(_c, PHASES.values()))};",
-        *_table("static const struct { unsigned phases; const char *refusal; } RULES[]",
-                (f"[{name.upper()}] = {{{_bits(rule.phases)}, {_c(rule.refusal)}}}," for name, rule in CALLS.items())),
-        f"#define SET_REFUSAL {_c(SET_REFUSAL)}",
-        *_table("static const struct { const char *name; unsigned settable_in; } CAUSALITIES[]",
-                (f"[{name.upper()}] = {{{_c(name)}, {_bits(phases)}}}," for name, phases in SETTABLE.items())),
-    ])  # fmt: skip
+    rules = (f"[{name.upper()}] = {{{_bits(rule.phases)}, {_c(rule.refusal)}}}," for name, rule in CALLS.items())
+    settable = (f"[{name.upper()}] = {{{_c(name)}, {_bits(phases)}}}," for name, phases in SETTABLE.items())
+    return _filled("call_rules.h", {
+        "phases": _row([*PHASES, "PHASES"]), "phase_names": _row(map(_c, PHASES.values())),
+        "calls": _row(map(str.upper, CALLS)), "causalities": _row(map(str.upper, SETTABLE)),
+        "rules": _table(rules), "settable": _table(settable), "set_refusal": _c(SET_REFUSAL),
+    })  # fmt: skip
 
 
-def _header(name: str, about: str, lines: Iterable[str]) -> str:
-    return "\n".join([f"/* {about} */", f"#ifndef {name}", f"#define {name}", *lines, "#endif", ""])
-
-
-def _table(declaration: str, rows: Iterable[str]) -> list[str]:
-    return [f"{declaration} = {{", *(f"    {row}" for row in rows), "};"]
+def _table(rows: Iterable[str]) -> str:
+    return "\n    ".join(["{", *rows]) + "\n}"
 
 
 def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
     """Return C source of the scene's numbers and names."""
     inputs, parameters = (sum(v.causality == c for v in d.variables) for c in ("input", "parameter"))
-    return _header("SCENE_H", "The numbers and names of one scene; places are those in the model's buffer.", [
-        f"#define GUID {_c(guid)}",
-        f"#define IDENTITY {_c(_IDENTITIES[version.identity])}",
-        f"#define REAL {_c(version.real)}",
-        f"#define INTEGER {_c(version.integer)}",
-        f"#define CATEGORIES {_row([*map(_c, LOG_CATEGORIES), 'NULL'])}",
-        f"#define START_TIME {d.scene.run.start.hex()}",
-        f"#define LAST_TIME {d.last_time.hex()}",
-        f"enum {{ START_PLACE = {d.start_place} }}; /* of the start time in the buffer, if it is there */",
-        f"#define ACCURACY {d.scene.run.accuracy.hex()}",
-        "#define OUTPUT_DERIVATIVES" if d.output_rates else "/* no output has a derivative */",
-        f"enum {{ STEP_OK = {OK}, STEP_REJECTED = {STEP_REJECTED}, PAST_STOP = {PAST_STOP} }}; /* of `status` */",
-        f"enum {{ SIZE = {len(d.start_buffer)}, REALS = {len(d.variables)}, CHANGES = {d.outputs_end} }};",
-        f"enum {{ FIRST_PARAMETER = {inputs}, FIRST_OUTPUT = {inputs + parameters} }};",
-        *_references(d, version),
-        f"static const double START[SIZE] = {_row(x.hex() for x in d.start_buffer)};",
-        *_variables(d),
-        *_refusals(),
-    ])  # fmt: skip
+    elements, run, unknown = _elements(d, version), d.scene.run, max(FAULTS) + 1
+    sizes, faults = [*map(len, elements)], FAULTS | {unknown: ("", "initialisation failed")}
+    texts = {"guid": guid, "identity": _IDENTITIES[version.identity], "real": version.real, "integer": version.integer}
+    texts |= {"held": slave_access.HELD, "to_vary": slave_access.TO_VARY, "changed": CHANGED}
+    return _filled("scene.h", {name: _c(text) for name, text in texts.items()} | {
+        "categories": _row([*map(_c, LOG_CATEGORIES), "NULL"]), "unknown": unknown, "start_place": d.start_place,
+        "start_time": run.start.hex(), "last_time": d.last_time.hex(), "accuracy": run.accuracy.hex(),
+        "output_derivatives": "#define OUTPUT_DERIVATIVES" if d.output_rates else "/* no output has a derivative */",
+        "ok": OK, "rejected": STEP_REJECTED, "past_stop": PAST_STOP, "start": _row(x.hex() for x in d.start_buffer),
+        "size": len(d.start_buffer), "reals": len(d.variables), "changes": d.outputs_end,
+        "first_parameter": inputs, "first_output": inputs + parameters, "has_time": int(version.has_time),
+        "time_reference": "REFERENCES - 1" if version.has_time else "REFERENCES + 1 /* there is none */",
+        "one_element": "#define ONE_ELEMENT_EACH" if {*sizes} == {1} else "/* there are arrays */",
+        "references": len(elements), "status_reference": version.status_reference(d), "counts": len(d.counts),
+        "count_offsets": _row([*(count.offset for count in d.counts), 0]),
+        "count_names": _row([*(_c(count.name) for count in d.counts), 0]),
+        "elements": _row(chain.from_iterable(elements)), "first_element": _row(accumulate(sizes, initial=0)),
+        "offsets": _table(f"{v.offset}, /* {v.name} */" for v in d.variables), "max_order": MAX_DERIVATIVE_ORDER,
+        "derivatives": _table(f"{_row(_rates(v))}, /* {v.name} */" for v in d.variables),
+        "variables": _table(f"{_row((_c(v.name), _c(v.block), int(v.pinned)))}," for v in d.variables),
+        "faults": _table(f"[{code}] = {_row(map(_c, said))}," for code, said in faults.items()),
+    })  # fmt: skip
 
 
 _IDENTITIES = {"guid": "guid", "instantiationToken": "instantiation token"}
 """What identifies an FMU, in words."""
 
 
-def _references(d: Description, version: FmiVersion) -> list[str]:
-    """Return the Reals that each value reference stands for, one after another; TIME is in place of a Real."""
-    elements = [one.elements for one in version.references(d)]
-    if version.has_time:
-        elements.append((len(d.variables),))
-    first = [0, *accumulate(map(len, elements))]
-    time = "REFERENCES - 1" if version.has_time else "REFERENCES + 1 /* there is none */"
-    single = "#define ONE_ELEMENT_EACH" if all(len(one) == 1 for one in elements) else "/* there are arrays */"
-    return [
-        single,
-        f"enum {{ TIME = REALS, REFERENCES = {len(elements)}, STATUS_REFERENCE = {version.status_reference(d)} }};",
-        f"enum {{ HAS_TIME = {int(version.has_time)}, TIME_REFERENCE = {time}, COUNTS = {len(d.counts)} }};",
-        f"static const short COUNT_OFFSETS[COUNTS + 1] = {_row([*(count.offset for count in d.counts), 0])};",
-        f"static const char *const COUNT_NAMES[COUNTS + 1] = {_row([*(_c(count.name) for count in d.counts), '0'])};",
-        f"static const unsigned short ELEMENTS[] = {_row(k for places in elements for k in places)};",
-        f"static const unsigned short FIRST_ELEMENT[] = {_row(first)};",
-    ]
+def _elements(d: Description, version: FmiVersion) -> list[tuple[int, ...]]:
+    """Return the Reals that each value reference stands for; TIME is in place of a Real."""
+    return [one.elements for one in version.references(d)] + [(len(d.variables),)] * version.has_time
 
 
-def _variables(d: Description) -> list[str]:
-    """Return three tables of the Real variables: their places, those of their derivatives, their names."""
-    missing = ["NOT_PROVIDED"] * MAX_DERIVATIVE_ORDER
-    rates = (f"{_row([*v.rates, *missing][:MAX_DERIVATIVE_ORDER])}, /* {v.name} */" for v in d.variables)
-    said = (f"{_row((_c(v.name), _c(v.block), int(v.pinned)))}," for v in d.variables)
-    return [
-        *_table("static const short OFFSETS[REALS]", (f"{v.offset}, /* {v.name} */" for v in d.variables)),
-        f"enum {{ MAX_DERIVATIVE_ORDER = {MAX_DERIVATIVE_ORDER}, NOT_PROVIDED = -1 }};",
-        *_table("static const short DERIVATIVES[REALS][MAX_DERIVATIVE_ORDER]", rates),
-        *_table("static const struct { const char *name, *block; int pinned; } VARIABLES[REALS]", said),
-    ]
-
-
-def _refusals() -> list[str]:
-    """Return what is said of parameters that cannot be served."""
-    unknown = max(FAULTS) + 1
-    faults = FAULTS | {unknown: ("", "initialisation failed")}
-    return [
-        f"#define PINNED {_c(slave_access.HELD)}",
-        f"#define TO_VARY {_c(slave_access.TO_VARY)}",
-        f"#define CHANGED {_c(CHANGED)} /* as a fault's block: all parameters that were changed */",
-        f"enum {{ NO_FAULT = 0, UNKNOWN_FAULT = {unknown} }};",
-        "typedef struct { const char *block, *expected; } Fault;",
-        *_table("static const Fault FAULTS[]", (f"[{code}] = {_row(map(_c, x))}," for code, x in faults.items())),
-    ]
+def _rates(variable: Variable) -> list[object]:
+    """Return the places of a variable's derivatives, as many as the C layer's table has room for."""
+    return [*variable.rates, *["NOT_PROVIDED"] * MAX_DERIVATIVE_ORDER][:MAX_DERIVATIVE_ORDER]
 
 
 def _bits(phases: Iterable[int]) -> str:
@@ -172,15 +137,9 @@ def slopes_header(d: Description) -> str:
         for v, x in zip(outputs, found, strict=True)
         if x != 0.0
     ]
-    return "\n".join([
-        "/* How outputs change at once with parameters at the start, made from the graph of the motion. */",
-        "#include <math.h>",
-        "/* What an output does not depend on does not change it, also where its formula has no derivative. */",
-        "static inline double moved(double by, double x) { return by != 0.0 ? x : 0.0; }",
-        "static void add_changes(const double *z, double *change) {",
-        *(f"    const double {line};" for line in lines), *(f"    {line}" for line in added),
-        *(f"    (void){one};" for one in ("z", "change", *by.values())), "}", "",
-    ])  # fmt: skip
+    lines = [*(f"const double {line};" for line in lines), *added]
+    lines += [f"(void){one};" for one in ("z", "change", *by.values())]
+    return _filled("slopes.h", {"lines": "\n".join(f"    {line}" for line in lines)})
 
 
 def _moved_by(d: Description, names: Collection[str]) -> str:
