@@ -4,8 +4,10 @@ Attributes stand in a fixed order, so that the same scene gives the same bytes. 
 that its row names.
 """
 
+import tomllib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import rbfmu
@@ -14,9 +16,9 @@ from rbfmu_fmu.python import call_rules, slave_access
 from rbfmu_kernels.quantities import TIME, UNITS, Unit
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class FmiVersion:
-    """One version of FMI; `VERSIONS` lists all."""
+    """One version of FMI, a table of `fmi_versions.toml`; `VERSIONS` lists all."""
 
     name: str
     """The attribute fmiVersion of modelDescription.xml."""
@@ -26,9 +28,9 @@ class FmiVersion:
     """The C source of the version's functions, in `native/`."""
     folders: dict[str, str]
     """The folder of `binaries` for each of `native.platforms.PLATFORMS`."""
-    second_folders: dict[str, str] = field(default_factory=dict)
+    second_folders: dict[str, str]
     """A second folder for a platform, where no other platform of an FMU has it: importers there look into it."""
-    icon: str = "terminalsAndIcons/icon.png"
+    icon: str
     """The place of an FMU's picture."""
     abilities: dict[str, str]
     """What FMUs of either kind can do, as attributes of the element CoSimulation."""
@@ -64,47 +66,14 @@ class FmiVersion:
         return [*enumerate(d.counts, self.status_reference(d) + 1)]
 
 
-FMI2 = FmiVersion(
-    name="2.0",
-    identity="guid",
-    signatures="fmi2.c",
-    # One folder for macOS and none for Linux on aarch64: the first takes both processors in one file, the second has
-    # the name that FMI 3.0 gave it, as FMI 2.0.5 says.
-    folders={"linux64": "linux64", "win64": "win64", "linux-aarch64": "aarch64-linux", "darwin64": "darwin64",
-             "darwin-aarch64": "darwin64"},
-    second_folders={"linux-aarch64": "linux64"},  # FMPy, for one, looks into this folder on any Linux
-    icon="model.png",
-    abilities={"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
-               "canBeInstantiatedOnlyOncePerProcess": "false"},
-    native_abilities={"needsExecutionTool": "false", "canNotUseMemoryManagementFunctions": "false",
-                      "canInterpolateInputs": "false", "providesDirectionalDerivative": "true"},
-    with_input_rates={"canInterpolateInputs": "true"},
-    references=scalars,
-    real="Real",
-    integer="Integer",
-    has_time=False,
-    course_of_inputs="gives their derivatives with respect to time",
-    nested=True,
-)  # fmt: skip
-FMI3 = FmiVersion(
-    name="3.0",
-    identity="instantiationToken",
-    signatures="fmi3.c",
-    folders={"linux64": "x86_64-linux", "win64": "x86_64-windows", "linux-aarch64": "aarch64-linux",
-             "darwin64": "x86_64-darwin", "darwin-aarch64": "aarch64-darwin"},
-    abilities={"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"},
-    native_abilities={"providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true"},
-    with_input_rates={"providesIntermediateUpdate": "true", "mightReturnEarlyFromDoStep": "true",
-                      "canReturnEarlyAfterIntermediateUpdate": "true"},
-    references=arrays,
-    real="Float64",
-    integer="Int32",
-    has_time=True,
-    course_of_inputs="sets them in intermediate updates",
-    nested=False,
-)  # fmt: skip
-VERSIONS = {(2, False): FMI2, (3, False): FMI3, (3, True): replace(FMI3, references=scalars)}
+_ROWS = tomllib.loads(Path(__file__).with_name("fmi_versions.toml").read_text(encoding="utf-8"))
+_REFERENCES = {"scalars": scalars, "arrays": arrays}
+VERSIONS = {
+    (int(fmi), False): FmiVersion(**row | {"references": _REFERENCES[row["references"]]}) for fmi, row in _ROWS.items()
+}
+VERSIONS |= {(fmi, True): replace(v, references=scalars) for (fmi, _), v in VERSIONS.items() if v.references is arrays}
 """What FMUs are built for: by the version of FMI, and by whether an importer takes scalars in place of arrays."""
+FMI2, FMI3 = VERSIONS[2, False], VERSIONS[3, False]
 
 
 def version_of(fmi: int, scalars: bool) -> FmiVersion:

@@ -9,6 +9,7 @@ import importlib.metadata
 import io
 import math
 import re
+import tomllib
 from collections.abc import Iterable
 from html import escape
 from itertools import product
@@ -26,7 +27,6 @@ from rbfmu_fmu.description import AXES, Description, Variable, blocks, scalars
 from rbfmu_fmu.model_description import STATUS_MEANING, FmiVersion, fmi_name, stated, xml_bytes
 from rbfmu_fmu.native.platforms import FMI_HEADERS
 from rbfmu_kernels.compile.tiered import evaluated
-from rbfmu_kernels.quantities import PORTS
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 
 LICENSES = "documentation/licenses"
@@ -205,13 +205,8 @@ def _draw_axes(axes: Any, shape: Shape, R_bp: Array) -> None:
 
 # --- files that group variables which belong and connect together
 
-GROUPS = {
-    "loads": ("forces and torques that another unit supplies", tuple(name for name in PORTS if name != "omega_b")),
-    "pose": ("position and attitude", ("position", "quaternion", "rpy")),
-    "rates": ("velocity and angular velocity", ("velocity", "omega_b", "omega_a")),
-    "accelerations": ("acceleration and angular acceleration", ("acceleration", "alpha_b")),
-    "conserved": ("angular momentum and kinetic energy", ("angular_momentum_a", "kinetic_energy")),
-}
+_TABLES = tomllib.loads(Path(__file__).with_name("groups.toml").read_text(encoding="utf-8"))
+GROUPS: dict[str, dict[str, Any]] = _TABLES["terminals"]
 """By the name of a terminal: what it is, and the blocks that it has where an FMU has them."""
 QUATERNION = ("eta", "epsilon_x", "epsilon_y", "epsilon_z")
 TERMINALS_VERSION = "3.0"
@@ -220,19 +215,9 @@ TERMINALS_VERSION = "3.0"
 OSP_NAMESPACE = "https://open-simulation-platform.com/OspModelDescription/1.0.1"
 OSP_FOLDER = "extra/com.open-simulation-platform"
 
-KINDS = {
-    "quaternion": "Generic", "angular_momentum_a": "Generic", "kinetic_energy": "Generic",
-    "force_a": "Force", "force_b": "Force", "torque_a": "Torque", "torque_b": "Torque",
-    "velocity": "LinearVelocity", "omega_b": "AngularVelocity", "omega_a": "AngularVelocity",
-    "position": "LinearDisplacement", "rpy": "AngularDisplacement",
-    "acceleration": "LinearAcceleration", "alpha_b": "AngularAcceleration",
-}  # fmt: skip
+KINDS: dict[str, str] = _TABLES["kinds"]
 """The element of each block, in the order that the schema has."""
-MECHANICAL_PORTS = {
-    "translation": ("LinearMechanicalPort", "force_a", "velocity"),
-    "rotation": ("AngularMechanicalPort", "torque_b", "omega_b"),
-    "rotation_a": ("AngularMechanicalPort", "torque_a", "omega_a"),
-}
+MECHANICAL_PORTS: dict[str, list[str]] = _TABLES["ports"]
 """By name, two groups in the same axes of which one is put in and the other comes out; their product is a power."""
 
 
@@ -240,9 +225,9 @@ def terminals(d: Description, arrays: bool = False) -> Element:
     """Return terminalsAndIcons.xml; arrays: a variable is a whole block, not one of its numbers."""
     root = Element("fmiTerminalsAndIcons", fmiVersion=TERMINALS_VERSION)
     known, listed = blocks(d, "input", "output"), Element("Terminals")
-    for name, (meaning, members) in GROUPS.items():
-        terminal = Element("Terminal", name=name, matchingRule="bus", description=meaning)
-        for block in (one for one in members if one in known):
+    for name, row in GROUPS.items():
+        terminal = Element("Terminal", name=name, matchingRule="bus", description=row["meaning"])
+        for block in (one for one in row["blocks"] if one in known):
             inner = SubElement(terminal, "Terminal", name=block, matchingRule="plug")
             names = {"value": block} if arrays else _members(known[block])
             for member, variable in names.items():

@@ -8,6 +8,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -58,22 +59,12 @@ class Platform:
     cpu: str
     zig: str
     suffix: str
-    features: tuple[str, ...] = ()
+    features: tuple[str, ...]
     """What newer processors have: for each there is one more step, which is chosen at run time (native/model.h)."""
 
 
-PLATFORMS = {
-    p.name: p
-    for p in (
-        Platform("linux64", "x86_64-unknown-linux-gnu", "x86-64", "x86_64-linux-gnu.2.17", ".so", ("avx2",)),
-        Platform("win64", "x86_64-pc-windows-gnu", "x86-64", "x86_64-windows-gnu", ".dll", ("avx2",)),
-        Platform("darwin64", "x86_64-apple-macosx11.0.0", "x86-64", "x86_64-macos.11.0", ".dylib",
-                 ("avx2",)),
-        Platform("linux-aarch64", "aarch64-unknown-linux-gnu", "generic", "aarch64-linux-gnu.2.17", ".so"),
-        Platform("darwin-aarch64", "arm64-apple-macosx11.0.0", "apple-m1", "aarch64-macos.11.0", ".dylib"),
-    )
-}  # fmt: skip
-"""Processors are the oldest of their kind. No code has fused products, so that all give the same bits."""
+_ROWS = tomllib.loads(Path(__file__).with_name("platforms.toml").read_text(encoding="utf-8"))
+PLATFORMS = {name: Platform(name, **row | {"features": tuple(row["features"])}) for name, row in _ROWS.items()}
 
 
 def platforms_named(names: str | Iterable[str]) -> list[Platform]:
