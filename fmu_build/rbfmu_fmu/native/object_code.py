@@ -16,6 +16,7 @@ import threading
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from string import Template
 
 import llvmlite
 import llvmlite.binding as llvm
@@ -40,8 +41,8 @@ LIBM = frozenset({"sqrt", "fabs", "copysign", "floor", "ceil", "memcpy", "memset
 
 MOST = 100
 """The number of object files that are kept, some 100 kB each; the oldest go."""
-COMPILER = Path(__file__)
-"""The source of what compiles, besides the kernels."""
+COMPILER, ENTRY = Path(__file__), Path(__file__).with_name("entry.ll.txt").read_text(encoding="ascii")
+"""The source of what compiles, besides the kernels; and that of an entry, in LLVM's language."""
 
 _LOCK = threading.Lock()  # LLVM modules of one Numba process are not made for concurrent use
 
@@ -128,18 +129,11 @@ def _c_signature(name: str, inner: str, typed: bool) -> str:
     """
     result, exception, buffer = ("i64*", "i8**", "double*") if typed else ("ptr",) * 3
     kind = {types.float64: "double", types.CPointer(types.float64): buffer}.get(SECOND.get(name))
-    step, size = (f", {kind}", f", {kind} %second") if kind else ("", "")
-    return f"""
-        declare i32 @"{inner}"({result}, {exception}, {buffer}{step})
-        define hidden i64 @{name}({buffer} %z{size}) {{
-            %result = alloca i64
-            %exception = alloca {exception.removesuffix("*")}
-            %failed = call i32 @"{inner}"({result} %result, {exception} %exception, {buffer} %z{size})
-            %value = load i64, {result} %result
-            %bad = icmp ne i32 %failed, 0
-            %status = select i1 %bad, i64 -1, i64 %value
-            ret i64 %status
-        }}"""
+    more, second = (f", {kind}", f", {kind} %second") if kind else ("", "")
+    return Template(ENTRY).substitute(
+        name=name, inner=inner, result=result, exception=exception, held=exception.removesuffix("*"), buffer=buffer,
+        more=more, second=second,
+    )  # fmt: skip
 
 
 def _optimise(module: llvm.ModuleRef, target: llvm.TargetMachine) -> str:
@@ -174,6 +168,6 @@ def _check_self_contained(module: llvm.ModuleRef) -> None:
 def keep_or_compile(what: str, compile_anew: Callable[[], bytes]) -> bytes:
     """Return object code from disk, or compile and keep it; what: the model and the platform."""
     versions = [numba.__version__, llvmlite.__version__, sys.version, llvm.get_process_triple()]
-    made_with = "\n".join([code_cache.SOURCES, *versions, COMPILER.read_text(encoding="utf-8")])
+    made_with = "\n".join([code_cache.SOURCES, *versions, COMPILER.read_text(encoding="utf-8"), ENTRY])
     folder = Path(numba.config.CACHE_DIR or Path(__file__).parent / "__pycache__") / "rbfmu_objects"
     return kept(folder / f"{hashlib.sha256((made_with + what).encode()).hexdigest()}.o", compile_anew, MOST)
