@@ -162,24 +162,16 @@ def _in_threads(pool: Any, loops: Any, kernel: Function, args: Arguments, kwargs
     outs = tuple(np.empty(leading + s) if o is None else o for o, s in zip(outs, results, strict=True))
     if any(o.shape != leading + s for o, s in zip(outs, results, strict=True)) or _overlap(arrays, outs):
         return whole(*mark, *args, **kwargs)
-    axis = int(np.argmax(leading)) - len(leading)  # counted from the last leading axis: -1 is the last
-    items = math.prod(leading)
+    axis, items = int(np.argmax(leading)), math.prod(leading)
     rows = max(1, max(CHUNK, items // (CHUNKS * _threads)) * leading[axis] // items)
-
-    def cut(array: Array, shape: Shape, piece: slice) -> Array:
-        position = array.ndim - len(shape) + axis
-        if position < 0 or array.shape[position] == 1:
-            return array
-        return array[(slice(None),) * position + (piece,)]
-
+    inputs = [np.broadcast_to(a, leading + s) for a, s in zip(arrays, shapes, strict=True)]
     of_chunk = pieces if sum(o.nbytes for o in outs) >= STREAMED else whole
     starts = iter(range(0, leading[axis], rows))  # shared: whoever is free takes the next chunk
 
     def work() -> None:
         for start in starts:
-            piece = slice(start, start + rows)
-            inputs = [cut(a, s, piece) for a, s in zip(arrays, shapes, strict=True)]
-            of_chunk(*mark, *inputs, out=tuple(cut(o, s, piece) for o, s in zip(outs, results, strict=True)))
+            piece = (slice(None),) * axis + (slice(start, start + rows),)
+            of_chunk(*mark, *(a[piece] for a in inputs), out=tuple(o[piece] for o in outs))
 
     others = [pool.submit(copy_context().run, work) for _ in range(_threads - 1)]
     try:
