@@ -91,7 +91,8 @@ def as_number(x: Array) -> Array:
     return _such(x, not isinstance(x, NO_NUMBER), "a number")
 
 
-def _vector(x: Array) -> Array:
+def as_vector(x: Array) -> Array:
+    """Return a vector of 3 numbers as it is."""
     return _such(x, shape_of(x) == (3,), "a vector of 3 numbers")
 
 
@@ -117,7 +118,7 @@ def _dot(a: Array, b: Array) -> graph.Number:
 
 def cross(a: Array, b: Array) -> Array:
     """Return the vector product a x b."""
-    return np.array(interpreted(vec3.cross)(_vector(a), _vector(b)), object)
+    return np.array(interpreted(vec3.cross)(as_vector(a), as_vector(b)), object)
 
 
 def legs(x: graph.Number) -> tuple[graph.Number, graph.Number]:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import rbfmu_kernels as kernels
-from rbfmu.formulas.functions import FUNCTIONS, Array, Function, clipped, cross, inverse_cosines, legs
+from rbfmu.formulas.functions import FUNCTIONS, Array, Function, as_vector, clipped, cross, inverse_cosines, legs
 from rbfmu.formulas.graph import Graph, Number, Symbol, changes_of, gradient, square_root
 from rbfmu.formulas.text import value_of
 from rbfmu_kernels.compile.tiered import interpreted
@@ -115,8 +115,8 @@ class Motion:
     def functions(self) -> Mapping[str, Function]:
         """Return what formulas of this scene know."""
         turning = {
-            "to_a": Function("v", "a vector of b in a: R_ab @ v", self.to_a),
-            "to_b": Function("v", "a vector of a in b: R_ab transposed @ v", self.to_b),
+            "to_a": Function("v", "a vector of b in a: R_ab @ v", lambda v: self.to_a(as_vector(v))),
+            "to_b": Function("v", "a vector of a in b: R_ab transposed @ v", lambda v: self.to_b(as_vector(v))),
             **inverse_cosines(self._legs),
         }
         return {**FUNCTIONS, **turning}

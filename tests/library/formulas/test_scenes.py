@@ -241,6 +241,8 @@ def test_time_may_begin_at_any_date():
     ({"loads.torque_b": "[table(wind, t), 0, 0]"}, r"a table in \[tables\] in place of wind: it has none\n.*\n {11}\^"),
     ({"tables": {"w": {"x": [0, 1], "y": [1, 2]}}, "loads.torque_b": "[table(v, t), 0, 0]"}, "one of w in place of v"),
     ({"tables": {"w": {"x": [0, 1], "y": [1, 2]}}, "loads.torque_b": "[w(t), 0, 0]"}, r"expected table\(w, x\)"),
+    ({"loads.torque_b": "to_a(M_c) @ omega_a"}, r"loads\.torque_b: expected a vector of 3 numbers\n"),  # R_ab @ M_c
+    ({"loads.torque_b": "to_b(n)"}, r"loads\.torque_b: expected a vector of 3 numbers\n"),
     ({"loads.torque_b": "n"}, r"loads\.torque_b: expected a vector of 3 numbers in one text, such as \[0, 0, t\]"),
     ({"loads.torque_b": ["0.02", "-t", "n"]}, r"such as \[0, 0, t\]; texts of a list add up\n +\(0\.02\) \+ \(-t\)"),
     ({"loads.torque_b": [0, 0, "n"]}, r'loads\.torque_b = \[0, 0, "n"\]: expected a formula in one text, such as'),
