@@ -47,9 +47,13 @@ class _Remembering(inside.Context):  # type: ignore[misc]
 
 
 def _flags_for_all() -> inside.ConfigStack:
-    """Return flags under which Numba's own functions, such as min, are the same code whoever calls them first."""
+    """Return flags under which Numba's own functions, such as min, are the same code whoever calls them first.
+
+    They are merged into who calls them: each process has names of its own for them, and a caller of two kernels that
+    were kept by different processes would have two of each, so that its bytes would hang on what was compiled before.
+    """
     flags = inside.ConfigStack().top().copy()
-    flags.forceinline, flags.no_cpython_wrapper, flags.no_cfunc_wrapper = False, True, True
+    flags.forceinline = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
     return flags
 
 

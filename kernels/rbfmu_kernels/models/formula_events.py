@@ -168,7 +168,8 @@ def note_events(z: Buffer, ended: bool) -> None:
             origin = z[ORIGINS + e] if near else before
         if happens:
             t = touch if side == before and touch > 0.0 else begun
-            kind = TOUCH if side == origin else side if DIRECTIONS[e] in (0.0, side) else NOT_ASKED
+            asked = DIRECTIONS[e] == 0.0 or DIRECTIONS[e] == side
+            kind = TOUCH if side == origin else side if asked else NOT_ASKED
             list_event(z, e, t, kind, not near)
         z[AWAY + e] = middle if happens else max(z[AWAY + e], middle)
         z[NOTED + e], z[ORIGINS + e], z[LARGEST + e] = side, origin, max(z[LARGEST + e], max(abs(z[at]), middle))

@@ -120,7 +120,7 @@ def settle_sides(z: Buffer) -> bool:
             side = formula_ends.side_after(z, WATCHED + i, ROW, int(z[ORDER]), z[ON + i], since)
             side = 1.0 if side == 0.0 and z[FLIPS + i] == 0.0 else side  # what stays at zero, as formulas have it there
         side = 1.0 if side == 0.0 and z[SIDES + i] == 0.0 else side
-        if side not in (0.0, z[SIDES + i]):
+        if side != 0.0 and side != z[SIDES + i]:
             z[SIDES + i] = side
             z[FLIPS + i] += 1.0
             return False

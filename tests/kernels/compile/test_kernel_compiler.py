@@ -231,6 +231,20 @@ def test_loops_over_tiles_are_vectorised_over_items(monkeypatch):
     assert re.search(r"fmul <\d+ x double>", loops[0].inspect_llvm())
 
 
+def test_functions_of_numba_are_merged_into_the_kernel_that_calls_them():
+    """2026-11-29: each process had names of its own for max, of which a caller of kept kernels had two or three.
+
+    An FMU's bytes hung on which process had compiled what.
+    """
+
+    def clipped(x: float, y: float) -> float:
+        return max(min(x, y), float(int(x)))
+
+    (made,) = compiler.code_for_callers(clipped, float64(float64, float64)).overloads.values()
+    names = [one.name for one in made.library._final_module.functions if not one.is_declaration]
+    assert names == [made.fndesc.llvm_func_name]
+
+
 def test_passes_that_know_no_builder_also_drop_addresses_that_nobody_uses():
     """So with Numba 0.61, where no code that keeps such an address would be cached."""
     made = Mock()
