@@ -10,6 +10,7 @@ from scipy import stats
 
 import rbfmu
 from rbfmu import run_ensemble
+from rbfmu.ensembles.result import Drivers
 from tests.support.covering import some_of
 from tests.support.ensembles.satellite import FILE, run, satellite
 from tests.support.pictures import overlaps
@@ -170,6 +171,15 @@ def test_rank_correlations_are_scipys(found):
     assert "initial.attitude[1]" not in drivers.varied
     assert "body.inertia[1,2]" not in drivers.varied  # it is 0 in all runs
     assert drivers.chance == pytest.approx(3.0 / np.sqrt(98.0))
+
+
+def test_rank_correlations_of_equal_numbers_are_scipys():
+    """As those of a grid, in which each place of an axis stands many times."""
+    rng = np.random.default_rng(1)
+    x = np.repeat([0.1, 0.2, 0.3, 0.7], [20, 1, 4, 5])
+    y = np.round(x + rng.normal(scale=0.2, size=30), 1)
+    found = Drivers.between({"x": x}, {"y": y}).correlations
+    assert found[0, 0] == pytest.approx(stats.spearmanr(x, y).statistic, rel=1e-12)
 
 
 def test_attitudes_and_angles_lie_about_their_mean_also_near_half_a_turn():

@@ -201,6 +201,17 @@ def test_a_last_row_is_held_to_the_end_of_the_run_and_a_table_that_may_be_cut_sh
     assert found.position.tobytes() == rbfmu.simulate(scene(), inputs=whole).position.tobytes()
 
 
+@pytest.mark.parametrize(
+    ("times", "is_doubted"), [([0.0], False), ([0.0, 0.7], True), ([0.0, 0.3, 0.6, 0.9, 1.2], False)]
+)
+def test_a_table_is_doubted_where_its_last_row_is_held_longer_than_the_one_before(times, is_doubted):
+    """One row is constant; the last of equally spaced ones is held as long as the others, but for round-off."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        input_tables(scene(), {"force_a": (times, np.zeros((len(times), 3)))})
+    assert [warning.category for warning in told] == [rbfmu.SceneWarning] * is_doubted
+
+
 def test_linear_inputs_must_reach_the_end_and_the_way_to_interpolate_must_be_known():
     with pytest.raises(rbfmu.SceneError, match=r"1\.4 in row 3, the last: expected at least 1\.5 s"):
         rbfmu.simulate(scene(), inputs={"force_a": ([0.0, 1.0, 1.4], ZEROS)}, interpolate="linear")
