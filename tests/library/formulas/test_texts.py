@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rbfmu.formulas.functions import FUNCTIONS, Table, shape_of
-from rbfmu.formulas.graph import Graph
+from rbfmu.formulas.graph import MOST_OPERATIONS, Graph
 from rbfmu.formulas.text import DEEPEST, LONGEST, FormulaError, read, value_of
 
 V, M = np.array([1.0, 2.0, 4.0], object), np.array([[1.0, 2.0, 3.0], [0.0, 1.0, 4.0], [5.0, 6.0, 0.0]], object)
@@ -102,6 +102,14 @@ def test_factors_that_make_an_infinite_one_are_shown():
     """2026-11-27: a warning of NumPy's, and then a bare decimal.InvalidOperation of the reference."""
     with pytest.raises(FormulaError, match="expected a finite number"):
         value_of("x*1e308*10", {"x": Graph().leaf("state", "x")})
+
+
+def test_formulas_that_come_to_too_many_operations_are_refused():
+    graph = Graph()
+    x = [graph.leaf("state", f"x[{k}]") for k in range(MOST_OPERATIONS - 1)]
+    last = value_of("a * b", {"a": x[0], "b": x[1]})
+    with pytest.raises(FormulaError, match=f"at most {MOST_OPERATIONS} operations\n    a \\* b"):
+        value_of("a * b", {"a": x[0], "b": last})
 
 
 def mutated(text, r):
