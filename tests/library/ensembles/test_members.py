@@ -226,6 +226,15 @@ def test_many_matrices_are_judged_as_one_by_one():
     assert set(thin_rows(M).tolist()) >= {201, 202, 203, 204}
 
 
+def test_a_matrix_is_possible_up_to_the_border_wherever_its_axes_point():
+    random = np.random.default_rng(9)
+    small, beyond = random.uniform(0.1, 1.0, (500, 2)), random.uniform(-0.1, 0.1, 500)
+    moments = np.column_stack([small, small.sum(axis=1) * (1.0 + beyond)])
+    R = rbfmu.matrix_from_quaternion(rbfmu.normalize(random.normal(size=(500, 4))))
+    M = rbfmu.rotate_inertia(R, moments[:, None, :] * np.eye(3))
+    assert impossible_rows(M).tolist() == np.flatnonzero(beyond > 0.0).tolist()
+
+
 def is_refused(M):
     try:
         rbfmu.check_inertia(M)
