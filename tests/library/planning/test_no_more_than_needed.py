@@ -62,6 +62,12 @@ def test_thrust_along_the_axis_of_spin_turns_nothing(name):
     assert "turns with the body" not in reasons(found)
 
 
+def test_a_plan_says_by_how_much_forces_accelerate_the_body():
+    assert "constant acceleration 2.5 m/s2" in reasons(plan(made(TRIAXIAL, SPIN, THRUST)))
+    held = {"force_a": [0.0, 0.0, 6.0], "gravity_a": [0.0, 0.0, -4.0]}
+    assert "constant acceleration 1 m/s2" in reasons(plan(made(TRIAXIAL, SPIN, held)))
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     ("body", "spin", "force_b"),
