@@ -1,5 +1,6 @@
 """What an FMU has to be shown: picture, pages, licences, terminals, groups of variables; nothing that computes."""
 
+import io
 import struct
 import subprocess
 import sys
@@ -11,8 +12,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import fmpy
+import numpy as np
 import pytest
 from lxml import etree
+from matplotlib.colors import to_rgb
+from matplotlib.image import imread
 
 import rbfmu
 import rbfmu_fmu
@@ -102,6 +106,15 @@ def test_another_body_is_another_picture():
 @pytest.mark.parametrize("name", NAMES)
 def test_every_body_can_be_drawn(name):
     assert len(presentation.picture(scene(name))) > 2_000
+
+
+def test_a_box_s_faces_are_as_large_as_they_are_seen():
+    sides = np.array([2.0, 1.5, 1.2])
+    box = Scene.from_dict({"body": {"mass": 1.0, "shape": {"kind": "box", "sides": sides.tolist()}}})
+    image = imread(io.BytesIO(presentation.picture(box)))[..., :3]
+    shown = [np.sum(np.abs(image - to_rgb(shade)).max(axis=2) < 1e-3) for shade in presentation.SHADES.values()]
+    seen = np.abs(presentation.VIEW[2]) * np.prod(sides) / sides
+    assert shown / np.sum(shown) == pytest.approx(seen / np.sum(seen), rel=0.05)  # axes and edges hide some
 
 
 # --- documentation
