@@ -234,3 +234,13 @@ def test_outputs_of_an_fmu_that_was_never_initialised_are_refused_after_terminat
         found.append(instance.outputs())
         instance.free()
     assert found[0] == found[1]
+
+
+def test_a_parameter_that_the_model_has_no_place_for_is_told_with_its_value():
+    instance = opened("default").instance()
+    assert instance.setup() == instance.enter() == OK
+    assert instance.set({"omega_b_0[2]": 0.25}) == OK
+    assert instance.exit() == FATAL
+    said = instance.log[-1][-1].decode()
+    assert "omega_b_0[2] = 0.25: expected no rate" in said
+    assert 'list "omega_b_0" under parameters' in said
