@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from rbfmu.formulas.functions import Table
 from rbfmu.formulas.graph import Graph, Symbol, gradient, numbers_of
 from rbfmu.formulas.program import PAIRS, Program, pair_of, with_pairs
-from rbfmu.formulas.source import source_of
+from rbfmu.formulas.source import source_of, source_of_lanes
 from rbfmu.formulas.text import value_of
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators import formula_reference as reference
@@ -68,16 +68,20 @@ def truth(function, t, n=N):
         return [mpmath.mpf(x) for x in mpmath.taylor(function, mpmath.mpf(t), n)]
 
 
-def doubles(text, t, n=N):
+def doubles(text, t, n=N, in_lanes=False):
     """Coefficients of a function of t, as those of the rate of y."""
     graph, y = graph_of(text)
     made = Program(graph, {"y": y, "t": 1.0}, {})
     kernels = {}
-    exec(source_of(made, PLACES.index, {}), kernels)
+    if in_lanes:
+        source, row = source_of_lanes(made, PLACES.index)
+    else:
+        source, row = source_of(made, PLACES.index, {}), made.row
+    exec(source, kernels)
     work = 40
-    z = np.zeros(work + made.start + (n + 3) * made.row)
+    z = np.zeros(work + made.start + (n + 3) * row)
     z[0] = 0.7
-    rows = z[work + made.start :].reshape(-1, made.row)
+    rows = z[work + made.start :].reshape(-1, row)
     rows[0, 1] = t
     for at, i in enumerate(made.sides, PLACES.index("series.sides")):
         z[at] = float(truth_of(graph, Symbol(graph, i), t))
@@ -144,6 +148,12 @@ def test_series_are_those_of_40_digits(name, series, enough):
     for t in POINTS:
         with mpmath.workdps(40):
             assert errors(series(text, t), truth(function, t)) <= enough
+
+
+def test_series_that_are_written_for_lanes_have_the_same_bits():
+    """Of plain numbers; members of ensembles go through them side by side."""
+    for name, (text, _) in CASES.items():
+        assert doubles(text, POINTS[0], in_lanes=True) == doubles(text, POINTS[0]), name
 
 
 @pytest.mark.parametrize("name", [n for n in CASES if n not in ("power that changes",)])
