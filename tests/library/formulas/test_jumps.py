@@ -121,6 +121,12 @@ def test_a_corner_beyond_the_first_rows_of_the_reference_stays_where_it_is():
     assert rbfmu.plan(scene).error <= 1e-12
 
 
+def test_a_short_burn_in_a_long_run_is_not_passed_over_by_the_reference():
+    scene = ball("where((t - 54321)*(t - 54331) < 0, 1, 0)", 1e5, 1e4, 1e-9)
+    found = reference_motion(scene, [1e4] * 10, 1000)["omega_b"]
+    np.testing.assert_allclose(found[:, 2], [0.0] * 6 + [10.0] * 5, rtol=0, atol=1e-10)
+
+
 @pytest.mark.thorough
 def test_a_corner_that_round_off_puts_just_after_the_start_is_passed():
     """2026-11-28: o is at rest while the body turns, so that v is 1e-18 for round-off: planning took a minute, or the
