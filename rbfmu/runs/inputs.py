@@ -71,10 +71,8 @@ def input_tables(scene: Scene, inputs: Inputs | None, interpolate: str = HOLD) -
         faults += _faults_of_times(scene, column, name, interpolate)
     if faults:
         raise SceneError([f"{source}{text}" for text in faults], scene.name)
-    read_before = isinstance(inputs, Mapping) and any(isinstance(table, InputTable) for table in inputs.values())
-    if interpolate == HOLD and not read_before:
-        for name, column in times.items():
-            warn(scene, _doubts_of_end(scene, column, f"{source}{name}"))
+    if interpolate == HOLD:
+        warn(scene, _doubts_of_ends(scene, tables))
     return tables
 
 
@@ -200,12 +198,19 @@ def _faults_of_times(scene: Scene, times: Array, name: str, interpolate: str) ->
         yield f"{before}: expected at least {stop:.12g} s, as the run stops at {stop!r} s"
 
 
-def _doubts_of_end(scene: Scene, times: Array, name: str) -> Iterator[str]:
-    """Yield that a table may have been cut short, where its last row is held for longer than the one before it."""
-    left = min(scene.run.stop, scene.run.end) - float(times[-1])
-    if len(times) > 1 and left > times[-1] - times[-2] + _near(scene):
-        last = f"{name} = {float(times[-1])!r} in row {len(times)}, the last"
-        yield f"{last}: held for {left:.6g} s, to the end of the run; was the table cut short?"
+def _doubts_of_ends(scene: Scene, tables: InputTables) -> Iterator[str]:
+    """Yield that tables may have been cut short, where a last row is held for longer than the one before it.
+
+    The same of a file and of what was read of it, so that it is said once.
+    """
+    stop, held = min(scene.run.stop, scene.run.end), dict[float, list[str]]()
+    for port, (times, _) in tables.items():
+        left = stop - float(times[-1])
+        if len(times) > 1 and left > times[-1] - times[-2] + _near(scene):
+            held.setdefault(left, []).append(port)
+    for left, ports in held.items():
+        said = f"the last inputs of {', '.join(ports)} are held for {left:.6g} s, to the end of the run"
+        yield f"{said}; was the table cut short?"
 
 
 class PortPieces(NamedTuple):

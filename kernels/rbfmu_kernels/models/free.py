@@ -240,7 +240,10 @@ ORDERS = (1, 2, 3, 4, 5, 6, 7, 8)
 
 
 def _rule_of_gauss(order: int) -> Iterator[tuple[float, float]]:
-    """Yield points on [0, 1] and weights: roots of Legendre's polynomial by Newton's method, in 40 digits."""
+    """Yield points on [0, 1] and weights: roots of Legendre's polynomial by Newton's method, in 40 digits.
+
+    NumPy's `leggauss` begins with eigenvalues by LAPACK, whose last bits may hang on the processor.
+    """
     with localcontext() as context:
         context.prec = 40
         for k in range(order, 0, -1):

@@ -195,7 +195,7 @@ def test_wrong_inputs_are_refused_in_one_message(name):
 
 def test_a_last_row_is_held_to_the_end_of_the_run_and_a_table_that_may_be_cut_short_is_told():
     times, forces = [0.0, 0.1, 0.2], np.arange(9.0).reshape(3, 3)
-    with pytest.warns(rbfmu.SceneWarning, match=r"force_a = 0\.2 in row 3, the last: held for 1\.3 s, to the end"):
+    with pytest.warns(rbfmu.SceneWarning, match=r"the last inputs of force_a are held for 1\.3 s, to the end"):
         found = rbfmu.simulate(scene(), inputs={"force_a": (times, forces)})
     whole = {"force_a": ([*times, STOP], forces[[0, 1, 2, 2]])}
     assert found.position.tobytes() == rbfmu.simulate(scene(), inputs=whole).position.tobytes()
@@ -210,6 +210,13 @@ def test_a_table_is_doubted_where_its_last_row_is_held_longer_than_the_one_befor
         warnings.simplefilter("always")
         input_tables(scene(), {"force_a": (times, np.zeros((len(times), 3)))})
     assert [warning.category for warning in told] == [rbfmu.SceneWarning] * is_doubted
+
+
+def test_a_table_is_doubted_also_beside_one_that_was_read_before():
+    """As a fit has them, which gives times to arrays with a row a step."""
+    read = input_tables(scene(), {"torque_a": np.zeros((4, 3))})
+    with pytest.warns(rbfmu.SceneWarning, match="the last inputs of force_a are held for"):
+        input_tables(scene(), {**read, "force_a": ([0.0, 0.1, 0.2], ZEROS)})
 
 
 def test_linear_inputs_must_reach_the_end_and_the_way_to_interpolate_must_be_known():

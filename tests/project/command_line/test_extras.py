@@ -121,18 +121,11 @@ OF_ENSEMBLES = ["scipy", "zarr", "xarray", "distributed"]
 
 @pytest.mark.thorough
 def test_an_ensemble_needs_no_extra_in_one_file_and_a_picture(tmp_path):
-    arguments = [
-        "rbfmu",
-        "ensemble",
-        str(ENSEMBLE),
-        "-o",
-        str(tmp_path / "store.npz"),
-        "--plot",
-        str(tmp_path / "p.png"),
-    ]
+    store, picture = tmp_path / "store.npz", tmp_path / "picture.png"
+    arguments = ["rbfmu", "ensemble", str(ENSEMBLE), "-o", str(store), "--plot", str(picture)]
     done = without(OF_ENSEMBLES, f"from rbfmu.cli import main; sys.argv = {arguments!r}; main()")
     assert done.returncode == 0, done.stderr
-    assert {path.name for path in tmp_path.iterdir()} == {"store.npz", "p.png"}
+    assert {*tmp_path.iterdir()} == {store, picture}
 
 
 @pytest.mark.thorough
