@@ -18,12 +18,10 @@ from rbfmu.planning.fitting import REACHED
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, likely_order, ratio_to, series_cost, series_of_all, series_plan
 from rbfmu.runs.motion import FLOORS, NOISE, natural_sizes
-from rbfmu.runs.plan import Plan, start_run
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
-from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
-from rbfmu_kernels.models.loaded_taylor_lanes import goes_in_lanes
 from rbfmu_kernels.quantities import ANGLE, OUTPUT
 
 PART, MOST, LOOSER = 0.15, 0.5, 2.0
@@ -34,8 +32,8 @@ And the loosest tolerance over the accuracy: with 14 the estimates overlooked on
 TIGHT, LITTLE = 1e-16, 1e-3
 """The tolerance of the series by which pilots are judged; and the part of the accuracy by which two such may differ, or
 of a tolerance, which that of a truth may be."""
-HIGHEST, LEAST_IN_LANES = 20, 10
-"""The highest order of series, and that below which lanes do not pay for more substeps."""
+HIGHEST = 20
+"""The highest order of series."""
 SCOUTS, FEWEST, TAIL, HEAVY = 1024, 64, 32, 5.0
 """The most and the fewest members whose errors tell of those of others, and of how many the tail is taken; and how many
 times larger than those seen others may be by that tail before more are looked at."""
@@ -58,8 +56,8 @@ APART = (1 << 32) + 1
 """The attempt by whose numbers scouts are drawn, which no member and no pilot has."""
 
 
-def fit_of_members(judges: Sequence[Judge], general: Plan, highest: int, part: float) -> Plan | None:
-    """Return the cheapest series, of an order up to the highest, whose errors in pilots are at most such a part.
+def fit_of_members(judges: Sequence[Judge], general: Plan, part: float) -> Plan | None:
+    """Return the cheapest series whose errors in pilots are at most such a part of the accuracy.
 
     Orders are compared on the member of the largest error and on that which takes most substeps; then all are tried.
     None where no tolerance is tight enough.
@@ -71,14 +69,14 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, highest: int, part: f
         found = [judge.try_out(plan) for judge in of]
         return max(error for error, _ in found), max(substeps for _, substeps in found)
 
-    likely = series_plan(looser, min(likely_order(asked.accuracy), highest), asked.accuracy)
+    likely = series_plan(looser, min(likely_order(asked.accuracy), HIGHEST), asked.accuracy)
     tried = [judge.try_out(likely) for judge in judges]
     hard = [judges[int(np.argmax(column))] for column in zip(*tried, strict=True)]
     bound = part * asked.accuracy
     best, least = None, math.inf
     for way in (2, -2):
         order, idle, tolerance = likely.order + min(way, 0), 0, likely.tolerance
-        while 6 <= order <= highest and idle < 2:
+        while 6 <= order <= HIGHEST and idle < 2:
             found, tolerance, substeps = _loosest(lambda plan: worst(plan, hard), looser, order, tolerance, bound)
             cost = series_cost(order, asked.load_shares)
             cost *= at_bound(found, bound, looser.tolerance, substeps, steps) if found else math.inf
@@ -133,19 +131,6 @@ def _loosest(
             break
         tolerance = min(max(ratio_to(0.4 * bound, error), 1e-4), 1e2) * plan.tolerance
     return kept, kept.tolerance if kept else tolerance, substeps
-
-
-def highest_in_lanes(judges: list[Judge], general: Plan) -> int:
-    """Return the highest order at which members go side by side, or that of members that do at none.
-
-    A higher one may reach over a whole communication step, which members find out one by one.
-    """
-    serves = interpreted(goes_in_lanes)
-    for order in range(HIGHEST, LEAST_IN_LANES - 1, -2):
-        series = replace(general, order=order)
-        if all(serves(start_run(judge.scene, series), judge.scene.run.step) for judge in judges):
-            return order
-    return HIGHEST
 
 
 class Scouts:

@@ -124,7 +124,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
         if scene.run.count == 1:  # which no series has to serve beyond: members go side by side
             general = replace(general, substep=scene.run.step)
         fitting.follow_in_doubles(judges)
-        fit = partial(fitting.fit_of_members, judges, general, fitting.highest_in_lanes(judges, general))
+        fit = partial(fitting.fit_of_members, judges, general)
         part = fitting.PART
         fitted, found, scouts = fit(part) or fit(fitting.MOST), None, None
         while fitted:

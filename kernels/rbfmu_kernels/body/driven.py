@@ -69,6 +69,13 @@ def keep(z: Buffer) -> None:
 
 
 @kernel
+def restore(z: Buffer) -> None:
+    """Restore what was kept."""
+    copy_numbers(z, _AT.before, memory.STATE_START, STATE_SIZE)
+    z[STEP_SIZE] = z[_AT.step_size_before]
+
+
+@kernel
 def finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
     """Move the centre of mass as far as in closed form, set outputs; or return STEP_REJECTED with all as it was."""
     return _finish(z, n, h, status, body, loads, inputs_change(z))
@@ -95,8 +102,7 @@ def _finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPol
     if changing:
         _translate_further(z, h, body, loads)
     if status != 0 or not memory.is_finite(z):
-        copy_numbers(z, _AT.before, memory.STATE_START, STATE_SIZE)
-        z[STEP_SIZE] = z[_AT.step_size_before]
+        restore(z)
         return STEP_REJECTED
     if changing:
         hold_last_inputs(z, h)

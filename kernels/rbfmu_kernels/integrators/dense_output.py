@@ -14,14 +14,25 @@ from ..buffer import MAX_SUBSTEPS, places
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import Lanes, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
-from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, ROTATION, V_C, WHOLE_STATE, Body, LoadPolynomial
+from ..compile.wide import alike, all_of, choose
+from ..mechanics.equations_of_motion import (
+    OMEGA,
+    R_C,
+    RATE_ONLY,
+    ROTATION,
+    V_C,
+    WHOLE_STATE,
+    Body,
+    LoadPolynomial,
+    angular_acceleration,
+)  # fmt: skip
 from ..numerics import double_double as dd
 from ..rotations.quaternion import largest_of, scale_quaternion, square_of
 from ..rotations.vec3 import ZERO, add, add_scaled, largest_component, norm, scale, subtract
 from ..types import Buffer, Quaternion, Vec3
 from . import substeps, taylor_coefficients as series
 from .substeps import Method, Room
-from .taylor_coefficients import ACCELERATION, FORCE_RATE, PER, RATE, ROW, ROWS, TURN, WORK, term
+from .taylor_coefficients import ACCELERATION, FORCE_RATE, PER, RATE, ROW, ROWS, TURN, WORK, SpaceFixedLoads, term
 
 _HALF, _THIRD = ROW // 2, ROW * 25
 _AT_ONCE = 4
@@ -92,24 +103,26 @@ def last_terms_of_attitude(s: Buffer, order: int, h: float) -> float:
 
 
 @kernel(inline=False)
-def attitude_series(s: Buffer, products: int, q: Quaternion, order: int, reach: float, bound: float) -> int:
+def attitude_series(s: Buffer, products: int, q: Quaternion, order: int, reach: float, bound: float) -> float:
     """Set the attitude's coefficients from q on, to at most `order`, and return the last one's order.
 
-    They end where the last two are at most `bound` at `reach`. products: where in s there is room for two series.
+    They end where the last two are at most `bound` at `reach`, or go on while they do not in another lane. products:
+    where in s there is room for two series.
     """
     _put_turn(s, products, 0, q)
-    power, were_small = 1.0, False
+    power, last = alike(reach, 1.0), alike(reach, float(order))
+    were_small = reach < -math.inf
     for k in range(order):
         q = scale_quaternion(0.5 * PER[k], _turn_rate(s, products, k))
         _put_turn(s, products, k + 1, q)
         power *= reach
         small = largest_of(q) * power <= bound
-        if small and were_small and 2 * k >= order:
-            order = k + 1
-            break
+        if 2 * k >= order:
+            last = choose(small & were_small & (last == order), k + 1.0, last)
+            if all_of(last < order):
+                break
         were_small = small
-    end_series(s, TURN, order)
-    return order
+    return last
 
 
 @kernel
@@ -244,34 +257,66 @@ def _put_path(z: Buffer, y: int, w: int, i: int, h: float, t: float) -> None:
 
 
 @kernel
+def follow_to_end(z: Buffer, room: Room, i: int, order: int) -> float:
+    """Advance the state to where the series in the work space ends; return how long that is."""
+    (high, low), reach = pair_at(z, i + KEPT.since), z[i + KEPT.reach]
+    part = (reach - high) - low
+    _put_motion(z, room, i, order, part, reach)
+    return part
+
+
+@kernel
+def cautious(method: Method) -> Method:
+    """Return a method for series that serve further steps, whose inputs nobody knows yet."""
+    n, order, tolerance, span = method
+    return Method(n, order, _CAUTION * tolerance if span != 0.0 else tolerance, span)
+
+
+@kernel
 def follow_series(z: Buffer, room: Room, i: int, method: Method, h: float, body: Body, loads: LoadPolynomial) -> float:
     """Advance the state by h along series; return what is left of h where the next one does not reach far enough.
 
     i: where `SERIES_BLOCKS` begin. The loads are steady, and those of the series, if any.
     """
     y, _, size = room
-    if method.span != 0.0:
-        method = Method(method.n, method.order, _CAUTION * method.tolerance, method.span)
-    rest, longest = h, z[size]
+    method, rest, longest = cautious(method), h, z[size]
     again, stands = bool(z[i] == STALE), bool(z[i] == VALID)
     for _ in range(int(MAX_SUBSTEPS)):
         if not stands:
+            if not again and not may_pay(method, quaternion_at(z, y), vec3_at(z, y + OMEGA), body, loads, h):
+                break
             _make(z, room, i + KEPT.start if again else y, i, method, body, loads, again)
             if not again:
-                if not z[i + KEPT.reach] >= LEAST_REACH * h:
+                if not pays(z, i, h):
                     break
                 longest = z[size]
                 substeps.count_substep(z, size)
         if reaches_over(z, i, rest):
             follow(z, room, i, method.order, rest)
             return 0.0
-        (high, low), reach = pair_at(z, i + KEPT.since), z[i + KEPT.reach]
-        part = (reach - high) - low
-        _put_motion(z, room, i, method.order, part, reach)
-        rest -= part
+        rest -= follow_to_end(z, room, i, method.order)
         again = stands = False
-    z[i], z[i + KEPT.cool_down], z[size] = NONE, COOL_DOWN_STEPS, longest
+    give_up(z, room, i, longest)
     return rest
+
+
+@kernel
+def may_pay(method: Method, q: Quaternion, omega: Vec3, body: Body, loads: LoadPolynomial, h: float) -> bool:
+    """Return whether a series may reach over enough steps like h: see `likely_reach`, before there is one."""
+    turning = turning_of(omega, angular_acceleration(q, omega, body, loads.value))
+    return bool(method.n == RATE_ONLY or method.order >= LEAST_REACH * h * turning)
+
+
+@kernel
+def pays(z: Buffer, i: int, h: float) -> bool:
+    """Return whether a series that has begun reaches over enough steps like h."""
+    return bool(z[i + KEPT.reach] >= LEAST_REACH * h)
+
+
+@kernel
+def give_up(z: Buffer, room: Room, i: int, longest: float) -> None:
+    """Let no series stand, nor be tried for some steps; longest: the step size of before one that was too short."""
+    z[i], z[i + KEPT.cool_down], z[room.size] = NONE, COOL_DOWN_STEPS, longest
 
 
 @kernel
@@ -279,7 +324,7 @@ def _make(
     z: Buffer, room: Room, y: int, i: int, method: Method, body: Body, loads: LoadPolynomial, again: bool
 ) -> None:
     """Make the series of the motion from the state z[y:] on; again: to the order and reach that are kept."""
-    (n, order, tolerance, span), (_, w, size) = method, room
+    (n, order, _, _), (_, w, size) = method, room
     s, q, m = z[w : w + WORK], quaternion_at(z, y), int(z[i + KEPT.turn_order]) if again else order
     fixed = series.space_fixed_loads(body, loads)
     series.put_factors(s, RATE, vec3_at(z, y + OMEGA))
@@ -287,25 +332,52 @@ def _make(
         series.turned_loads(s, q, loads, fixed)
     series.motion_series(s, 0, order, 0, body, series.known_torques(loads, body), fixed)
     end_series(s, RATE, order)
-    least = 0.0 if fixed.lever_force or fixed.torque else 1.0
-    reach, speed, exact = z[i + KEPT.reach], 1.0, again or n == WHOLE_STATE
+    least, reach, bound, speed = least_turn(fixed), z[i + KEPT.reach], -1.0, 1.0
     if not again:
-        reach = z[size] if n == RATE_ONLY else likely_reach(s, order, z[size])
-        reach, _ = reach_within(s, method, 0, speed, reach, least)
+        reach, bound = first_reach(s, method, z[size], least)
     if n != RATE_ONLY:
-        _, square = substeps.truncation(s, method, reach, 0.0, 1)
-        turn = _turn_counted(square, reach, least)
-        bound = -1.0 if exact else 0.5 * turn * substeps.tolerance_of_substep(tolerance, span, reach)
-        m = attitude_series(s, FORCE_RATE, q, m, reach, bound)
+        m = int(attitude_series(s, FORCE_RATE, q, m, reach, -1.0 if n == WHOLE_STATE else bound))
+        end_series(s, TURN, m)
     if n == WHOLE_STATE:
         series.acceleration_series(s, m, body.inverse_mass, loads)
         speed = max(largest_component(vec3_at(z, y + V_C)), 1.0)
-    if again:
-        z[i] = VALID
-        return
+    z[i] = VALID
+    if not again:
+        begin_series(z, room, i, method, m, speed, reach, least)
+
+
+@kernel
+def least_turn(fixed: SpaceFixedLoads) -> float:
+    """Return the turn, rad, of which an attitude loses digits at most: 1, or 0 where a load depends on it."""
+    return 0.0 if fixed.lever_force or fixed.torque else 1.0
+
+
+@kernel
+def first_reach(s: Buffer, method: Method, longest: float, least: float) -> tuple[float, float]:
+    """Return how far the rate's series reaches, and the attitude's at most, and what the last terms of that are to be.
+
+    longest: the step size; least: see `least_turn`.
+    """
+    n, order, tolerance, span = method
+    reach = longest if n == RATE_ONLY else likely_reach(s, order, longest)
+    reach, _ = reach_within(s, method, 0, 1.0, reach, least)
+    _, square = substeps.truncation(s, method, reach, 0.0, 1)
+    turn = _turn_counted(square, reach, least)
+    return reach, 0.5 * turn * substeps.tolerance_of_substep(tolerance, span, reach)
+
+
+@kernel
+def begin_series(
+    z: Buffer, room: Room, i: int, method: Method, m: int, speed: float, reach: float, least: float
+) -> None:
+    """Let the series in the work space begin at the state, and set the step size that it makes likely.
+
+    m: the attitude's order; speed: that of the centre, 1 m/s at least; reach, least: see `first_reach`.
+    """
+    y, w, size = room
     copy_numbers(z, y, i + KEPT.start, ROTATION)
-    reach, z[size] = reach_within(s, method, m, speed, reach, least)
-    begin_clock(z, i, n, m, reach)
+    reach, z[size] = reach_within(z[w : w + WORK], method, m, speed, reach, least)
+    begin_clock(z, i, method.n, m, reach)
     for k in range(6):
         z[i + KEPT.path + k] = 0.0
 
@@ -320,8 +392,7 @@ def _turn_counted(square: float, h: float, least: float) -> float:
 def reach_within(s: Buffer, method: Method, m: int, speed: float, reach: float, least: float) -> tuple[float, float]:
     """Return a reach, at most that given, at which the estimated error is within the tolerance's share, and the next.
 
-    m: the attitude's order, 0 while it is not known; least: the turn, rad, of which it loses digits at most, 1 where no
-    load depends on the attitude, else 0.
+    m: the attitude's order, 0 while it is not known; least: see `least_turn`.
     """
     excess = _excess(s, method, m, speed, reach, least)
     for _ in range(_TRIES):

@@ -195,7 +195,8 @@ def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -
     dense.end_series(s, series.RATE, series.MAX_ORDER)
     reach = dense.likely_reach(s, series.MAX_ORDER, z[_TRIAXIAL.next_reach])
     reach, _ = dense.reach_within(s, method, 0, 1.0, reach, 1.0)
-    m = dense.attitude_series(s, series.FORCE, q, series.MAX_ORDER, reach, 0.5 * _ROUND_OFF)
+    m = int(dense.attitude_series(s, series.FORCE, q, series.MAX_ORDER, reach, 0.5 * _ROUND_OFF))
+    dense.end_series(s, series.TURN, m)
     reach, z[_TRIAXIAL.next_reach] = dense.reach_within(s, method, m, 1.0, reach, 1.0)
     dense.begin_clock(z, _SERIES, ROTATION, m, reach)
     if not _LEAST_REACH * h <= reach:

@@ -26,7 +26,7 @@ _LOADED_TAYLOR_LAYOUT = with_work_space(driven.DRIVEN | {"order": 1} | dense.SER
 _AT = _LOADED_TAYLOR_LAYOUT.at
 _SERIES = _AT.validity
 """Where what is kept of a series begins."""
-_ROOM = Room(state=_AT.q, work=_AT.work, size=driven.STEP_SIZE)
+ROOM = Room(state=_AT.q, work=_AT.work, size=driven.STEP_SIZE)
 
 
 @kernel
@@ -42,11 +42,15 @@ def _set_up_loaded_taylor(z: Buffer) -> int:
 @kernel
 def _advance_loaded_taylor(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion cannot be followed."""
-    if not (dense.reaches_over(z, _SERIES, h) and driven.holds_inputs(z, _AT.held_inputs)):
-        return _advance_by_new_series(z, h)
+    return advance_by_series(z, h) if stands(z, h) else _advance_by_new_series(z, h)
+
+
+@kernel
+def advance_by_series(z: Buffer, h: float) -> int:
+    """Advance by h along the series that stands."""
     driven.keep(z)
     since = pair_at(z, _AT.since)
-    dense.follow(z, _ROOM, _SERIES, int(z[_AT.order]), h)
+    dense.follow(z, ROOM, _SERIES, int(z[_AT.order]), h)
     status = driven.finish_steadily(z, int(z[_AT.extent]), h)
     if status != OK:
         put_pair_at(z, _AT.since, since)
@@ -56,18 +60,29 @@ def _advance_loaded_taylor(z: Buffer, h: float) -> int:
 @kernel(inline=False)
 def _advance_by_new_series(z: Buffer, h: float) -> int:
     """Advance by h where a new series has to be made."""
-    driven.keep(z)
-    copy_numbers(z, _SERIES, _AT.kept_before, dense.SERIES_SIZE)
+    keep_all(z)
     body, loads = memory.body_of(z), driven.load_polynomial_of(z)
     method, rest = Method(driven.part_to_integrate(z, body, loads), int(z[_AT.order]), z[_AT.tolerance], z[_AT.span]), h
     if is_series_tried(z, h):
-        rest = dense.follow_series(z, _ROOM, _SERIES, method, h, body, loads)
+        rest = dense.follow_series(z, ROOM, _SERIES, method, h, body, loads)
     status = OK
     if rest > 0.0:
         z[_SERIES] = dense.NONE
         z[_AT.cool_down] -= 1.0
-        status = taylor.taylor_advance(z, _ROOM, method, rest, body, loads)
-    status = driven.finish(z, method.n, h, status, body, loads)
+        status = taylor.taylor_advance(z, ROOM, method, rest, body, loads)
+    return finished(z, driven.finish(z, method.n, h, status, body, loads))
+
+
+@kernel
+def keep_all(z: Buffer) -> None:
+    """Keep what `finished` restores where the step is rejected."""
+    driven.keep(z)
+    copy_numbers(z, _SERIES, _AT.kept_before, dense.SERIES_SIZE)
+
+
+@kernel
+def finished(z: Buffer, status: int) -> int:
+    """Return the status of a step for which a series was made; where it is rejected, that of before stands again."""
     if status == OK:
         driven.keep_inputs(z, _AT.held_inputs)
         return OK
@@ -75,6 +90,12 @@ def _advance_by_new_series(z: Buffer, h: float) -> int:
     if z[_SERIES] == dense.VALID:
         z[_SERIES] = dense.STALE
     return status
+
+
+@kernel
+def stands(z: Buffer, h: float) -> bool:
+    """Return whether a series serves the step."""
+    return bool(dense.reaches_over(z, _SERIES, h) and driven.holds_inputs(z, _AT.held_inputs))
 
 
 @kernel

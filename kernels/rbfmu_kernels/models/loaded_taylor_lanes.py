@@ -3,7 +3,8 @@
 A lane takes one body after another, each with its own substeps. What a lane's body has is in columns, see `COLUMNS`,
 and its series are in a work space of `WORK` wide numbers. Loads hold, and no force turns with the body. Bodies that
 differ in what is decided once for all lanes (`_kind`) do not share a vector; those of a step that lanes do not know, or
-that cannot go on in one, are taken alone.
+that cannot go on in one, are taken alone. A series that may serve further steps is made in lanes, and kept and
+evaluated in its body's buffer, as `dense_output` does alone.
 """
 
 import math
@@ -16,25 +17,37 @@ from ..buffer_access import matrix_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
-from ..integrators import substeps, taylor, taylor_coefficients as series
-from ..integrators.dense_output import COOL_DOWN_STEPS, LEAST_REACH, NONE, turning_of
-from ..integrators.taylor_coefficients import FORCE, RATE, TORQUE, WORK, SpaceFixedLoads, Torques
-from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_STATE, Body, angular_acceleration
+from ..integrators import dense_output as dense, substeps, taylor, taylor_coefficients as series
+from ..integrators.taylor_coefficients import (
+    FORCE,
+    FORCE_RATE,
+    RATE,
+    TORQUE,
+    TURN,
+    WORK,
+    SpaceFixedLoads,
+    Torques,
+    term,
+)
+from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_STATE, Body
 from ..mechanics.inertia import is_diagonal
 from ..rotations.quaternion import invert_quaternion, rotate
 from ..types import Array, Buffer, Vec3
-from .loaded import LOADED_TAYLOR, is_series_tried
+from .loaded import LOADED_TAYLOR, ROOM, advance_by_series, finished, is_series_tried, keep_all, stands
 
 _AT = Layout(LOADED_TAYLOR.BLOCKS, LOADED_TAYLOR.SIZE).at
 _SERIES = _AT.validity
+_REST = _AT.since
+"""Where a body that is to go in substeps has what is left of the communication step: no series stands then."""
 initialize, step = LOADED_TAYLOR.initialize, LOADED_TAYLOR.step
 COLUMNS = MEMORY | {
     "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3, "count": 1, "low": 1, "tried": 1, "has_failed": 1,
-    "size": 1, "rest": 1, "is_new": 1, "member": 1,
+    "size": 1, "rest": 1, "is_new": 1, "member": 1, "reach": 1, "bound": 1, "turn_order": 1,
 }  # fmt: skip
 """State and constants of a lane's body, as a buffer has them; damping and loads, force_a 0 where it has no arm; the
 substeps taken; the low part of what is left of the communication step, and the tries in it; whether the body cannot go
-on; the step size; what is left of the step; whether it has just begun; the body's number, -1 for none."""
+on; the step size; what is left of the step; whether it has just begun; the body's number, -1 for none. Of a series that
+is to serve further steps: how far it reaches at most, how small the attitude's last terms are to be, and its order."""
 _, COLUMNS_SIZE = _COLUMNS = places(COLUMNS)
 LANE = _COLUMNS.at
 STATE = 0
@@ -44,8 +57,6 @@ SCRATCH = WIDEST * (COLUMNS_SIZE + WORK)
 """The numbers of work space that lanes need, at a cache line."""
 _PENDING, _LATER = -1, -2
 """The status of a body that is still to be advanced: with the others of its kind, or after these."""
-_SURELY = 0.95
-"""The part of the least reach that pays: where a series is likely to fall short of it, none is tried, lanes serve."""
 
 Kind = tuple[int, int, float, float, bool, bool, bool]
 """How much of the state is integrated, the order, tolerance and span, whether a force fixed in a acts on an arm and a
@@ -98,7 +109,7 @@ def advance(buffers: Array, h: float, c: Buffer, s: Buffer, statuses: Array) -> 
     """
     for i in range(len(buffers)):
         if statuses[i] == OK:
-            statuses[i] = _LATER
+            statuses[i] = advance_by_series(buffers[i], h) if h > 0.0 and stands(buffers[i], h) else _LATER
     for first in range(len(buffers)):
         if statuses[first] == _LATER:
             kind = _kind(buffers[first], h)
@@ -113,22 +124,13 @@ def advance(buffers: Array, h: float, c: Buffer, s: Buffer, statuses: Array) -> 
 
 @kernel(inline=False)
 def _kind(z: Buffer, h: float) -> Kind:
+    if z[_SERIES] == dense.STALE:
+        return 0, 0, 0.0, 0.0, False, False, False
     body, loads = body_of(z), driven.load_polynomial_of(z)
     n, order, fixed = driven.part_to_integrate(z, body, loads), int(z[_AT.order]), series.space_fixed_loads(body, loads)
-    served = z[_SERIES] != NONE or is_series_tried(z, h)
-    if served and z[_SERIES] == NONE:
-        q, omega = quaternion_at(z, STATE_START), vec3_at(z, STATE_START + OMEGA)
-        alpha = angular_acceleration(q, omega, body, loads.value)
-        served = n != ROTATION or not order < _SURELY * LEAST_REACH * h * turning_of(omega, alpha)
-    if served or driven.inputs_change(z) or n == WHOLE_STATE or not (h > 0.0 and z[_AT.tolerance] < math.inf):
+    if driven.inputs_change(z) or n == WHOLE_STATE or not (h > 0.0 and z[_AT.tolerance] < math.inf):
         n = 0
     return n, order, z[_AT.tolerance], z[_AT.span], fixed.lever_force, fixed.torque, is_diagonal(body.inertia)
-
-
-@kernel(inline=False)
-def goes_in_lanes(z: Buffer, h: float) -> bool:
-    """Return whether a step of a started buffer goes in lanes; else one series may serve it, as `step` finds out."""
-    return _kind(z, h)[0] != 0
 
 
 @kernel(inline=False)
@@ -136,10 +138,11 @@ def _advance_kind(buffers: Array, first: int, h: float, c: Buffer, s: Buffer, st
     """Advance all bodies of a kind from the first on."""
     n, order, tolerance, span, lever_force, torque, _ = kind
     fixed, method = SpaceFixedLoads(lever_force, torque, False), substeps.Method(n, order, tolerance, span)
+    _try_series(buffers, first, h, c, s, statuses, method, fixed)
     following, busy = first, 0
     for lane in range(width_of(c)):
         following, found = _next(following, statuses)
-        _load(buffers[first if found < 0 else found], c, lane, h, found)  # a lane without a body has a copy
+        _load(buffers[first if found < 0 else found], c, lane, found)  # a lane without a body has a copy
         busy += 1 if found >= 0 else 0
     while busy > 0:
         begin_substeps(c, s, method, fixed)
@@ -150,10 +153,10 @@ def _advance_kind(buffers: Array, first: int, h: float, c: Buffer, s: Buffer, st
             if member < 0 or (lane_at(c, LANE.rest, lane) > 0.0 and not failed):
                 continue
             z = buffers[member]
-            statuses[member] = step(z, h) if failed else _unload(z, c, lane, n, h)
+            statuses[member] = _alone(z, h) if failed else _unload(z, c, lane, n, h)
             following, found = _next(following, statuses)
             if found >= 0:
-                _load(buffers[found], c, lane, h, found)
+                _load(buffers[found], c, lane, found)
             else:
                 put_lane_at(c, LANE.member, lane, -1.0)
                 put_lane_at(c, LANE.rest, lane, 0.0)
@@ -177,7 +180,7 @@ def _put(c: Buffer, i: int, lane: int, v: Vec3) -> None:
 
 
 @kernel(inline=False)
-def _load(z: Buffer, c: Buffer, lane: int, h: float, member: int) -> None:
+def _load(z: Buffer, c: Buffer, lane: int, member: int) -> None:
     """Let a lane begin with a body."""
     body, loads = body_of(z), driven.load_polynomial_of(z)
     for k in range(ROTATION):
@@ -192,7 +195,7 @@ def _load(z: Buffer, c: Buffer, lane: int, h: float, member: int) -> None:
     for k in range(LANE.count, LANE.size):
         put_lane_at(c, k, lane, 0.0)
     put_lane_at(c, LANE.size, lane, z[driven.STEP_SIZE])
-    put_lane_at(c, LANE.rest, lane, h)
+    put_lane_at(c, LANE.rest, lane, z[_REST])
     put_lane_at(c, LANE.is_new, lane, 1.0)
     put_lane_at(c, LANE.member, lane, float(member))
 
@@ -200,19 +203,117 @@ def _load(z: Buffer, c: Buffer, lane: int, h: float, member: int) -> None:
 @kernel(inline=False)
 def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
     """Commit what a lane has made of a body, as `step` does; it is taken alone where that is not finite."""
-    driven.keep(z)
     for k in range(ROTATION):
         z[STATE_START + k] = lane_at(c, STATE + k, lane)
     if driven.finish_steadily(z, n, h) != OK:
-        return step(z, h)
-    if is_series_tried(z, h):
-        z[_AT.cool_down] = COOL_DOWN_STEPS
-    z[_SERIES] = NONE
+        return _alone(z, h)
+    z[_SERIES] = dense.NONE
     z[_AT.cool_down] -= 1.0
     z[driven.STEP_SIZE] = lane_at(c, LANE.size, lane)
     z[driven.SUBSTEPS] += lane_at(c, LANE.count, lane)
     driven.keep_inputs(z, _AT.held_inputs)
     return OK
+
+
+@kernel(inline=False)
+def _alone(z: Buffer, h: float) -> int:
+    """Advance a body by a step that lanes have begun, from where it began."""
+    driven.restore(z)
+    finished(z, STEP_REJECTED)
+    return step(z, h)
+
+
+# Series that may serve further steps
+
+
+@kernel(inline=False)
+def _try_series(
+    buffers: Array, first: int, h: float, c: Buffer, s: Buffer, statuses: Array, method: substeps.Method,
+    fixed: SpaceFixedLoads,
+) -> None:  # fmt: skip
+    """Advance those bodies of a kind, from the first on, that a series takes as far as pays."""
+    lane, cautious = 0, dense.cautious(method)
+    for i in range(first, len(buffers)):
+        if statuses[i] == _PENDING and _begins_series(buffers[i], h, method):
+            _load(buffers[i], c, lane, i)
+            lane += 1
+        if lane == width_of(c) or (lane > 0 and i == len(buffers) - 1):
+            for empty in range(lane, width_of(c)):
+                _load(buffers[int(lane_at(c, LANE.member, 0))], c, empty, -1)
+            _make_series(buffers, c, s, cautious, fixed)
+            for k in range(lane):
+                member = int(lane_at(c, LANE.member, k))
+                statuses[member] = _follow(buffers[member], c, k, h, cautious, fixed)
+            lane = 0
+
+
+@kernel(inline=False)
+def _begins_series(z: Buffer, h: float, method: substeps.Method) -> bool:
+    """Begin a step: go to where the series that stands ends; return whether one from there on may pay."""
+    keep_all(z)
+    is_tried, rest = is_series_tried(z, h), h
+    if is_tried:
+        if z[_SERIES] == dense.VALID:
+            rest -= dense.follow_to_end(z, ROOM, _SERIES, method.order)
+        q, omega = quaternion_at(z, STATE_START), vec3_at(z, STATE_START + OMEGA)
+        is_tried = dense.may_pay(method, q, omega, body_of(z), driven.load_polynomial_of(z), h)
+        if not is_tried:
+            dense.give_up(z, ROOM, _SERIES, z[driven.STEP_SIZE])
+    z[_REST] = rest
+    return is_tried
+
+
+@kernel(inline=False)
+def _make_series(buffers: Array, c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads) -> None:
+    """Make the series of all lanes, and put them into the work spaces of their bodies."""
+    every = c[LANE.is_new] > 0.0
+    series.put_factors(s, RATE, vec3_at(c, STATE + OMEGA))
+    if fixed.lever_force or fixed.torque:
+        _turn_loads_anew(c, s, every)
+    series.motion_series(s, 0, method.order, 0, _bodies(c), _torques(c), fixed)
+    for lane in range(width_of(c)):
+        member = int(lane_at(c, LANE.member, lane))
+        reach, bound = 0.0, math.inf
+        if member >= 0:
+            z = buffers[member]
+            _put_terms(s, RATE, method.order, lane, z)
+            reach, bound = dense.first_reach(
+                z[_AT.work : _AT.work + WORK], method, z[driven.STEP_SIZE], dense.least_turn(fixed)
+            )
+        put_lane_at(c, LANE.reach, lane, reach)
+        put_lane_at(c, LANE.bound, lane, bound)
+    if method.n != RATE_ONLY:
+        q = quaternion_at(c, STATE)
+        c[LANE.turn_order] = dense.attitude_series(s, FORCE_RATE, q, method.order, c[LANE.reach], c[LANE.bound])
+        for lane in range(width_of(c)):
+            member = int(lane_at(c, LANE.member, lane))
+            if member >= 0:
+                _put_terms(s, TURN, int(lane_at(c, LANE.turn_order, lane)), lane, buffers[member])
+
+
+@kernel
+def _put_terms(s: Buffer, u: int, order: int, lane: int, z: Buffer) -> None:
+    """Put the series at u of a lane into its body's work space."""
+    for k in range(order + 1):
+        for i in range(4):
+            z[_AT.work + term(u, k) + i] = lane_at(s, term(u, k) + i, lane)
+    dense.end_series(z[_AT.work : _AT.work + WORK], u, order)
+
+
+@kernel(inline=False)
+def _follow(z: Buffer, c: Buffer, lane: int, h: float, method: substeps.Method, fixed: SpaceFixedLoads) -> int:
+    """Advance a body along its series, as `follow_series` does; return `_PENDING` where that is too short."""
+    longest, m = z[driven.STEP_SIZE], method.order
+    if method.n != RATE_ONLY:
+        m = int(lane_at(c, LANE.turn_order, lane))
+    dense.begin_series(z, ROOM, _SERIES, method, m, 1.0, lane_at(c, LANE.reach, lane), dense.least_turn(fixed))
+    if dense.pays(z, _SERIES, h):
+        substeps.count_substep(z, driven.STEP_SIZE)
+        dense.follow(z, ROOM, _SERIES, method.order, lane_at(c, LANE.rest, lane))
+        return finished(z, driven.finish_steadily(z, method.n, h))
+    dense.give_up(z, ROOM, _SERIES, longest)
+    z[_REST] = lane_at(c, LANE.rest, lane)
+    return _PENDING
 
 
 # Substeps of all lanes

@@ -1,6 +1,5 @@
 """One plan for all members of an ensemble: its model holds for each, and each meets the accuracy asked."""
 
-import math
 import warnings
 from dataclasses import replace
 
@@ -17,10 +16,7 @@ from rbfmu.exceptions import SceneError, SceneWarning
 from rbfmu.planning.methods import TIGHTEST
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import attitude_error
-from rbfmu.runs.plan import start_run
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.compile.tiered import interpreted
-from rbfmu_kernels.models.loaded_taylor_lanes import goes_in_lanes
 from rbfmu_kernels.quantities import OUTPUT
 from tests.library.ensembles.test_control import TABLES as DRIVEN
 from tests.support.covering import some_of
@@ -287,19 +283,6 @@ def test_all_members_meet_the_accuracy(seed):
     plan = plan_ensemble(scene)
     if plan.error <= scene.run.accuracy:  # else it says that the worst may miss it
         assert np.nanmax(errors(scene, plan)) <= 1.0
-
-
-def test_orders_at_which_members_go_side_by_side_are_taken():
-    tables = FREE | {"run": {"stop": 20.0, "step": 20.0, "accuracy": 1e-9}, "body": {"mass": 1.0, "inertia": [1, 2, 3]}}
-    tables |= {"initial": {"omega_b": [0.1, 0.2, 0.3]}, "loads": {"gravity_a": [0] * 3, "torque_b": [0.1, 0.05, -0.2]}}
-    vary = {"initial.omega_b": {"normal": [[0.1, 0.2, 0.3], 0.02]}}
-    scene = Scene.from_dict(tables | {"ensemble": {"runs": 50, "keep": ["final"], "vary": vary}})
-    found = plan_ensemble(scene)
-    samples = draw(scene, 0, 50)
-    serves = interpreted(goes_in_lanes)
-    assert all(serves(start_run(member(scene, samples, k), found), 20.0) for k in range(50))
-    higher = replace(found, order=24, substep=math.inf)  # its series reaches beyond, as each finds out alone
-    assert not all(serves(start_run(member(scene, samples, k), higher), 20.0) for k in range(50))
 
 
 @pytest.mark.thorough
