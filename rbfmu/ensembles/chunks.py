@@ -32,13 +32,16 @@ members are summed up together, the less is left to merge.
 """
 SET_UP, STATISTICS_OF_ONE = 1e-5, 5e-9
 """What a member takes besides its steps, and what statistics of one number take, s."""
-LANES_FROM, FORMULAS_FROM, LANES_GAIN, WORTH_COMPILING = 300.0, 100.0, 3.0, 2.0
-"""The cost of a step, ns, from which on lanes take less time for it than one member does, also where loads are
-formulas, and how many times less; and the time of all members one by one, s, from which on lanes are compiled, once,
-beside the first of them: four to ten seconds of a processor, which pay at the next call if not at this one.
+GAIN_FROM, LANES_GAIN = 300.0, 3.0
+"""The cost of a step, ns, from which on steps in lanes take so many times less than they do one by one.
 
 Only a model that knows lanes is taken for so many times faster: chunks of others took up to three times the tenth of a
 second that they should. With formulas a run costs 1.1 to 2.9 times less in lanes.
+"""
+LANES_FROM, WORTH_COMPILING = 100.0, 2.0
+"""The cost of a step, ns, from which on lanes are compiled, and are taken with formulas: shorter ones, which a series
+serves, take as long one by one. And the time of all members one by one, s, from which on lanes are compiled, once,
+beside the first of them: four to ten seconds of a processor, which pay at the next call if not at this one.
 """
 
 
@@ -111,8 +114,9 @@ def members_of_a_chunk(scene: Scene, plan: Plan, control: Control | None = None)
     keep = ensemble_of(scene).keep
     numbers = columns_of(scene).width * (steps + 1 if set(keep) - {FINAL} else 1)
     numbers += steps * (control.numbers(scene) if control else 0)
+    gains = plan.kernels.lanes and plan.cost >= GAIN_FROM
     one_by_one = plan.formulas or control  # as they were before they went in lanes: sums keep their bits
-    cost = plan.cost / (LANES_GAIN if _has_lanes(plan) and not one_by_one else 1.0)
+    cost = plan.cost / (LANES_GAIN if gains and not one_by_one else 1.0)
     seconds = cost * 1e-9 * steps + SET_UP
     seconds += STATISTICS_OF_ONE * numbers if STATISTICS in keep else 0.0
     bytes_of_outputs = MOST_BYTES if ALL in keep else SUMMED_BYTES
@@ -223,11 +227,15 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: A
 
 def compiling_pays(work: Work, steps: int) -> bool:
     """Return whether members side by side are sooner done, compiling that included."""
-    return _has_lanes(work.plan) and work.runs * steps * work.plan.cost * 1e-9 >= WORTH_COMPILING
+    return (
+        _has_lanes(work.plan)
+        and work.plan.cost >= LANES_FROM
+        and work.runs * steps * work.plan.cost * 1e-9 >= WORTH_COMPILING
+    )
 
 
 def _has_lanes(plan: Plan) -> bool:
-    return bool(plan.kernels.lanes) and plan.cost >= (FORMULAS_FROM if plan.formulas else LANES_FROM)
+    return bool(plan.kernels.lanes) and (plan.cost >= LANES_FROM or not plan.formulas)
 
 
 def varied_numbers(scene: Scene, applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:

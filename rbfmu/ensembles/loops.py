@@ -16,11 +16,11 @@ from numba import config, float64, int64, typeof, types
 
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.types import Array, Indices
+from rbfmu_kernels.body.lanes import MARKS
 from rbfmu_kernels.body.members import Driving, Members, Room, Run, begin, drive, note, pieces_before, record
 from rbfmu_kernels.compile.decorator import kernel, loop
 from rbfmu_kernels.compile.simd import WIDEST, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
 from rbfmu_kernels.compile.tiered import has_code
-from rbfmu_kernels.models.formula_models import MARKS
 from rbfmu_kernels.numerics.elementary import sincos
 
 _NUMBERS, _TABLE, _BLOCK = float64[::1], float64[:, ::1], float64[:, :, ::1]
@@ -245,8 +245,6 @@ def run_in_lanes(kernels: Any, members: Members, control: Any, driving: Driving,
     """
     if not kernels.lanes or config.DISABLE_JIT or len(members.values) < 2:
         return False
-    if kernels.lanes().IN_STEP and not _are_alike(driving):
-        return False
     run, signature = _lanes_of(kernels)
     if not (compile_now or has_code(run, signature)):
         return False
@@ -255,13 +253,6 @@ def run_in_lanes(kernels: Any, members: Members, control: Any, driving: Driving,
     room = _room_of_lanes(kernels, min(AT_ONCE, len(members.values)), len(driving.start))
     run(control, members, driving, _room(members, driving), *room)
     return True
-
-
-def _are_alike(driving: Driving) -> bool:
-    """Return whether the pieces of all members' runs are equally long, so that all go on together."""
-    counts = driving.counts - driving.counts[:, :1]
-    lengths = driving.lengths.reshape(len(counts), -1) if (counts == counts[0]).all() else driving.lengths[None, :]
-    return bool((counts == counts[0]).all() and (lengths == lengths[0]).all())
 
 
 @cache

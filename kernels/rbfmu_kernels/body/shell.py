@@ -21,13 +21,11 @@ Step = Callable[[Buffer, float], int]
 class Lanes(NamedTuple):
     """What runs many bodies of a model at once: members of an ensemble, see `body.members`, `simd.WIDEST` side by side.
 
-    SCRATCH: the numbers of work space that it needs, at a cache line. IN_STEP: whether all must be driven in pieces of
-    equal length.
+    SCRATCH: the numbers of work space that it needs, at a cache line.
     """
 
     run: Callable[..., None]
     SCRATCH: int
-    IN_STEP: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +95,7 @@ def commit_motion(z: Buffer, motion: State) -> int:
     return outputs(z)
 
 
-def bind(template: Any, module: str, constant: str, **own: Any) -> Any:
+def bind(template: Any, module: str, constant: str, inline: bool = False, **own: Any) -> Any:
     """Compile a template with a model's functions as its globals.
 
     The result is not a closure, as Numba's cache on disk would not know one again in another process. The cache tells
@@ -106,4 +104,4 @@ def bind(template: Any, module: str, constant: str, **own: Any) -> Any:
     function = FunctionType(template.__code__, template.__globals__ | own, template.__name__)
     function.__doc__, function.__annotations__ = template.__doc__, template.__annotations__
     function.__module__, function.__qualname__ = module, f"{constant}.{template.__name__}"
-    return kernel(inline=False)(function)
+    return kernel(inline=inline)(function)

@@ -260,7 +260,7 @@ def _put_path(z: Buffer, y: int, w: int, i: int, h: float, t: float) -> None:
 def follow_to_end(z: Buffer, room: Room, i: int, order: int) -> float:
     """Advance the state to where the series in the work space ends; return how long that is."""
     (high, low), reach = pair_at(z, i + KEPT.since), z[i + KEPT.reach]
-    part = (reach - high) - low
+    part: float = (reach - high) - low
     _put_motion(z, room, i, order, part, reach)
     return part
 

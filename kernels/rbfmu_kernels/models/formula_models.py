@@ -13,7 +13,8 @@ from collections.abc import Callable, Mapping
 from types import FunctionType
 from typing import Any
 
-from ..body import members as one
+from ..body import lanes
+from ..body.lanes import MEMBER, PIECE, STATUS, begin_next, run_on
 from ..body.members import Control, Driving, Members, Room, Run
 from ..body.shell import Lanes, Model, bind, make_model
 from ..buffer import OK, STEP_REJECTED, Layout
@@ -22,12 +23,10 @@ from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..numerics import double_double as dd
 from ..types import Array, Buffer
 from . import formulas
-from .formulas import PENDING, begin_step, evaluate_at_end, go_on_by_series, prepare_series, reaches_over, settle_sides
+from .formulas import begin_step, evaluate_at_end, go_on_by_series, prepare_series, reaches_over, settle_sides
 
-MARKS = 8
-MEMBER, POINT, PIECE, SETTLED = range(4)
-"""What is known of a lane: its member, or -1; the communication point and the piece where that is; whether the last
-series was settled."""
+SETTLED = STATUS + 1
+"""The mark that tells whether the last series of a lane was settled."""
 
 # What templates are bound to, see `formulas`.
 _missing: Any = None
@@ -94,42 +93,9 @@ def make_series_of_lanes(c: Buffer, buffers: Array, marks: Array) -> None:
             break
 
 
-def run_on_with_member(z: Buffer, state: Array, mark: Array, status: int, run: Run) -> bool:
-    """Go on with a run, whose step now has this status, until one is pending; return whether one is."""
-    i, k, piece = int(mark[MEMBER]), int(mark[POINT]), int(mark[PIECE])
-    driving = run.driving
-    while status == OK:
-        piece += 1
-        if piece == one.pieces_before(driving, i, k + 1):
-            k += 1
-            one.record(z, i, k, run)
-        if k == len(driving.time) - 1 or not one.drive(z, state, i, k, piece, run):
-            break
-        h, status = driving.lengths[piece], STEP_REJECTED
-        if h > 0.0:
-            status = evaluate_at_end(z, h) if reaches_over(z, h) else begin_step(z, h)
-    mark[POINT], mark[PIECE] = k, piece
-    if status != PENDING:
-        one.note(z, i, run)
-    return status == PENDING
-
-
-def begin_next_member(z: Buffer, state: Array, mark: Array, c: Buffer, lane: int, i: int, run: Run) -> int:
-    """Let a lane begin with the next member, from i on, that needs series; return the number of the one after it."""
-    members = run.members
-    while i < len(members.values):
-        one.begin(z, state, i, WORK, run)  # the work space is written before it is read
-        members.ends[i, 0] = initialize(z)
-        mark[MEMBER], mark[POINT], mark[PIECE], status = i, 0.0, one.pieces_before(run.driving, i, 0) - 1, STEP_REJECTED
-        if members.ends[i, 0] == 0:
-            one.record(z, i, 0, run)
-            status = OK
-        i += 1
-        if run_on_with_member(z, state, mark, status, run):
-            put_head_in_lane(z, c, lane)
-            return i
-    mark[MEMBER] = -1.0
-    return i
+def go_on(z: Buffer, h: float) -> int:
+    """Go on with a step as far as the series that stands leads."""
+    return evaluate_at_end(z, h) if reaches_over(z, h) else begin_step(z, h)
 
 
 def run_in_lanes(
@@ -142,7 +108,7 @@ def run_in_lanes(
     """
     run, c, i, busy = Run(control, members, driving, room), wide_at(scratch, 0, WIDEST), 0, 0
     for lane in range(width_of(c)):
-        i = begin_next_member(buffers[lane], states[lane], marks[lane], c, lane, i, run)
+        i = begin_in_lane(buffers[lane], states[lane], marks[lane], c, lane, i, run)
         busy += 1 if marks[lane, MEMBER] >= 0.0 else 0
     while busy > 0:
         make_series_of_lanes(c, buffers, marks)
@@ -150,10 +116,18 @@ def run_in_lanes(
             z, state, mark = buffers[lane], states[lane], marks[lane]
             if mark[MEMBER] < 0.0:
                 continue
-            status = go_on_by_series(z, driving.lengths[int(mark[PIECE])], mark[SETTLED] != 0.0)
-            if not run_on_with_member(z, state, mark, status, run):
-                i = begin_next_member(z, state, mark, c, lane, i, run)
+            mark[STATUS] = go_on_by_series(z, driving.lengths[int(mark[PIECE])], mark[SETTLED] != 0.0)
+            if not run_on(z, state, mark, run):
+                i = begin_in_lane(z, state, mark, c, lane, i, run)
                 busy -= 1 if mark[MEMBER] < 0.0 else 0
+
+
+def begin_in_lane(z: Buffer, state: Array, mark: Array, c: Buffer, lane: int, i: int, run: Run) -> int:
+    """Let a lane begin with the next member, from i on, that needs series; return the number of the one after it."""
+    i = begin_next(z, state, mark, i, run)
+    if mark[MEMBER] >= 0.0:
+        put_head_in_lane(z, c, lane)
+    return i
 
 
 # Outputs of one's own over a closed form
@@ -189,7 +163,7 @@ def outputs_over(z: Buffer) -> int:
 Kernels = Mapping[str, Callable[..., Any]]
 _HOME = formulas.__name__
 """The module of all that is bound."""
-_TEMPLATES = f"{__package__}.formula"
+_TEMPLATES = f"{__package__}.formula", lanes.__name__
 """What the names of modules begin with whose functions are templates."""
 
 
@@ -241,6 +215,6 @@ def make_lanes(model: Model, own: Mapping[str, Any], constant: str, wide: Mappin
     """
     found = {**own}
     _bound(formulas.advance_formulas, model.name.partition(".")[2], found)  # what steps call, which lanes call too
-    found |= {**wide, "initialize": model.initialize}
+    found |= {**wide, "initialize": model.initialize, "go_on": _bound(go_on, constant, found)}
     scratch = own["ROWS"] + wide["WIDE_ROW"] * (max(formulas.ORDERS) + 1)
-    return Lanes(_bound(run_in_lanes, constant, found), WIDEST * scratch, IN_STEP=False)
+    return Lanes(_bound(run_in_lanes, constant, found), WIDEST * scratch)

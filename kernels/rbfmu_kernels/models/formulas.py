@@ -11,6 +11,7 @@ import math
 from typing import Any
 
 from ..body import driven, memory, outputs
+from ..body.lanes import PENDING
 from ..buffer import MAX_SUBSTEPS, MOST_LISTED, OK, STEP_REJECTED
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, quaternion_at
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, put_lanes
@@ -47,8 +48,6 @@ which begins beyond, positive. A root that begins at zero counts as zero for the
 misses is the square of these parts. At a corner, as that of max(x, 0)**1.5, a root counts as zero also where round-off
 has it beside its zero (`formula_ends.rest_roots`), and series beside it reach 0.8 of the time to there, or from there.
 """
-PENDING = -1
-"""The status of a step that needs a series to go on."""
 CREEPING, MOST_CREPT = 1e-7, 20_000
 """Series that reach over so small a part of a communication step, and how many: what creeps on comes to no end."""
 JUMP = 1e-9

@@ -12,6 +12,7 @@ splitting: the loads' impulses between exact flows of the free body.
 import math
 
 from ..body import driven, memory, shell
+from ..body.lanes import PENDING
 from ..buffer import NO_TOP, OK, RESONANT, STEP_REJECTED, places, with_work_space
 from ..buffer_access import copy_numbers, pair_at, put_pair_at
 from ..compile.decorator import kernel
@@ -43,6 +44,12 @@ def _set_up_loaded_taylor(z: Buffer) -> int:
 def _advance_loaded_taylor(z: Buffer, h: float) -> int:
     """Advance by h; reject the step and change nothing where the motion cannot be followed."""
     return advance_by_series(z, h) if stands(z, h) else _advance_by_new_series(z, h)
+
+
+@kernel(inline=False)
+def go_on(z: Buffer, h: float) -> int:
+    """Advance by h along the series that stands; return PENDING where none does."""
+    return advance_by_series(z, h) if stands(z, h) else PENDING
 
 
 @kernel

@@ -8,9 +8,12 @@ evaluated in its body's buffer, as `dense_output` does alone.
 """
 
 import math
+from functools import partial
+from typing import NamedTuple
 
-from ..body import driven, shell
-from ..body.members import Control, Driving, Members, Room, Run, begin, drive, note, pieces_before, record
+from ..body import driven, lanes, shell
+from ..body.lanes import MEMBER, PENDING, PIECE, STATUS
+from ..body.members import Control, Driving, Members, Room, Run
 from ..body.memory import MEMORY, STATE_START, body_of
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout, places
 from ..buffer_access import matrix_at, quaternion_at, vec3_at
@@ -33,13 +36,13 @@ from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_ST
 from ..mechanics.inertia import is_diagonal
 from ..rotations.quaternion import invert_quaternion, rotate
 from ..types import Array, Buffer, Vec3
-from .loaded import LOADED_TAYLOR, ROOM, advance_by_series, finished, is_series_tried, keep_all, stands
+from .loaded import LOADED_TAYLOR, ROOM, finished, go_on, is_series_tried, keep_all
 
 _AT = Layout(LOADED_TAYLOR.BLOCKS, LOADED_TAYLOR.SIZE).at
 _SERIES = _AT.validity
 _REST = _AT.since
 """Where a body that is to go in substeps has what is left of the communication step: no series stands then."""
-initialize, step = LOADED_TAYLOR.initialize, LOADED_TAYLOR.step
+step = LOADED_TAYLOR.step
 COLUMNS = MEMORY | {
     "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3, "count": 1, "low": 1, "tried": 1, "has_failed": 1,
     "size": 1, "rest": 1, "is_new": 1, "member": 1, "reach": 1, "bound": 1, "turn_order": 1,
@@ -55,8 +58,17 @@ _TRIES = 64
 """Shorter and shorter steps that are tried at once."""
 SCRATCH = WIDEST * (COLUMNS_SIZE + WORK)
 """The numbers of work space that lanes need, at a cache line."""
-_PENDING, _LATER = -1, -2
-"""The status of a body that is still to be advanced: with the others of its kind, or after these."""
+_CHOSEN = -2
+"""The status of a body that is to be advanced with others of its kind."""
+
+
+class Bodies(NamedTuple):
+    """Bodies side by side: buffers (b, SIZE), marks (b, MARKS), see `body.lanes`, and lengths of pieces of runs, s."""
+
+    buffers: Array
+    marks: Array
+    lengths: Array
+
 
 Kind = tuple[int, int, float, float, bool, bool, bool]
 """How much of the state is integrated, the order, tolerance and span, whether a force fixed in a acts on an arm and a
@@ -66,82 +78,79 @@ torque fixed in a acts, whether the inertia is diagonal. The first is 0 where la
 # Members and communication steps
 
 
+_BOUND = partial(shell.bind, module=__name__, constant="LOADED_TAYLOR", inline=True)
+_run_on = _BOUND(lanes.run_on, go_on=go_on)
+_begin_next = _BOUND(lanes.begin_next, run_on=_run_on, initialize=LOADED_TAYLOR.initialize, WORK=_AT.work)
+
+
 @kernel(inline=False)
 def run_members(
     control: Control, members: Members, driving: Driving, room: Room, buffers: Array, states: Array, marks: Array,
     scratch: Array,
 ) -> None:  # fmt: skip
-    """Run members of an ensemble side by side: see `body.members`. The pieces of all are equally long.
+    """Run members of an ensemble side by side: see `body.members`.
 
-    buffers (b, SIZE), states (b, k), marks (b, 1 or more): room for some members at a time; scratch: for all lanes.
+    buffers (b, SIZE), states (b, k), marks (b, MARKS): room for some members at a time; scratch: for all lanes.
     """
     c, s = wide_at(scratch, 0, WIDEST), wide_at(scratch, WIDEST * COLUMNS_SIZE, WIDEST)
-    run, statuses, steps = Run(control, members, driving, room), marks[:, 0], len(driving.time) - 1
-    for first in range(0, len(members.values), len(buffers)):
-        count = min(len(buffers), len(members.values) - first)
-        for i in range(count):
-            begin(buffers[i], states[i], first + i, _AT.work, run)
-            statuses[i] = members.ends[first + i, 0] = initialize(buffers[i])  # the work space is written first
-            if statuses[i] == OK:
-                record(buffers[i], first + i, 0, run)
-        for k in range(steps):
-            before = pieces_before(driving, first, 0)
-            for piece in range(pieces_before(driving, first, k), pieces_before(driving, first, k + 1)):
-                for i in range(count):
-                    own = pieces_before(driving, first + i, 0) + piece - before
-                    z, state = buffers[i], states[i]
-                    if statuses[i] == OK and not drive(z, state, first + i, k, own, run):
-                        statuses[i] = STEP_REJECTED
-                advance(buffers[:count], driving.lengths[piece], c, s, statuses[:count])
-            for i in range(count):
-                if statuses[i] == OK:
-                    record(buffers[i], first + i, k + 1, run)
-        for i in range(count):
-            note(buffers[i], first + i, run)
+    run, bodies, i, busy = Run(control, members, driving, room), Bodies(buffers, marks, driving.lengths), 0, 0
+    for k in range(len(buffers)):
+        i = _begin_next(buffers[k], states[k], marks[k], i, run)
+        busy += 1 if marks[k, MEMBER] >= 0.0 else 0
+    while busy > 0:
+        advance(bodies, c, s)
+        for k in range(len(buffers)):
+            if marks[k, MEMBER] >= 0.0 and not _run_on(buffers[k], states[k], marks[k], run):
+                i = _begin_next(buffers[k], states[k], marks[k], i, run)
+                busy -= 1 if marks[k, MEMBER] < 0.0 else 0
 
 
 @kernel
-def advance(buffers: Array, h: float, c: Buffer, s: Buffer, statuses: Array) -> None:
-    """Advance models' buffers (n, SIZE) by h, as many side by side as are in c.
+def advance(bodies: Bodies, c: Buffer, s: Buffer) -> None:
+    """Advance the bodies that wait, as many side by side as are in c, and set their statuses to what `step` returns.
 
-    c, s: lanes of `COLUMNS_SIZE` and of `WORK` numbers. statuses (n,): in, OK where a buffer is to be advanced; out,
-    what `step` returns of those.
+    c, s: lanes of `COLUMNS_SIZE` and of `WORK` numbers.
     """
-    for i in range(len(buffers)):
-        if statuses[i] == OK:
-            statuses[i] = advance_by_series(buffers[i], h) if h > 0.0 and stands(buffers[i], h) else _LATER
+    buffers, marks, _ = bodies
     for first in range(len(buffers)):
-        if statuses[first] == _LATER:
-            kind = _kind(buffers[first], h)
+        if marks[first, STATUS] == PENDING:
+            kind = _kind(buffers[first])
             if kind[0] == 0:
-                statuses[first] = step(buffers[first], h)
+                marks[first, STATUS] = step(buffers[first], _length_of(bodies, first))
                 continue
             for i in range(first, len(buffers)):
-                if statuses[i] == _LATER and (i == first or _kind(buffers[i], h) == kind):
-                    statuses[i] = _PENDING
-            _advance_kind(buffers, first, h, c, s, statuses, kind)
+                if marks[i, STATUS] == PENDING and (i == first or _kind(buffers[i]) == kind):
+                    marks[i, STATUS] = _CHOSEN
+            _advance_kind(bodies, first, c, s, kind)
+
+
+@kernel
+def _length_of(bodies: Bodies, i: int) -> float:
+    """Return the length of a body's step."""
+    return bodies.lengths[int(bodies.marks[i, PIECE])]  # type: ignore[no-any-return]
 
 
 @kernel(inline=False)
-def _kind(z: Buffer, h: float) -> Kind:
+def _kind(z: Buffer) -> Kind:
     if z[_SERIES] == dense.STALE:
         return 0, 0, 0.0, 0.0, False, False, False
     body, loads = body_of(z), driven.load_polynomial_of(z)
     n, order, fixed = driven.part_to_integrate(z, body, loads), int(z[_AT.order]), series.space_fixed_loads(body, loads)
-    if driven.inputs_change(z) or n == WHOLE_STATE or not (h > 0.0 and z[_AT.tolerance] < math.inf):
+    if driven.inputs_change(z) or n == WHOLE_STATE or not z[_AT.tolerance] < math.inf:
         n = 0
     return n, order, z[_AT.tolerance], z[_AT.span], fixed.lever_force, fixed.torque, is_diagonal(body.inertia)
 
 
 @kernel(inline=False)
-def _advance_kind(buffers: Array, first: int, h: float, c: Buffer, s: Buffer, statuses: Array, kind: Kind) -> None:
+def _advance_kind(bodies: Bodies, first: int, c: Buffer, s: Buffer, kind: Kind) -> None:
     """Advance all bodies of a kind from the first on."""
+    buffers, marks, _ = bodies
     n, order, tolerance, span, lever_force, torque, _ = kind
     fixed, method = SpaceFixedLoads(lever_force, torque, False), substeps.Method(n, order, tolerance, span)
-    _try_series(buffers, first, h, c, s, statuses, method, fixed)
+    _try_series(bodies, first, c, s, method, fixed)
     following, busy = first, 0
     for lane in range(width_of(c)):
-        following, found = _next(following, statuses)
+        following, found = _next(following, marks)
         _load(buffers[first if found < 0 else found], c, lane, found)  # a lane without a body has a copy
         busy += 1 if found >= 0 else 0
     while busy > 0:
@@ -152,9 +161,9 @@ def _advance_kind(buffers: Array, first: int, h: float, c: Buffer, s: Buffer, st
             failed = lane_at(c, LANE.has_failed, lane) != 0.0
             if member < 0 or (lane_at(c, LANE.rest, lane) > 0.0 and not failed):
                 continue
-            z = buffers[member]
-            statuses[member] = _alone(z, h) if failed else _unload(z, c, lane, n, h)
-            following, found = _next(following, statuses)
+            z, h = buffers[member], _length_of(bodies, member)
+            marks[member, STATUS] = _alone(z, h) if failed else _unload(z, c, lane, n, h)
+            following, found = _next(following, marks)
             if found >= 0:
                 _load(buffers[found], c, lane, found)
             else:
@@ -164,10 +173,10 @@ def _advance_kind(buffers: Array, first: int, h: float, c: Buffer, s: Buffer, st
 
 
 @kernel
-def _next(i: int, statuses: Array) -> tuple[int, int]:
+def _next(i: int, marks: Array) -> tuple[int, int]:
     """Return where to look next, and the next body of the kind from i on, or -1."""
-    while i < len(statuses):
-        if statuses[i] == _PENDING:
+    while i < len(marks):
+        if marks[i, STATUS] == _CHOSEN:
             return i + 1, i
         i += 1
     return i, -1
@@ -228,13 +237,13 @@ def _alone(z: Buffer, h: float) -> int:
 
 @kernel(inline=False)
 def _try_series(
-    buffers: Array, first: int, h: float, c: Buffer, s: Buffer, statuses: Array, method: substeps.Method,
-    fixed: SpaceFixedLoads,
-) -> None:  # fmt: skip
+    bodies: Bodies, first: int, c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads
+) -> None:
     """Advance those bodies of a kind, from the first on, that a series takes as far as pays."""
+    buffers, marks, _ = bodies
     lane, cautious = 0, dense.cautious(method)
     for i in range(first, len(buffers)):
-        if statuses[i] == _PENDING and _begins_series(buffers[i], h, method):
+        if marks[i, STATUS] == _CHOSEN and _begins_series(buffers[i], _length_of(bodies, i), method):
             _load(buffers[i], c, lane, i)
             lane += 1
         if lane == width_of(c) or (lane > 0 and i == len(buffers) - 1):
@@ -243,7 +252,8 @@ def _try_series(
             _make_series(buffers, c, s, cautious, fixed)
             for k in range(lane):
                 member = int(lane_at(c, LANE.member, k))
-                statuses[member] = _follow(buffers[member], c, k, h, cautious, fixed)
+                h = _length_of(bodies, member)
+                marks[member, STATUS] = _follow(buffers[member], c, k, h, cautious, fixed)
             lane = 0
 
 
@@ -302,7 +312,7 @@ def _put_terms(s: Buffer, u: int, order: int, lane: int, z: Buffer) -> None:
 
 @kernel(inline=False)
 def _follow(z: Buffer, c: Buffer, lane: int, h: float, method: substeps.Method, fixed: SpaceFixedLoads) -> int:
-    """Advance a body along its series, as `follow_series` does; return `_PENDING` where that is too short."""
+    """Advance a body along its series, as `follow_series` does; return `_CHOSEN` where that is too short."""
     longest, m = z[driven.STEP_SIZE], method.order
     if method.n != RATE_ONLY:
         m = int(lane_at(c, LANE.turn_order, lane))
@@ -313,7 +323,7 @@ def _follow(z: Buffer, c: Buffer, lane: int, h: float, method: substeps.Method, 
         return finished(z, driven.finish_steadily(z, method.n, h))
     dense.give_up(z, ROOM, _SERIES, longest)
     z[_REST] = lane_at(c, LANE.rest, lane)
-    return _PENDING
+    return _CHOSEN
 
 
 # Substeps of all lanes
@@ -406,5 +416,4 @@ def _try_substeps(c: Buffer, s: Buffer, method: substeps.Method, acceleration: f
     return part, count, taylor.estimated_excess(s, method, part, 0.0, alpha_fixed, steps)
 
 
-LANES = shell.Lanes(run_members, SCRATCH, IN_STEP=True)
-"""All are driven in pieces of equal length, as they go on together."""
+LANES = shell.Lanes(run_members, SCRATCH)

@@ -7,11 +7,12 @@ from numba import config
 from rbfmu.models.model_buffer import aligned_zeros
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.scene.scene import Scene
+from rbfmu_kernels.body.lanes import MARKS, STATUS
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.simd import wide_at
-from rbfmu_kernels.models.loaded import LOADED_TAYLOR
-from rbfmu_kernels.models.loaded_taylor_lanes import COLUMNS_SIZE, WORK, advance
+from rbfmu_kernels.models.loaded import LOADED_TAYLOR, go_on
+from rbfmu_kernels.models.loaded_taylor_lanes import COLUMNS_SIZE, WORK, Bodies, advance
 
 pytestmark = [pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code"), pytest.mark.thorough]
 
@@ -19,13 +20,21 @@ BLOCKS = LOADED_TAYLOR.BLOCKS
 
 
 @kernel
-def _in_four(buffers, h, scratch, statuses):
-    advance(buffers, h, wide_at(scratch, 0, 4), wide_at(scratch, 4 * COLUMNS_SIZE, 4), statuses)
+def _begin(buffers, h, marks):
+    for i in range(len(buffers)):
+        if marks[i, STATUS] == OK:
+            marks[i, STATUS] = go_on(buffers[i], h) if h > 0.0 else STEP_REJECTED
+    return Bodies(buffers, marks, (h,))
 
 
 @kernel
-def _in_eight(buffers, h, scratch, statuses):
-    advance(buffers, h, wide_at(scratch, 0, 8), wide_at(scratch, 8 * COLUMNS_SIZE, 8), statuses)
+def _in_four(buffers, h, scratch, marks):
+    advance(_begin(buffers, h, marks), wide_at(scratch, 0, 4), wide_at(scratch, 4 * COLUMNS_SIZE, 4))
+
+
+@kernel
+def _in_eight(buffers, h, scratch, marks):
+    advance(_begin(buffers, h, marks), wide_at(scratch, 0, 8), wide_at(scratch, 8 * COLUMNS_SIZE, 8))
 
 
 WAYS = {4: _in_four, 8: _in_eight}
@@ -66,11 +75,11 @@ def buffers_of(kinds, count, omega=(1.0, 2.0, -1.5), outputs=OUTPUTS, order=12):
 
 def advanced(way, z, steps, stale=0.0):
     """Return buffers after steps in lanes, and the last statuses; stale: what the lanes' work space holds before."""
-    z, scratch, statuses = z.copy(), aligned_zeros(SCRATCH), np.zeros(len(z), dtype=np.int64)
+    z, scratch, marks = z.copy(), aligned_zeros(SCRATCH), np.zeros((len(z), MARKS))
     scratch[:] = stale
     for h in steps:
-        WAYS[way](z, h, scratch, statuses)
-    return z, statuses
+        WAYS[way](z, h, scratch, marks)
+    return z, marks[:, STATUS]
 
 
 def advanced_alone(z, steps):
@@ -104,8 +113,8 @@ def test_a_body_in_a_lane_has_the_bits_that_it_has_alone(kind, way):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_lanes_take_all_but_a_force_that_turns_with_the_body(kind):
-    scratch, statuses = aligned_zeros(SCRATCH), np.zeros(11, dtype=np.int64)
-    _in_eight(buffers_of([kind], 11), 4.0, scratch, statuses)
+    scratch = aligned_zeros(SCRATCH)
+    _in_eight(buffers_of([kind], 11), 4.0, scratch, np.zeros((11, MARKS)))
     assert scratch.any() == (kind != "a force in b")
 
 
@@ -161,7 +170,8 @@ def test_a_body_that_cannot_go_on_is_refused_and_the_others_go_on(way):
 
 def test_a_body_whose_status_is_not_ok_is_left_as_it_is():
     z = buffers_of(["a torque in b"], 5)
-    after, statuses = z.copy(), np.array([OK, STEP_REJECTED, OK, OK, OK])
-    _in_four(after, 4.0, aligned_zeros(SCRATCH), statuses)
+    after, marks = z.copy(), np.zeros((5, MARKS))
+    marks[1, STATUS] = STEP_REJECTED
+    _in_four(after, 4.0, aligned_zeros(SCRATCH), marks)
     np.testing.assert_array_equal(after[1], z[1])
-    assert statuses.tolist() == [OK, STEP_REJECTED, OK, OK, OK]
+    assert marks[:, STATUS].tolist() == [OK, STEP_REJECTED, OK, OK, OK]

@@ -46,7 +46,6 @@ FORMULAS = {
 def both(monkeypatch, scene, planned=None, **given):
     """What an ensemble gives in lanes, which it must take, and one by one."""
     planned, taken, one_by_one = planned or plan_ensemble(scene), [], loops.run_in_lanes
-    monkeypatch.setattr(chunks, "FORMULAS_FROM", 0.0)
     monkeypatch.setattr(chunks, "LANES_FROM", 0.0)
 
     def in_lanes(*arguments, compile_now):

@@ -1,0 +1,63 @@
+"""Members of an ensemble side by side: each has a buffer, and goes on with its run until it waits for its lane.
+
+These are templates, see `shell.bind`: a model's own functions are their globals. Beside them, a model's lanes do for
+several buffers at once what these wait for.
+"""
+
+from typing import Any
+
+from ..buffer import OK, STEP_REJECTED
+from ..types import Array, Buffer
+from . import members as one
+from .members import Run
+from .shell import Entry, Step
+
+MARKS = 8
+MEMBER, POINT, PIECE, STATUS = range(4)
+"""What is known of a buffer: its member, or -1; the communication point and the piece where that is; the status of the
+step, `PENDING` where it waits."""
+PENDING = -1
+
+_missing: Any = None
+initialize: Entry = _missing
+go_on: Step = _missing
+"""Takes a buffer and a step h > 0 as far as it goes without its lane; returns a status."""
+WORK = 0
+"""The numbers of a buffer before its work space, which is written before it is read."""
+
+
+def run_on(z: Buffer, state: Array, mark: Array, run: Run) -> bool:
+    """Go on with a run, whose step has a status, until one is pending; return whether one is."""
+    i, k, piece, status = int(mark[MEMBER]), int(mark[POINT]), int(mark[PIECE]), int(mark[STATUS])
+    driving = run.driving
+    while status == OK:
+        piece += 1
+        if piece == one.pieces_before(driving, i, k + 1):
+            k += 1
+            one.record(z, i, k, run)
+        if k == len(driving.time) - 1 or not one.drive(z, state, i, k, piece, run):
+            break
+        h = driving.lengths[piece]
+        status = go_on(z, h) if h > 0.0 else STEP_REJECTED
+    mark[POINT], mark[PIECE], mark[STATUS] = k, piece, status
+    if status != PENDING:
+        one.note(z, i, run)
+    return status == PENDING
+
+
+def begin_next(z: Buffer, state: Array, mark: Array, i: int, run: Run) -> int:
+    """Let a buffer begin with the next member, from i on, that comes to wait; return the number of the one after it."""
+    members = run.members
+    while i < len(members.values):
+        one.begin(z, state, i, WORK, run)
+        members.ends[i, 0] = initialize(z)
+        mark[MEMBER], mark[POINT], mark[PIECE] = i, 0.0, one.pieces_before(run.driving, i, 0) - 1
+        mark[STATUS] = STEP_REJECTED
+        if members.ends[i, 0] == 0:
+            one.record(z, i, 0, run)
+            mark[STATUS] = OK
+        i += 1
+        if run_on(z, state, mark, run):
+            return i
+    mark[MEMBER] = -1.0
+    return i
