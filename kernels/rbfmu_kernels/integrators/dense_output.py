@@ -24,6 +24,7 @@ from ..mechanics.equations_of_motion import (
     WHOLE_STATE,
     Body,
     LoadPolynomial,
+    Loads,
     angular_acceleration,
 )  # fmt: skip
 from ..numerics import double_double as dd
@@ -92,7 +93,8 @@ def turning_of(omega: Vec3, alpha: Vec3) -> float:
 def likely_reach(s: Buffer, order: int, longest: float) -> float:
     """Return how far series of an order, of which omega's is there, reach at most if they turn; at most `longest`."""
     turning = turning_of(vec3_at(s, RATE), vec3_at(s, term(RATE, 1)))
-    return min(longest, order / turning) if turning > 0.0 else longest
+    reach = order / choose(turning > 0.0, turning, 1.0)
+    return choose((turning > 0.0) & (reach < longest), reach, longest)
 
 
 @kernel
@@ -283,7 +285,7 @@ def follow_series(z: Buffer, room: Room, i: int, method: Method, h: float, body:
     again, stands = bool(z[i] == STALE), bool(z[i] == VALID)
     for _ in range(int(MAX_SUBSTEPS)):
         if not stands:
-            if not again and not may_pay(method, quaternion_at(z, y), vec3_at(z, y + OMEGA), body, loads, h):
+            if not again and not may_pay(method, quaternion_at(z, y), vec3_at(z, y + OMEGA), body, loads.value, h):
                 break
             _make(z, room, i + KEPT.start if again else y, i, method, body, loads, again)
             if not again:
@@ -301,9 +303,9 @@ def follow_series(z: Buffer, room: Room, i: int, method: Method, h: float, body:
 
 
 @kernel
-def may_pay(method: Method, q: Quaternion, omega: Vec3, body: Body, loads: LoadPolynomial, h: float) -> bool:
+def may_pay(method: Method, q: Quaternion, omega: Vec3, body: Body, loads: Loads, h: float) -> bool:
     """Return whether a series may reach over enough steps like h: see `likely_reach`, before there is one."""
-    turning = turning_of(omega, angular_acceleration(q, omega, body, loads.value))
+    turning = turning_of(omega, angular_acceleration(q, omega, body, loads))
     return bool(method.n == RATE_ONLY or method.order >= LEAST_REACH * h * turning)
 
 
@@ -385,7 +387,8 @@ def begin_series(
 @kernel
 def _turn_counted(square: float, h: float, least: float) -> float:
     """Return the turn that errors of the attitude are relative to, 1 at most; square: of the largest rate."""
-    return max(min(_SMALL_TURNS * math.sqrt(square) * h, 1.0), least)
+    turn = _SMALL_TURNS * math.sqrt(square) * h
+    return max(choose(turn > 1.0, 1.0, turn), least)
 
 
 @kernel(inline=False)
@@ -396,9 +399,10 @@ def reach_within(s: Buffer, method: Method, m: int, speed: float, reach: float, 
     """
     excess = _excess(s, method, m, speed, reach, least)
     for _ in range(_TRIES):
-        if excess <= 1.0:
+        fits = excess <= 1.0
+        if all_of(fits):
             break
-        reach = substeps.nearer_size(reach, method.order, 1.4 * excess)
+        reach = choose(fits, reach, substeps.nearer_size(reach, method.order, 1.4 * excess))
         excess = _excess(s, method, m, speed, reach, least)
     return reach, substeps.nearer_size(reach, method.order, 1.4 * excess)
 
@@ -409,8 +413,8 @@ def _excess(s: Buffer, method: Method, m: int, speed: float, h: float, least: fl
     n, (last, square) = method.n, substeps.truncation(s, method, h, 0.0, 1)
     if m > 0 and n != RATE_ONLY:
         power, turn = substeps.power_of(h, m - 1), _turn_counted(square, h, least)
-        if turn > 0.0:  # else the body is at rest, and all terms are zero
-            last = max(last, 2.0 * power * last_terms_of_attitude(s, m, h) / turn)
+        of_attitude = 2.0 * power * last_terms_of_attitude(s, m, h) / choose(turn > 0.0, turn, 1.0)
+        last = choose(turn > 0.0, max(last, of_attitude), last)  # else the body is at rest, and all terms are zero
         if n == WHOLE_STATE:
             last = max(last, power * substeps.last_terms(s, ACCELERATION, m - 1, h) / speed)
     return last / substeps.tolerance_of_substep(method.tolerance, method.span, h)

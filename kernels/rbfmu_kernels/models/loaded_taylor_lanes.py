@@ -14,7 +14,7 @@ from typing import NamedTuple
 from ..body import driven, lanes, shell
 from ..body.lanes import MEMBER, PENDING, PIECE, STATUS
 from ..body.members import Control, Driving, Members, Room, Run
-from ..body.memory import MEMORY, STATE_START, body_of
+from ..body.memory import MEMORY, STATE_START, body_of, loads_of
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout, places
 from ..buffer_access import matrix_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
@@ -45,12 +45,12 @@ _REST = _AT.since
 step = LOADED_TAYLOR.step
 COLUMNS = MEMORY | {
     "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3, "count": 1, "low": 1, "tried": 1, "has_failed": 1,
-    "size": 1, "rest": 1, "is_new": 1, "member": 1, "reach": 1, "bound": 1, "turn_order": 1,
+    "size": 1, "rest": 1, "is_new": 1, "member": 1, "reach": 1, "turn_order": 1,
 }  # fmt: skip
 """State and constants of a lane's body, as a buffer has them; damping and loads, force_a 0 where it has no arm; the
 substeps taken; the low part of what is left of the communication step, and the tries in it; whether the body cannot go
 on; the step size; what is left of the step; whether it has just begun; the body's number, -1 for none. Of a series that
-is to serve further steps: how far it reaches at most, how small the attitude's last terms are to be, and its order."""
+is to serve further steps: how far it reaches at most, and the attitude's order."""
 _, COLUMNS_SIZE = _COLUMNS = places(COLUMNS)
 LANE = _COLUMNS.at
 STATE = 0
@@ -266,7 +266,7 @@ def _begins_series(z: Buffer, h: float, method: substeps.Method) -> bool:
         if z[_SERIES] == dense.VALID:
             rest -= dense.follow_to_end(z, ROOM, _SERIES, method.order)
         q, omega = quaternion_at(z, STATE_START), vec3_at(z, STATE_START + OMEGA)
-        is_tried = dense.may_pay(method, q, omega, body_of(z), driven.load_polynomial_of(z), h)
+        is_tried = dense.may_pay(method, q, omega, body_of(z), loads_of(z), h)
         if not is_tried:
             dense.give_up(z, ROOM, _SERIES, z[driven.STEP_SIZE])
     z[_REST] = rest
@@ -276,28 +276,20 @@ def _begins_series(z: Buffer, h: float, method: substeps.Method) -> bool:
 @kernel(inline=False)
 def _make_series(buffers: Array, c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads) -> None:
     """Make the series of all lanes, and put them into the work spaces of their bodies."""
-    every = c[LANE.is_new] > 0.0
     series.put_factors(s, RATE, vec3_at(c, STATE + OMEGA))
     if fixed.lever_force or fixed.torque:
-        _turn_loads_anew(c, s, every)
+        _turn_loads_anew(c, s, c[LANE.is_new] > 0.0)
     series.motion_series(s, 0, method.order, 0, _bodies(c), _torques(c), fixed)
+    c[LANE.reach], bound = dense.first_reach(s, method, c[LANE.size], dense.least_turn(fixed))
+    c[LANE.turn_order] = float(method.order)
+    if method.n != RATE_ONLY:
+        q, reach = quaternion_at(c, STATE), c[LANE.reach]
+        c[LANE.turn_order] = dense.attitude_series(s, FORCE_RATE, q, method.order, reach, bound)
     for lane in range(width_of(c)):
         member = int(lane_at(c, LANE.member, lane))
-        reach, bound = 0.0, math.inf
         if member >= 0:
-            z = buffers[member]
-            _put_terms(s, RATE, method.order, lane, z)
-            reach, bound = dense.first_reach(
-                z[_AT.work : _AT.work + WORK], method, z[driven.STEP_SIZE], dense.least_turn(fixed)
-            )
-        put_lane_at(c, LANE.reach, lane, reach)
-        put_lane_at(c, LANE.bound, lane, bound)
-    if method.n != RATE_ONLY:
-        q = quaternion_at(c, STATE)
-        c[LANE.turn_order] = dense.attitude_series(s, FORCE_RATE, q, method.order, c[LANE.reach], c[LANE.bound])
-        for lane in range(width_of(c)):
-            member = int(lane_at(c, LANE.member, lane))
-            if member >= 0:
+            _put_terms(s, RATE, method.order, lane, buffers[member])
+            if method.n != RATE_ONLY:
                 _put_terms(s, TURN, int(lane_at(c, LANE.turn_order, lane)), lane, buffers[member])
 
 
@@ -313,9 +305,7 @@ def _put_terms(s: Buffer, u: int, order: int, lane: int, z: Buffer) -> None:
 @kernel(inline=False)
 def _follow(z: Buffer, c: Buffer, lane: int, h: float, method: substeps.Method, fixed: SpaceFixedLoads) -> int:
     """Advance a body along its series, as `follow_series` does; return `_CHOSEN` where that is too short."""
-    longest, m = z[driven.STEP_SIZE], method.order
-    if method.n != RATE_ONLY:
-        m = int(lane_at(c, LANE.turn_order, lane))
+    longest, m = z[driven.STEP_SIZE], int(lane_at(c, LANE.turn_order, lane))
     dense.begin_series(z, ROOM, _SERIES, method, m, 1.0, lane_at(c, LANE.reach, lane), dense.least_turn(fixed))
     if dense.pays(z, _SERIES, h):
         substeps.count_substep(z, driven.STEP_SIZE)

@@ -121,7 +121,7 @@ def scale_for_squares(largest: float) -> float:
 
     Numbers up to `largest`, times it, can be squared and summed without over- or underflow.
     """
-    return 2.0**-600 if largest > 2.0**500 else (2.0**600 if largest < 2.0**-500 else 1.0)
+    return choose(largest > 2.0**500, 2.0**-600, choose(largest < 2.0**-500, 2.0**600, 1.0))
 
 
 _PIO4_HI = 0.7853981633974492  # 49 bits of pi / 4: its multiples up to 4 are exact
