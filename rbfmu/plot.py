@@ -42,9 +42,14 @@ class Picture(Figure):
         return super().suptitle(plain(t), **options)
 
     def _repr_png_(self) -> bytes:
-        file = io.BytesIO()
-        self.savefig(file, format="png", dpi=90)
-        return file.getvalue()
+        return png_of(self, dpi=90)
+
+
+def png_of(figure: Figure, **options: Any) -> bytes:
+    """Return a figure as the bytes of a PNG."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png", **options)
+    return file.getvalue()
 
 
 def plot_result(result: Rows, path: str | Path | None = None, title: str = "") -> Figure:
@@ -73,9 +78,8 @@ def plot_changes(
         axes.set_yscale("log")
         row = OUTPUT.get(name)
         axes.set_ylabel("attitude (rad)" if name == "attitude" else quantity_label(row) if row else name, fontsize=9)
-        open_frame(axes, grid=True)
+        open_frame(axes, grid=True, legend=axes is panels[0])
         axes.margins(x=0.0)
-    panels[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
     figure.suptitle(f"{title}: change by 1 % of each key's numbers (0.01 of what is zero)".lstrip(": "), fontsize=10)
     return with_file(figure, path)
 
@@ -91,8 +95,7 @@ def plot_residuals(time: Array, rows: Mapping[str, Array], path: str | Path | No
         axes.axhspan(-2.0, 2.0, color="#eeeeee", zorder=0)
         axes.set_ylim(-far - 0.5, far + 0.5)
         axes.set_ylabel("attitude" if name == "quaternion" else name, fontsize=9)
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
-        open_frame(axes)
+        open_frame(axes, legend=True)
     figure.suptitle(f"{title}: measured less fitted, in standard deviations; beyond 6 at the edge", fontsize=10)
     return with_file(figure, path)
 
@@ -129,9 +132,7 @@ def draw_components(axes: Axes, time: Array, values: Array, names: tuple[str, ..
     columns = values[:, None] if values.ndim == 1 else values
     for k, name in enumerate(names):
         axes.plot(*with_gaps(time, columns[:, k], turn), color=COLORS[k], linewidth=1.2, label=name)
-    if len(names) > 1:
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
-    open_frame(axes)
+    open_frame(axes, legend=len(names) > 1)
     axes.margins(x=0.0)
 
 
@@ -156,9 +157,11 @@ def with_unit(label: str, unit: str) -> str:
     return plain(label if unit == "1" else f"{label} ({unit.replace('m2', 'm²').replace('s2', 's²')})")
 
 
-def open_frame(axes: Axes, grid: bool = False) -> None:
-    """Show axes at the left and bottom only, and a pale grid behind what is drawn."""
+def open_frame(axes: Axes, grid: bool = False, legend: bool = False) -> None:
+    """Show axes at the left and bottom only, a pale grid behind what is drawn, and what lines are called beside it."""
     axes.spines[["top", "right"]].set_visible(False)
     if grid:
         axes.grid(color="#e9e9e9", linewidth=0.6)
         axes.set_axisbelow(True)
+    if legend:
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)

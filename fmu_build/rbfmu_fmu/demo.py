@@ -173,8 +173,7 @@ def draw(result: Result, path: Path) -> None:
     for bound, k in ((RATE_BOUND, 0), (ATTITUDE_BOUND, 1)):
         error.axhline(bound, color=COLORS[k], linewidth=0.8, linestyle="--")
     error.set(xlabel="time (s)", ylabel="error against NASA\n(dashed: bound)", ylim=(1e-13, 1e-2))
-    error.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
-    open_frame(error)
+    open_frame(error, legend=True)
     rates.set_ylabel("body rates (deg/s)")
     angles.set_ylabel("attitude in\nnorth-east-down (deg)")
     figure.suptitle("NASA's tumbling brick: rbfmu (lines) and NASA's simulation 01 (circles)", fontsize=11)

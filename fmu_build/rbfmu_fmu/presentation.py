@@ -6,7 +6,6 @@ beside the FMU or the system file, not in the FMU, which has it to be taken out.
 """
 
 import importlib.metadata
-import io
 import math
 import re
 import tomllib
@@ -164,6 +163,8 @@ def picture(scene: rbfmu.Scene) -> bytes:
     """Return a PNG of 200 by 200 points, the same bytes for the same scene and the same matplotlib."""
     from matplotlib.figure import Figure
 
+    from rbfmu.plot import png_of
+
     figure = Figure(figsize=(INCHES, INCHES), dpi=DPI)
     axes = figure.add_axes((0.02, 0.02, 0.96, 0.96))
     axes.set_axis_off()
@@ -173,9 +174,7 @@ def picture(scene: rbfmu.Scene) -> bytes:
     _draw_box(axes, shape, R_bp)
     _draw_axes(axes, shape, R_bp)
     axes.margins(0.06)
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=DPI, metadata={"Software": None})
-    return file.getvalue()
+    return png_of(figure, dpi=DPI, metadata={"Software": None})
 
 
 def _draw_box(axes: Any, shape: Shape, R_bp: Array) -> None:

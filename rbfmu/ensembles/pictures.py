@@ -48,26 +48,24 @@ def plot_ensemble(result: EnsembleResult, path: str | Path | None = None) -> Fig
 
 
 def _bands(axes: Any, result: EnsembleResult, name: str, is_last: bool) -> None:
-    row = result.rows[name]
-    if name in result.quantiles:
+    row, is_kept = result.rows[name], name in result.quantiles
+    turned = is_kept and name == attitudes.ATTITUDE
+    components = ("angle from the mean",) if turned else row.components
+    if is_kept:
         quantiles = result.quantiles[name].reshape(len(result.probabilities), len(result.time), -1)
         at = {p: quantiles[k] for k, p in enumerate(result.probabilities.tolist())}
-        components = ("angle from the mean",) if name == attitudes.ATTITUDE else row.components
         for j, component in enumerate(components):
             for low, high, opacity in BANDS:
                 ends = at[low][:, j], at[high][:, j]
                 axes.fill_between(result.time, *ends, color=COLORS[j], alpha=opacity, linewidth=0.0)
             axes.plot(result.time, at[0.5][:, j], color=COLORS[j], linewidth=1.2, label=component)
-        if len(components) > 1:
-            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
     else:
         axes.text(0.5, 0.5, "statistics over time are not kept", ha="center", transform=axes.transAxes, color="#777777")
-    turned = name == attitudes.ATTITUDE and name in result.quantiles
     axes.set_ylabel("angle from the mean\nattitude (rad)" if turned else quantity_label(row), fontsize=9)
     axes.tick_params(labelsize=8, labelbottom=is_last)
     axes.yaxis.get_offset_text().set_fontsize(8)
     axes.margins(x=0.0)
-    open_frame(axes, grid=True)
+    open_frame(axes, grid=True, legend=is_kept and len(components) > 1)
     if is_last:
         axes.set_xlabel("time (s)", fontsize=9)
 

@@ -210,11 +210,10 @@ class Chart:
         """Return picture and table for a notebook."""
         from base64 import b64encode
         from html import escape
-        from io import BytesIO
 
-        buffer = BytesIO()
-        self.figure().savefig(buffer, format="png")
-        picture = b64encode(buffer.getvalue()).decode()
+        from rbfmu.plot import png_of
+
+        picture = b64encode(png_of(self.figure())).decode()
         return f'<img src="data:image/png;base64,{picture}" width="880"/><pre>{escape(self.table)}</pre>'
 
     # The parts of the table
