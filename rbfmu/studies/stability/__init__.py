@@ -53,6 +53,10 @@ class Finding:
             return self.measured <= self.predicted
         return math.isclose(self.measured, self.predicted, rel_tol=self.tolerance, abs_tol=0.0)
 
+    def __str__(self) -> str:
+        place = f" ({self.place})" if self.place else ""
+        return f"law {self.law}, {self.what}{place}: predicted {self.predicted!r}, measured {self.measured!r}"
+
 
 def finding(
     name: str, measured: float, predicted: float = math.nan, /, near: float = 0.0, place: str = "", **words: object
@@ -99,17 +103,6 @@ _NAMES = ("law", "what", "place", "kind", "predicted", "measured", "tolerance", 
 def write_columns(path: Path, columns: Mapping[str, Sequence[object]]) -> Path:
     """Write a CSV file with all digits."""
     return write_rows(path, (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)), ())
-
-
-def failures(findings: Iterable[Finding]) -> list[str]:
-    """Return a line for each finding that does not hold."""
-    return [in_words(f) for f in findings if not f.holds]
-
-
-def in_words(finding: Finding) -> str:
-    """Return a line that describes a finding."""
-    place = f" ({finding.place})" if finding.place else ""
-    return f"law {finding.law}, {finding.what}{place}: predicted {finding.predicted!r}, measured {finding.measured!r}"
 
 
 _INDENT = (0, 0, 0, 2)
