@@ -116,7 +116,7 @@ class Symbol:
         return f"{kind}({', '.join(repr(Symbol(self.graph, i)) for i in of)})" if of else f"{value}"
 
     def __eq__(self, other: object) -> bool:
-        """Return whether it is that number for certain: a kernel must keep what may not be zero."""
+        """Return whether it is that number for certain: no float is one, as a kernel must keep what may not be zero."""
         return isinstance(other, Symbol) and other.graph is self.graph and other.index == self.index
 
     def __hash__(self) -> int:
@@ -309,9 +309,8 @@ def gradient(y: Number, variables: Sequence[Symbol]) -> list[Number]:
     slopes: dict[int, Number] = {y.index: 1.0}
     for i in reversed(graph.reached([y])):
         slope = slopes.get(i, 0.0)
-        if isinstance(slope, Symbol) or slope != 0.0:
-            here = Symbol(graph, i)
-            for of, partial in _partials(here):
+        if slope != 0.0:
+            for of, partial in _partials(Symbol(graph, i)):
                 slopes[of] = slopes.get(of, 0.0) + slope * partial
     return [slopes.get(x.index, 0.0) for x in variables]
 
@@ -322,8 +321,7 @@ def changes_of(numbers: Sequence[Number], of_leaves: Mapping[Symbol, Number]) ->
     for x in (x for x in numbers if isinstance(x, Symbol)):
         for i in x.graph.reached([x]):
             if i not in changes:
-                here = Symbol(x.graph, i)
-                changes[i] = sum((changes[j] * slope for j, slope in _partials(here)), 0.0)
+                changes[i] = sum((changes[j] * slope for j, slope in _partials(Symbol(x.graph, i))), 0.0)
     return [changes[x.index] if isinstance(x, Symbol) else 0.0 for x in numbers]
 
 

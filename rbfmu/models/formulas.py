@@ -153,8 +153,7 @@ class FormulaModel:
         found: dict[int, dict[int, Any]] = {}
         for element, x in by_element({name: value for name, value in self.shown.items() if self.follows(name)}):
             slopes = zip(inputs, gradient(x, leaves), strict=True)
-            known = ((self.place(name), dx) for name, dx in slopes if isinstance(dx, Symbol) or dx != 0.0)
-            found[self.place(element)] = dict(known)
+            found[self.place(element)] = {self.place(name): dx for name, dx in slopes if dx != 0.0}
         return found
 
     @cached_property
@@ -228,11 +227,11 @@ class FormulaModel:
             read = {*self._leaves("state", numbers), *self._leaves("input", numbers)}
             sides = [i for i in graph.reached(numbers) if graph.operations[i].kind == "side" and graph.varies[i]]
             derived = {name.partition("[")[0] for name in self._leaves("place", numbers)} & {*_OF_BODY}
-            if sides or derived or not read <= {*rates} or any(isinstance(x, Symbol) or x for x in across):
+            if sides or derived or not read <= {*rates} or any(across):
                 return None
             if not all(x.is_constant for x in along if isinstance(x, Symbol)):
                 return None
-            if any(isinstance(x, Symbol) or x for x in along):
+            if any(along):
                 if name != "torque_b" or any(self.given.numbers["damping_b"]) or "damping_b" in self.given.symbolic:
                     return None
                 found["damping_b"] = [-1.0 * x for x in along]
@@ -285,8 +284,7 @@ class FormulaModel:
     @property
     def _event_of_side(self) -> tuple[int, ...]:
         """Return for each side the event that alone watches it, or -1 where more rests on it."""
-        others = [*self.rates.values(), *(when for when, _ in self.events.values())]
-        corners = {*self.motion.graph.reached(others)}
+        corners = {*self.motion.graph.reached([*self.rates.values(), *(when for when, _ in self.events.values())])}
         return tuple(-1 if i in corners else self._sides.index(i) for i in self.program.sides) or (-1,)
 
     @property
@@ -395,5 +393,4 @@ def _of_tables(tables: _Tables) -> FormulaModel:
 def equations_of(scene: Scene) -> FormulaModel:
     """Return the equations of a scene's motion, formulas or not. Raises SceneError where the body is refused."""
     tables = {key: table for key, table in scene.to_dict().items() if key not in ("name", "run", "about", "ensemble")}
-    varied = scene.ensemble.parameters if scene.ensemble else ()
-    return _of_tables(_Tables(json.dumps([tables, varied]), scene))
+    return _of_tables(_Tables(json.dumps([tables, scene.ensemble.parameters if scene.ensemble else ()]), scene))

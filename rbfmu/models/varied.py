@@ -128,16 +128,15 @@ class VariedModel(formulas.FormulaModel):
 
     def _turning(self, i: int) -> Slopes:
         """Return the slopes of a rate of the rotation vector: u' = the error of omega_b - omega_b x u."""
-        carried = skew(self.motion.omega)[i]
-        slopes: Slopes = {n: -carried[n] for n in range(3) if isinstance(carried[n], Symbol) or carried[n] != 0.0}
-        return slopes | {self.errors.index(f"omega[{i + 1}]"): 1.0}
+        carried = {n: -x for n, x in enumerate(skew(self.motion.omega)[i]) if x != 0.0}
+        return {**carried, self.errors.index(f"omega[{i + 1}]"): 1.0}
 
     def _slopes_of(self, numbers: Mapping[Key, Number]) -> dict[Key, Slopes]:
         """Return the slopes of numbers, error by error: where all turns with q, products of q serve over and over."""
         found: dict[Key, Slopes] = {key: {} for key in numbers}
         for of, leaves in self._changes_of_leaves.items():
             for key, slope in zip(numbers, changes_of([*numbers.values()], leaves), strict=True):
-                if isinstance(slope, Symbol) or slope != 0.0:
+                if slope != 0.0:
                     found[key][of] = slope
         return found
 
