@@ -85,11 +85,9 @@ def _said(reason: int, M: Array) -> str:
 _FEW = 8
 """Bodies from which on lanes pay."""
 _impossible = "free_rotation: some of these moments are of no body (negative, infinite, or 0 beside two that differ)"
-_one_time_per_body = from_kernel.array_function(
-    _free.free_rotation, singular=_free.free_rotation_is_singular, warning=_impossible
-)
-_setup = from_kernel.array_function(
-    _free.free_rotation_setup, singular=_free.free_rotation_is_singular, warning=_impossible
+_one_time_per_body, _setup = (
+    from_kernel.array_function(kernel, singular=_free.free_rotation_is_singular, warning=_impossible)
+    for kernel in (_free.free_rotation, _free.free_rotation_setup)
 )
 _at = from_kernel.array_function(_free.free_rotation_at)
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from rbfmu.arrays import angle_between, quaternion_from_euler, rotate
 from rbfmu.extras import needed
-from rbfmu.on_disk import replacing
+from rbfmu.on_disk import write_whole
 from rbfmu.result import FORMATS, Result, quaternion_lengths, refuse_gaps
 from rbfmu.runs.inputs import input_tables
 from rbfmu.runs.plan import Plan
@@ -347,9 +347,7 @@ def view(
             driven = {"inputs": tables, "interpolate": interpolate} if tables else None
             motion = motion_of_scene(shown, shape, progress, ghosts, driven)
     if path is not None:
-        page = motion.page
-        with replacing(Path(path), "w", encoding="utf-8") as file:
-            file.write(page)
+        write_whole(Path(path), motion.page.encode())
     return motion
 
 
