@@ -286,8 +286,7 @@ class SceneCommand(click.Command):
     """
 
     def __init__(self, params: list[click.Parameter], shared: Sequence[click.Parameter], **others: Any) -> None:
-        file = click.Argument(["scene"], metavar="SCENE", type=PATH)
-        super().__init__(params=[file, *params, *shared], **others)
+        super().__init__(params=[click.Argument(["scene"], metavar="SCENE", type=PATH), *params, *shared], **others)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""

@@ -196,8 +196,7 @@ class Varied:
         asked, states = question.Question(scene), len(self.model.rates)
         tolerance = max(TIGHTER * asked.accuracy, methods.TIGHTEST)
         order = methods.likely_order(SHARE * tolerance)
-        own = Plan(key, "", states, tolerance=tolerance, order=order, span=asked.span, formulas=self.model)
-        return own, True
+        return Plan(key, "", states, tolerance=tolerance, order=order, span=asked.span, formulas=self.model), True
 
 
 def _least_variance(covariance: Array) -> float:

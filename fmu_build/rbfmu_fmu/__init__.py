@@ -16,6 +16,5 @@ def __getattr__(name: str) -> object:
     """Load a name's module when it is first used, as FMPy takes a tenth of a second."""
     if name not in __all__:
         raise AttributeError(f"module 'rbfmu_fmu' has no attribute {name!r}")
-    module = import_module(f"rbfmu_fmu.{_HOMES.get(name, 'verification')}")
-    value = globals()[name] = getattr(module, name)
+    value = globals()[name] = getattr(import_module(f"rbfmu_fmu.{_HOMES.get(name, 'verification')}"), name)
     return value

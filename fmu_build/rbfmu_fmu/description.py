@@ -155,8 +155,7 @@ def _without_effect(scene: Scene, plan: Plan) -> dict[str, frozenset[str]]:
         return {}
     fixed = "r_oc_b" in plan.pinned or "r_oc_b" not in _needed_parameters(scene, plan)
     central = fixed and not any(body.r_oc_b)
-    turned_by_none = {"alpha_b": FORCES} if central or body.pivot else {}
-    return turned_by_none | ({"acceleration": TORQUES} if central else {})
+    return ({"alpha_b": FORCES} if central or body.pivot else {}) | ({"acceleration": TORQUES} if central else {})
 
 
 def _needed_parameters(scene: Scene, plan: Plan) -> set[str]:

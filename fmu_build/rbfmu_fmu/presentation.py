@@ -63,8 +63,7 @@ def page(d: Description, version: FmiVersion, needs_python: bool) -> str:
     said = {"name": scene.name, "icon": version.icon, "status": STATUS_MEANING, "version": rbfmu.__version__}
     said |= {"model": plan.model, "states": str(plan.states), "method": plan.method, "error": f"{plan.error:.1e}"}
     said |= {key: f"{getattr(run, key):g}" for key in ("accuracy", "start", "stop", "step")}
-    interpolates = d.interpolates_inputs and not needs_python
-    unless = f", unless the importer {version.course_of_inputs}" if interpolates else ""
+    unless = f", unless the importer {version.course_of_inputs}" if d.interpolates_inputs and not needs_python else ""
     held = (
         f"<p>Inputs are held over a communication step{unless}. What is lost by holding an input that changes "
         "meanwhile comes on top, and is first order in the communication step.</p>\n"

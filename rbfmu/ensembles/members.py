@@ -103,8 +103,7 @@ def _possible(scene: Scene, found: Samples) -> Samples:
     for attempt in range(1, ATTEMPTS + 1):
         if not len(rows):
             break
-        cube = draws.at_random(ensemble_of(scene), found.first, len(found), attempt)[rows]
-        other = samples_at(scene, cube)
+        other = samples_at(scene, draws.at_random(ensemble_of(scene), found.first, len(found), attempt)[rows])
         for mine, theirs in ((found.applied, other.applied), (found.drawn, other.drawn)):
             for key, values in mine.items():
                 values[rows] = theirs[key]

@@ -46,8 +46,7 @@ class Arrays(Mapping[str, Any]):
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._sources:
-            known = ", ".join(self._sources) or "nothing"
-            raise KeyError(f"{name}: {self._missing}; there is {known}")
+            raise KeyError(f"{name}: {self._missing}; there is {', '.join(self._sources) or 'nothing'}")
         if name not in self._read:
             self._read[name] = np.asarray(self._sources[name])
         return self._read[name]
@@ -151,8 +150,7 @@ class EnsembleResult:
 
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
-        shown = ", ".join(self.rows)
-        return f"EnsembleResult({self.scene.name!r}: {self.runs} runs{failed}, {shown})"
+        return f"EnsembleResult({self.scene.name!r}: {self.runs} runs{failed}, {', '.join(self.rows)})"
 
     def _repr_html_(self) -> str:
         caption = f"{self.scene.name}: {self.runs:,} runs, {len(self.failed):,} failed; at t = {self.time[-1]:g} s"

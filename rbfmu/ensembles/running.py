@@ -160,9 +160,8 @@ def dask_client(address: str) -> Iterator[Any]:
 
     Dask is kept from writing tracebacks of lost connections, of which an error says enough.
     """
-    distributed = needed("distributed", "cluster")
     try:
-        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        client = needed("distributed", "cluster").Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ValueError(f"no scheduler of Dask at {address!r}: {error}") from None
     log = logging.getLogger("distributed.client")

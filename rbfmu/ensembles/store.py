@@ -53,8 +53,7 @@ class Progress:
         """Return the progress at the start."""
         if not work.keeps(names.STATISTICS):
             return cls(0, None)
-        points = work.scene.run.count + 1
-        return cls(0, Statistics.none(points, work.columns, work.most_points))
+        return cls(0, Statistics.none(work.scene.run.count + 1, work.columns, work.most_points))
 
     def add(self, chunk: Chunk, work: Work) -> None:
         """Add the next chunk."""
@@ -211,8 +210,7 @@ class Store:
 
     def _write(self, progress: Progress, rows: Mapping[str, Any], runs: int = 0) -> None:
         if self._file is not None:
-            results = self._results if runs else {}
-            Checkpoint(self._identity, progress, rows, results, runs).write(self._file)
+            Checkpoint(self._identity, progress, rows, self._results if runs else {}, runs).write(self._file)
 
     def add(self, chunk: Chunk) -> None:
         """Take the next chunk."""

@@ -93,8 +93,7 @@ class Texts:
         # with a potential the buffer has the force of both; a load that is not given is one zero here
         force_a = None if potential is None else np.zeros(3) + np.array(self.scene.loads.force_a)
         energy = self.motion.potential_energy(0.0 if potential is None else potential, force_a)
-        energies = {"kinetic_energy": kinetic, "potential_energy": energy, "total_energy": kinetic + energy}
-        self.motion.names |= energies
+        self.motion.names |= {"kinetic_energy": kinetic, "potential_energy": energy, "total_energy": kinetic + energy}
 
     def _without_potential(self, asked: str) -> Iterator[str]:
         """Yield what is wrong where loads act that have no potential."""

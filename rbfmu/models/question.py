@@ -123,8 +123,7 @@ class Question:
         body, varying, acting = self.body, self.varying, self.acting | self.varying
         levers = acting & (WEIGHTS if body.pivot else FORCES)
         arm = any(body.r_oc_b) or "r_oc_b" in varying
-        force = self.scene.loads.force_b
-        if not varying & {"force_b", "r_oc_b"} and not any(interpreted(cross)(body.r_oc_b, force)):
+        if not varying & {"force_b", "r_oc_b"} and not any(interpreted(cross)(body.r_oc_b, self.scene.loads.force_b)):
             levers -= {"force_b"}
         return {*(acting & TORQUES), *(levers | {"r_oc_b"} if arm and levers else ())}
 

@@ -83,8 +83,7 @@ class ModelSpec:
 
     def states_for(self, asked: Question) -> int:
         """Return how many numbers it keeps for what is needed."""
-        rotation = self.states if asked.attitude else self.rate_states
-        return rotation + (6 if asked.translation else 0)
+        return (self.states if asked.attitude else self.rate_states) + (6 if asked.translation else 0)
 
     def needed_parameters(self, asked: Question) -> set[str]:
         """Return the names of the parameters that are listed, or on which an output depends in this model."""

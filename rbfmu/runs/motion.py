@@ -88,8 +88,7 @@ def least_sizes(asked: Question, motion: Motion) -> dict[str, float]:
 
     A quantity that is zero but for round-off of its terms has no size of its own: errors are relative to these terms.
     """
-    resting = {name: size for name, (size, part) in _parts(asked, motion).items() if part <= NOISE}
-    return {**FLOORS, **resting}
+    return {**FLOORS, **{name: size for name, (size, part) in _parts(asked, motion).items() if part <= NOISE}}
 
 
 def lost_to_cancellation(asked: Question, motion: Motion) -> float:

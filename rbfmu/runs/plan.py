@@ -99,8 +99,7 @@ class Plan:
         if (scene.body is None) != (self.model == PRESCRIBED_RATES.key):
             raise _refused("model", self.model, "a model of a body" if scene.body else f"{PRESCRIBED_RATES.key!r}")
         by_formulas = scene.has_formulas or self.model == FORMULAS.key
-        is_made = self.formulas.serves(scene) if self.formulas else not by_formulas
-        if is_made:
+        if self.formulas.serves(scene) if self.formulas else not by_formulas:
             return self
         from rbfmu.models.formulas import OverClosedForm, equations_of  # what has none starts sooner
 
