@@ -138,20 +138,23 @@ def sensitivity(
 
 
 class Varied:
-    """A scene and the numbers that vary: `along` gives the derivatives along it, also for other values of these."""
+    """A scene and the numbers that vary: `along` gives the derivatives along it, also for other values of these.
 
-    def __init__(self, scene: Scene, by: Sequence[str]) -> None:
+    argument: what names their keys, `by`, for messages.
+    """
+
+    def __init__(self, scene: Scene, by: Sequence[str], argument: str = "by") -> None:
         if scene.body is None:
             raise ValueError(f"{scene.name}: expected a scene with a body, not prescribed rates, for derivatives")
         if taken := [name for name in scene.outputs.own if name in TAKEN]:
             said = "expected another name where derivatives are taken, which call something else so"
             raise SceneError([f"outputs.{name}: {said}" for name in taken], scene.name)
-        self.columns = [column for key in keys_of(by) for column in columns_of(scene, key)]
+        self.columns = [column for key in keys_of(by) for column in columns_of(scene, key, argument)]
         if not self.columns:
-            raise ValueError("by: expected at least one key")
+            raise ValueError(f"{argument}: expected at least one key")
         self.numbers = tuple(column.name for column in self.columns)
         if len({*self.numbers}) < len(self.numbers):
-            raise ValueError(f"by: expected each number once, not {', '.join(self.numbers)}")
+            raise ValueError(f"{argument}: expected each number once, not {', '.join(self.numbers)}")
         self.model = VariedModel(scene, self.columns)
 
     def along(self, scene: Scene, drive: Drive, planned: Plan | None = None, covariance: Any = None) -> Sensitivity:

@@ -201,8 +201,6 @@ def fit(
     known = read_measured(scene, data)
     listed = keys_of(free)
     keys = [key for k, key in enumerate(listed) if key not in listed[:k]]
-    if not keys:
-        raise ValueError("free: expected at least one key")
     timed = with_times(scene, inputs, interpolate)  # a fit takes other steps
     return _Search(scene, known, keys, noise.given_deviations(sigma, known), loss, (timed, interpolate)).fit()
 
@@ -215,16 +213,14 @@ class _Search:
         self._block_diagonal = extras.needed("scipy.linalg", "fit").block_diag
         self._scene, self._data, self._given, self._loss = scene, data, given, loss
         self._charts: list[Chart] = [chart_of(scene, key) for key in keys]
-        names = [column.name for chart in self._charts for column in chart.columns]
-        if len({*names}) < len(names):
-            raise ValueError(f"free: expected each number once, not {', '.join(names)}")
-        least = len(names) + (len(given) < len(data.values))  # as many tell the numbers, and nothing of the noise
-        if data.count < least:
-            why = "as many as are free" if least == len(names) else "more than are free, unless sigma is given"
-            raise ValueError(f"data: {data.count} numbers: expected at least {least}, {why}")
-        self._names = tuple(names)
         self._asked = _scene_to_run(scene, data)
-        self._varied = Varied(self._asked, keys)
+        self._varied = Varied(self._asked, keys, "free")
+        self._names = self._varied.numbers
+        count = len(self._names)
+        least = count + (len(given) < len(data.values))  # as many tell the numbers, and nothing of the noise
+        if data.count < least:
+            why = "as many as are free" if least == count else "more than are free, unless sigma is given"
+            raise ValueError(f"data: {data.count} numbers: expected at least {least}, {why}")
         self._tables, self._interpolate = input_tables(self._asked, *inputs), inputs[1]  # a pipe is read once
 
     def fit(self) -> Fit:
