@@ -281,8 +281,7 @@ class Simulator:
             unit = own[name].unit or "1" if name in own else BY_NAME[name].unit
             if size_of(self.scene, name) == 1:
                 return ValueError(fault(name, value, f"a finite number ({unit})"))
-            good = numbers.shape == (3,) and all(issubclass(type(x), Real) and abs(x) < math.inf for x in numbers)
-            if not good:
+            if numbers.shape != (3,) or not all(issubclass(type(x), Real) and abs(x) < math.inf for x in numbers):
                 shape = f", of shape (3,) and not {numbers.shape}" if numbers.ndim > 1 else ""
                 return ValueError(f"{name} = {as_toml(value)}: expected 3 finite numbers ({unit}){shape}")
         return ValueError(f"inputs {as_toml(ports)}: expected numbers whose sum is finite")

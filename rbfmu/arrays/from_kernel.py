@@ -273,8 +273,7 @@ def clear_error(kernel: Function, args: Arguments, kwargs: Keywords, refused: Ex
         common = np.broadcast_shapes(*leading.values())
     except ValueError:
         return ValueError(f"{name}: leading shapes {leading} do not broadcast")
-    out = args[len(shapes) :] or kwargs.get("out")
-    if error := _of_out(name, results, common, out):
+    if error := _of_out(name, results, common, args[len(shapes) :] or kwargs.get("out")):
         return error
     return refused if str(refused).startswith(f"{name}: ") else type(refused)(f"{name}: {refused}")
 

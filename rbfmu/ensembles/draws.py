@@ -84,8 +84,7 @@ def _hypercube(dimensions: int, runs: int, seed: int) -> Array:
 
     Each number has one value in each of `runs` equal parts (McKay, Beckman and Conover, Technometrics 21, 1979).
     """
-    qmc = needed("scipy.stats.qmc", "ensemble")
-    cube: Array = qmc.LatinHypercube(dimensions, rng=_generator(seed)).random(runs)
+    cube: Array = needed("scipy.stats.qmc", "ensemble").LatinHypercube(dimensions, rng=_generator(seed)).random(runs)
     np.clip(cube, 2.0**-54, 1.0 - 2.0**-53, out=cube)
     cube.flags.writeable = False
     return cube
@@ -105,9 +104,7 @@ def _grid(ensemble: Ensemble, first: int, count: int) -> Array:
 def _places(marginal: Marginal) -> Array:
     """Return a number's places in the grid: from end to end where it is uniform, else the middles of equal shares."""
     n = marginal.points
-    if marginal.kind == UNIFORM and n > 1:
-        return np.arange(n) / (n - 1)
-    return (np.arange(n) + 0.5) / n
+    return np.arange(n) / (n - 1) if marginal.kind == UNIFORM and n > 1 else (np.arange(n) + 0.5) / n
 
 
 _DESIGNS: Mapping[str, Callable[[Ensemble, int, int], Array]] = {

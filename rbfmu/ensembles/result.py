@@ -128,10 +128,8 @@ class EnsembleResult:
         self.scene, self.failed, self._arrays = scene, dict(failed), arrays
         self.time: Array = np.asarray(arrays[names.TIMES])
         self.probabilities: Array = np.asarray(arrays[names.PROBABILITY])
-        self.rows, keep, rank_error = names.output_rows(scene), members.ensemble_of(scene).keep, names.RANK_ERROR
-        self.rank_error = 0.0
-        if names.STATISTICS in keep and rank_error in arrays:
-            self.rank_error = float(np.asarray(arrays[rank_error]))
+        self.rows, keep = names.output_rows(scene), members.ensemble_of(scene).keep
+        self.rank_error = float(np.asarray(arrays.get(names.RANK_ERROR, 0.0))) if names.STATISTICS in keep else 0.0
         applied = {name: arrays[name] for name in names.varied_rows(scene) if name in arrays}
         self.samples = Arrays(applied, "no key that varies")
         # what is not kept is not looked for: an output of one's own may have its name

@@ -107,8 +107,7 @@ class Checkpoint:
             head = json.loads(str(arrays.pop(_HEAD)))
             of_statistics = [name for name in arrays if name.startswith(_STATISTICS)]
             kept = {name.removeprefix(_STATISTICS): arrays.pop(name) for name in of_statistics}
-            statistics = Statistics.from_arrays(kept) if kept else None
-            progress = Progress(head["chunks"], statistics, dict(head["failed"]))
+            progress = Progress(head["chunks"], Statistics.from_arrays(kept) if kept else None, dict(head["failed"]))
             rows = {name: arrays.pop(name) for name in head["rows"]}
             return cls(head["identity"], progress, rows, arrays, head["runs"])
 

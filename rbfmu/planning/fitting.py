@@ -170,8 +170,7 @@ class _Search:
             found = self._cheapest_over(tolerance, bound * self.accuracy).plan
             if found.error <= bound * self.accuracy:
                 break
-        reasons = why_held_whatever(self.asked, found, growth, self.judge.arithmetic)
-        return replace(found, reasons=reasons)
+        return replace(found, reasons=why_held_whatever(self.asked, found, growth, self.judge.arithmetic))
 
     # What is accurate enough whatever the communication step
 

@@ -189,8 +189,7 @@ class Judge:
         """
         points = [*range(0, len(self.steps), at_once), len(self.steps)]
         steps = [math.fsum(self.steps[i:j]) for i, j in pairwise(points)]
-        truth = {name: self.truth[name][points] for name in self.names}
-        return self._error(plan, steps, truth, parts, absolute)
+        return self._error(plan, steps, {name: self.truth[name][points] for name in self.names}, parts, absolute)
 
     def try_between(self, plan: Plan, pieces: float) -> float:
         """Return the plan's error in about so many shorter steps, at communication points and between them."""

@@ -76,9 +76,8 @@ def series_plan(general: Plan, order: int, tolerance: float) -> Plan:
 
 
 def one_axis_series(asked: Question) -> Iterator[Plan]:
-    """Yield the series of one angle, from the highest order."""
-    for order in reversed(ORDERS):
-        yield Plan(ONE_AXIS_TAYLOR.key, _series(order), 0, tolerance=asked.accuracy, order=order)
+    """Return the series of one angle, from the highest order."""
+    return (Plan(ONE_AXIS_TAYLOR.key, _series(n), 0, tolerance=asked.accuracy, order=n) for n in reversed(ORDERS))
 
 
 def likely_order(accuracy: float) -> int:

@@ -243,8 +243,7 @@ class Listed:
                 of = of[::-1]
             if kind == "multiply" and changing.isdisjoint(of[1:]):
                 kind = "scale"
-            places = [place[j] for j in of]
-            rows[n] = [KINDS.index(kind), *places, *[0] * (3 - len(of)), i in changing]
+            rows[n] = [KINDS.index(kind), *(place[j] for j in of), *[0] * (3 - len(of)), i in changing]
         return rows
 
     @property

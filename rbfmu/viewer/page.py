@@ -49,8 +49,7 @@ class Geometry:
         self.unit = self.body_radius * self.enlarged
         """The metres of a path in one length of the drawing."""
         begin = motion.position[0]
-        is_far = np.linalg.norm(begin) > 2.0 * self.reach + 4.0 * self.unit
-        self.origin_a = begin if is_far else np.zeros(3)
+        self.origin_a = begin if np.linalg.norm(begin) > 2.0 * self.reach + 4.0 * self.unit else np.zeros(3)
         """Where the axes of a are drawn (m): at its origin, or at the path's beginning if that is far off."""
         points = np.vstack([self.paths, self.origin_a[None]])
         self.middle = (points.min(axis=0) + points.max(axis=0)) / 2.0

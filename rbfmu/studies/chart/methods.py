@@ -98,9 +98,8 @@ def step_counts(case: Case, quick: bool, largest: float = 16.0) -> Iterator[floa
 
 
 def tolerances(largest: int, smallest: int, quick: bool) -> Iterator[float]:
-    """Yield powers of ten from large to small in half decades (quick: every three decades)."""
-    for k in range(2 * largest, 2 * smallest - 1, -(6 if quick else 1)):
-        yield 10.0 ** (k / 2)
+    """Return powers of ten from large to small in half decades (quick: every three decades)."""
+    return (10.0 ** (k / 2) for k in range(2 * largest, 2 * smallest - 1, -(6 if quick else 1)))
 
 
 def module(name: str) -> Any:
@@ -209,8 +208,7 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
         out[:] = math.nan
     parts = np.split(out[case.checkpoints], np.cumsum([*map(len, places.values())])[:-1], axis=1)
     found = dict(zip(places, parts, strict=True))
-    evaluations = per_substep * (fixed or substeps_counted(kernels, z))
-    return Run(found, timer(solve), evaluations, chosen.method)
+    return Run(found, timer(solve), per_substep * (fixed or substeps_counted(kernels, z)), chosen.method)
 
 
 def substeps(order: int, controlled: bool = True) -> Method:

@@ -229,8 +229,7 @@ def _driven(case: Case) -> Motion:
 
 
 def _apart() -> float:
-    cases = (Case(model, "", tolerance=1e-14, order=n) for model, n in ((SERIES, 16), (LOADED, 0)))
-    one, other = map(_driven, cases)
+    one, other = (_driven(Case(model, "", tolerance=1e-14, order=n)) for model, n in ((SERIES, 16), (LOADED, 0)))
     return motions.error_of(one, other) if one and other else math.inf
 
 
