@@ -25,7 +25,7 @@ AXES = ("x", "y", "z")
 _EULER_PARAMETERS = ("scalar part", "vector part x", "vector part y", "vector part z")
 _INERTIA = {"inertia": 3}
 """Numbers of a block that say its size, where that is not all."""
-_AS_IT_IS = ("identifier", "about", "counts", "start_buffer", "outputs_end", "start_place", "last_time")
+_AS_IT_IS = ("identifier", "counts", "start_buffer", "outputs_end", "start_place")
 """What a slave knows of a description besides its variables; of these it knows all but what only XML says."""
 _OF_XML = ("follows", "begins_with")
 
@@ -82,16 +82,6 @@ class Description(NamedTuple):
     start_place: int
 
     @property
-    def about(self) -> dict[str, str]:
-        """Return what tools show of it: the scene's table `about`."""
-        return {name: getattr(self.scene.about, name) for name in ("description", "author", "version", "license")}
-
-    @property
-    def last_time(self) -> float:
-        """Return the time from which on `status` is 2."""
-        return self.scene.run.last_time
-
-    @property
     def inputs(self) -> tuple[Variable, ...]:
         """Return the inputs, in their order."""
         return tuple(v for v in self.variables if v.causality == "input")
@@ -113,8 +103,8 @@ class Description(NamedTuple):
 
     def to_dict(self) -> dict[str, object]:
         """Return a dict for JSON: this, and what is said of parameters that a model does not serve."""
-        known = {"name": self.scene.name, "model": self.plan.kernels.name}
-        known |= {name: getattr(self.scene.run, name) for name in ("start", "stop", "step", "accuracy")}
+        known = {"name": self.scene.name, "model": self.plan.kernels.name, "about": self.scene.about.table()}
+        known |= {name: getattr(self.scene.run, name) for name in ("start", "stop", "step", "accuracy", "last_time")}
         known |= {name: getattr(self, name) for name in _AS_IT_IS}
         variables = [{k: x for k, x in v._asdict().items() if k not in _OF_XML} for v in self.variables]
         return known | {"variables": variables, "faults": buffer.FAULTS, "changed": buffer.CHANGED}

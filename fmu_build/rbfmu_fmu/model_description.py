@@ -92,11 +92,10 @@ LICENSE = "MIT; see documentation/licenses"
 """The terms of the code in an FMU, which a scene's own stand beside."""
 _KINDS = {"input": ("continuous", ""), "parameter": ("fixed", "exact"), "output": ("continuous", "calculated")}
 """By causality: variability and initial."""
-STATUS_MEANING = (
+STATUS = {"name": "status", "causality": "output", "variability": "discrete", "initial": "calculated"}
+STATUS["description"] = (
     "0: fine; 1: the last step was refused or missed the accuracy; 2: past the stop time, accuracy not promised"
 )
-STATUS = {"name": "status", "causality": "output", "variability": "discrete", "initial": "calculated"}
-STATUS |= {"description": STATUS_MEANING}
 STATUS_RANGE = {"min": "0", "max": "2"}
 UNSET = "{}"
 """Stands for an FMU's identity while that identity is being made."""
@@ -105,7 +104,7 @@ UNSET = "{}"
 def model_description(version: FmiVersion, d: Description, co_simulation: dict[str, str]) -> Element:
     """Return modelDescription.xml, without identity; `co_simulation` has attributes in which kinds of FMU differ."""
     about = {"generationTool": f"rbfmu {rbfmu.__version__}", "description": "One rigid body", "license": LICENSE}
-    about |= stated(**d.about)
+    about |= stated(**d.scene.about.table())
     root = Element("fmiModelDescription", {
         "fmiVersion": version.name, "modelName": d.scene.name, version.identity: UNSET, **about,
         "variableNamingConvention": "structured",

@@ -23,7 +23,7 @@ import rbfmu
 from rbfmu.types import Array
 from rbfmu.viewer import Shape, shape_of
 from rbfmu_fmu.description import AXES, Description, Variable, blocks, scalars
-from rbfmu_fmu.model_description import STATUS_MEANING, FmiVersion, fmi_name, stated, xml_bytes
+from rbfmu_fmu.model_description import STATUS, FmiVersion, fmi_name, stated, xml_bytes
 from rbfmu_fmu.native.platforms import FMI_HEADERS
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
@@ -60,7 +60,7 @@ def page(d: Description, version: FmiVersion, needs_python: bool) -> str:
     """Return the page, which says how inputs change within a step, if they can."""
     scene, plan = d.scene, d.plan
     run, pivot = scene.run, scene.body is not None and scene.body.pivot
-    said = {"name": scene.name, "icon": version.icon, "status": STATUS_MEANING, "version": rbfmu.__version__}
+    said = {"name": scene.name, "icon": version.icon, "status": STATUS["description"], "version": rbfmu.__version__}
     said |= {"model": plan.model, "states": str(plan.states), "method": plan.method, "error": f"{plan.error:.1e}"}
     said |= {key: f"{getattr(run, key):g}" for key in ("accuracy", "start", "stop", "step")}
     unless = f", unless the importer {version.course_of_inputs}" if d.interpolates_inputs and not needs_python else ""
@@ -69,7 +69,7 @@ def page(d: Description, version: FmiVersion, needs_python: bool) -> str:
         "meanwhile comes on top, and is first order in the communication step.</p>\n"
     )
     made = {
-        "about": "".join(f"<p>{escape(text)}</p>\n" for text in (d.about["description"], _by_whom(d)) if text),
+        "about": "".join(f"<p>{escape(text)}</p>\n" for text in (scene.about.description, _by_whom(scene)) if text),
         "reasons": "".join(f"<li>{escape(reason)}</li>\n" for reason in plan.reasons),
         "tables": "".join(_table(d, causality) for causality in ("input", "output", "parameter")),
         "pivot": " The body's origin o is a pivot, fixed in space." if pivot else "",
@@ -97,9 +97,9 @@ def _html_table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return f"<table>\n{''.join(lines)}</table>\n"
 
 
-def _by_whom(d: Description) -> str:
-    words = {"author": "author", "version": "version", "license": "licence"}
-    return "; ".join(f"{word}: {d.about[key]}" for key, word in words.items() if d.about[key])
+def _by_whom(scene: rbfmu.Scene) -> str:
+    said = {"author": scene.about.author, "version": scene.about.version, "licence": scene.about.license}
+    return "; ".join(f"{word}: {text}" for word, text in said.items() if text)
 
 
 def _table(d: Description, causality: str) -> str:

@@ -62,7 +62,7 @@ def test_the_last_time_is_within_a_tenth_of_a_step_of_the_stop(start, span, step
     """Or a `status` of 2 would not tell that FMPy, which takes 1e-9 of the time for round-off, went past it."""
     run = {"start": start, "stop": start + span, "step": step}
     made = Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, run=run)
-    last = describe(made, planned("default")).last_time
+    last = describe(made, planned("default")).to_dict()["last_time"]
     assert start + span < last <= start + span + 0.1 * step
 
 

@@ -58,7 +58,7 @@ def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
     texts |= {"held": slave_access.HELD, "to_vary": slave_access.TO_VARY, "changed": CHANGED}
     return _filled("scene.h", {name: _c(text) for name, text in texts.items()} | {
         "categories": _row([*map(_c, LOG_CATEGORIES), "NULL"]), "unknown": unknown, "start_place": d.start_place,
-        "start_time": run.start.hex(), "last_time": d.last_time.hex(), "accuracy": run.accuracy.hex(),
+        "start_time": run.start.hex(), "last_time": run.last_time.hex(), "accuracy": run.accuracy.hex(),
         "output_derivatives": "#define OUTPUT_DERIVATIVES" if d.output_rates else "/* no output has a derivative */",
         "ok": OK, "rejected": STEP_REJECTED, "past_stop": PAST_STOP, "start": _row(x.hex() for x in d.start_buffer),
         "size": len(d.start_buffer), "reals": len(d.variables), "changes": d.outputs_end,
