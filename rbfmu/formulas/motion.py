@@ -135,8 +135,7 @@ class Motion:
     def value(self, text: str) -> Array:
         """Return what a formula gives."""
         if "M_o" in text:  # made for those alone that ask: others keep the order of their operations
-            M_c, mass, r_oc = (self.names[name] for name in ("M_c", "mass", "r_oc_b"))
-            self.names["M_o"] = np.array(interpreted(kernels.parallel_axis)(M_c, mass, tuple(r_oc)), object)
+            self.names["M_o"] = inertia_of(self, about_o=True)
         return value_of(text, self.names, self.functions)
 
     def to_a(self, v: Array) -> Array:
@@ -208,9 +207,7 @@ class Motion:
         energy = omega @ momentum
         acceleration = np.array(_ZERO, object)
         if not self.given.pivot:
-            relative = interpreted(kernels.relative_acceleration)(
-                tuple(omega), tuple(alpha), tuple(self._places("r_oc_b"))
-            )
+            relative = interpreted(kernels.relative_acceleration)(*map(tuple, (omega, alpha, self._places("r_oc_b"))))
             acceleration = np.array([rates[name] for name in elements("v_c", 3)], object)
             acceleration = _less(acceleration, R @ np.array(relative, object))
             energy += mass * (self.v_c @ self.v_c)
@@ -304,7 +301,7 @@ class Start:
         """Let all else change, once the attitude does, which turns what lies between o and the centre of mass."""
         known, omega, pivot = motion.names, motion.omega, motion.given.pivot
         self.set(omega, self.of(self.leaves("omega_b_0", 3)))
-        mass, arm, M = known["mass"], known["r_oc_b"], inertia_of(motion)
+        mass, arm, M = known["mass"], known["r_oc_b"], inertia_of(motion, about_o=pivot)
         inverse = np.array(self.leaves("M_inverse", 9), object).reshape(3, 3)
         by_M = np.array(self.of(np.ravel(M)), object)
         self.set(self.leaves("M", 9), by_M)
@@ -321,7 +318,7 @@ class Start:
             self.set(self.leaves(f"{STATE}{name}", size, "state"), self.of(self.leaves(f"{STATE}{name}_0", size)))
 
 
-def inertia_of(motion: Motion) -> Array:
-    """Return the inertia that turns a body, by its parameters: about the centre of mass, or about a pivot."""
+def inertia_of(motion: Motion, about_o: bool) -> Array:
+    """Return a body's inertia by its parameters: about o, which turns it with a pivot, or about the centre of mass."""
     M, mass, arm = (motion.names[name] for name in ("M_c", "mass", "r_oc_b"))
-    return np.array(interpreted(kernels.parallel_axis)(M, mass, tuple(arm)), object) if motion.given.pivot else M
+    return np.array(interpreted(kernels.parallel_axis)(M, mass, tuple(arm)), object) if about_o else M

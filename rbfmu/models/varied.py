@@ -53,7 +53,7 @@ class VariedStart:
         start.set(motion.q, turned @ np.array([*motion.turns()], object))
         start.begin(motion)
         self._graph, self._changes = motion.graph, {repr(leaf): dx for leaf, dx in start.changes.items()}
-        self._inertia = [*np.ravel(inertia_of(motion))]
+        self._inertia = [*np.ravel(inertia_of(motion, about_o=motion.given.pivot))]
         self._by_column = {f"{CHANGE}{x}": row for x, row in zip(names, np.eye(len(names)), strict=True)}
 
     def at(self, z: Array) -> dict[str, Array]:

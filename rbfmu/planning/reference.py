@@ -225,9 +225,8 @@ class Listed:
         self.sides = [n for n, one in known if one.kind == "side"]
         touching = [(place[one.of[-1]], n) for n, one in known if one.kind in ("sqrt", "atan2")]
         self.touching = np.array(touching, np.int64).reshape(-1, 2)
-        self.rising = np.array(
-            [*{place[i] for _, one in known if one.kind in program.RISING for i in one.of}], np.int64
-        )
+        rising = {place[i] for _, one in known if one.kind in program.RISING for i in one.of}
+        self.rising = np.array([*rising], np.int64)
         self.time = dict(zip(names, self.states[:, 0].tolist(), strict=True)).get("t", -1)
 
     def _rows(self, place: Mapping[int, int]) -> Indices:
