@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
@@ -30,7 +29,6 @@ def plot_ensemble(result: EnsembleResult, path: str | Path | None = None) -> Fig
     events = tuple(result.counts)
     heights = [*[1.9] * len(names), *[1.5] * len(events), 0.7 + 0.24 * len(drivers.varied)]
     figure = Picture(figsize=(10.0, 1.3 + sum(heights)), layout="constrained")
-    FigureCanvasAgg(figure)
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights, width_ratios=(2.2, 1.0))
     first = None
     for row, name in enumerate(names):
