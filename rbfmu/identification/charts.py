@@ -163,21 +163,17 @@ def _inertia_of(E: Array) -> Array:
 
 def chart_of(scene: Scene, key: str) -> Chart:
     """Return the coordinates of a key. Raises ValueError for one of an inertia's numbers alone."""
-    if key == ATTITUDE:
-        return _Attitude(scene, key)
-    if key == INERTIA:
-        return _Inertia(scene, key)
-    if isinstance(key, str) and key.startswith(INERTIA):
+    if isinstance(key, str) and key != INERTIA and key.startswith(INERTIA):
         raise ValueError(f"free = {key!r}: expected {INERTIA} as a whole, so that it stays one that a body can have")
-    return _Mass(scene, key) if key == MASS else Chart(scene, key)
+    kinds: dict[str, type[Chart]] = {ATTITUDE: _Attitude, INERTIA: _Inertia, MASS: _Mass}
+    return kinds.get(str(key), Chart)(scene, key)
 
 
 def value_of(scene: Scene, key: str) -> ArrayLike:
     """Return what a scene has for a key without an index, of an attitude the quaternion."""
     table, _, name = key.partition(".")
-    section = getattr(scene, table)
-    place = {ATTITUDE: "quaternion", INERTIA: "M_c"}.get(key, name)
-    return section[name].numbers if table in OWN else getattr(section, place)  # type: ignore[no-any-return]
+    section, name = getattr(scene, table), "quaternion" if key == ATTITUDE else name
+    return section[name].numbers if table in OWN else getattr(section, name)  # type: ignore[no-any-return]
 
 
 def changes(charts: Sequence[Chart], p: Array) -> dict[str, Any]:

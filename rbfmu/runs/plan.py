@@ -78,12 +78,9 @@ class Plan:
     @property
     def spec(self) -> ModelSpec:
         """Return what is known of the model."""
-        if self.model == FORMULAS.key:
-            return FORMULAS
-        try:
-            return MODELS[self.model]
-        except KeyError:
-            raise _refused("model", self.model, f"one of {', '.join(MODELS)}") from None
+        if (found := FORMULAS if self.model == FORMULAS.key else MODELS.get(self.model)) is None:
+            raise _refused("model", self.model, f"one of {', '.join(MODELS)}")
+        return found
 
     @property
     def kernels(self) -> Model:
