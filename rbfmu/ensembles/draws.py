@@ -74,10 +74,6 @@ def _sobol(ensemble: Ensemble, first: int, count: int) -> Array:
     return np.concatenate([head, sequence.random(count - len(head))]) + 0.5 ** (SOBOL_BITS + 1)
 
 
-def _latin_hypercube(ensemble: Ensemble, first: int, count: int) -> Array:
-    return _hypercube(len(ensemble.varying), ensemble.runs, ensemble.seed)[first : first + count]
-
-
 @lru_cache(maxsize=2)
 def _hypercube(dimensions: int, runs: int, seed: int) -> Array:
     """Return all rows, as each depends on how many there are: 8 bytes a number that varies, and a run.
@@ -110,12 +106,9 @@ def _places(marginal: Marginal) -> Array:
 _DESIGNS: Mapping[str, Callable[[Ensemble, int, int], Array]] = {
     RANDOM: at_random,
     SOBOL: _sobol,
-    LATIN_HYPERCUBE: _latin_hypercube,
+    LATIN_HYPERCUBE: lambda asked, i, n: _hypercube(len(asked.varying), asked.runs, asked.seed)[i : i + n],
     GRID: _grid,
 }
-
-
-_STANDARD = NormalDist()
 
 
 def mapped(function: Callable[[float], float], numbers: Array) -> Array:
@@ -173,7 +166,7 @@ def normal_scores(u: Array) -> Array:
 
 def probabilities(z: Array) -> Array:
     """Return the standard normal distribution function inside (0, 1)."""
-    return np.clip(mapped(_STANDARD.cdf, z), 2.0**-1000, 1.0 - 2.0**-53)
+    return np.clip(mapped(NormalDist().cdf, z), 2.0**-1000, 1.0 - 2.0**-53)
 
 
 def values_of(marginal: Marginal, u: Array, z: Array | None = None) -> Array:

@@ -13,9 +13,8 @@ from rbfmu.scene.section import SceneError, as_toml, checked, closest, fault, fl
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, PARAMETERS, Load, Parameter, indices
 
 _BY_NAME = {row.name: row for row in IN_BUFFER_ORDER}
-FIXED, NORMAL, UNIFORM, LOGNORMAL, TRIANGULAR, RELATIVE = (
-    "fixed", "normal", "uniform", "lognormal", "triangular", "relative",
-)  # fmt: skip
+FIXED, NORMAL, UNIFORM = "fixed", "normal", "uniform"
+LOGNORMAL, TRIANGULAR, RELATIVE = "lognormal", "triangular", "relative"
 
 
 class Distribution(NamedTuple):
@@ -218,9 +217,9 @@ MOST_POINTS = 1_000_000
 def _points(count: int) -> rules.Rule:
     """Return the rule of the numbers of points of a key with so many components."""
 
-    def made(value: object) -> list[int] | None:
+    def made(value: object) -> list[object] | None:
         each = list(value) if isinstance(value, list | tuple) else [value] * count
-        found = [n for n in each if isinstance(n, int) and not isinstance(n, bool) and 0 <= n <= MOST_POINTS]
+        found = [n for n in map(rules.whole(0, MOST_POINTS).made, each) if n is not None]
         return found if len(found) == len(each) == count else None
 
     several = f", or {count} of them" if count > 1 else ""

@@ -168,11 +168,11 @@ def _as_base64(values: Array) -> str:
 def _legend(geometry: Geometry) -> str:
     motion = geometry.motion
     rows = [("axes", "thin axes: a, fixed in space; thick axes: b, fixed in the body; x red, y green, z blue")]
-    if motion.angular_momentum is not None:
+    if (h := motion.angular_momentum) is not None:
         point = "o" if motion.pivot else "the centre of mass"
-        rows.append((SEEN["h"], f"h: angular momentum about {point}, {_longest(motion.angular_momentum)} kg m²/s"))
-    if motion.rate is not None:
-        rows.append((SEEN["ω"], f"ω: angular velocity of b in a, {_longest(motion.rate)} rad/s"))
+        rows.append((SEEN["h"], f"h: angular momentum about {point}, longest {longest(h):.3g} kg m²/s"))
+    if (rate := motion.rate) is not None:
+        rows.append((SEEN["ω"], f"ω: angular velocity of b in a, longest {longest(rate):.3g} rad/s"))
     if geometry.traced is not None:
         rows.append((SEEN["trace"], f"trace: tip of the body's axis {LETTERS[geometry.traced]}_b"))
     rows += [("", note) for note in _notes(geometry)]
@@ -197,10 +197,6 @@ def _pace(factor: float) -> str:
     if abs(factor - 1.0) < 0.01:
         return "played in real time"
     return f"{factor:.3g} times as fast as it is" if factor > 1.0 else f"slowed down {1.0 / factor:.3g} times"
-
-
-def _longest(vectors: Array) -> str:
-    return f"longest {longest(vectors):.3g}"
 
 
 def record_page(geometry: Geometry) -> str:
