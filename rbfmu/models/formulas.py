@@ -53,7 +53,6 @@ class FormulaModel:
         whens = {f"{EVENT}{name}": np.array(when, object) for name, (when, _) in self.events.items()}
         loads, states, own = texts.loads, texts.states, texts.own  # without faults, none is None
         tables = {"loads": loads, "states": states, "outputs": own, "events": texts.events}
-        self.loads = loads
         self.by_key = {f"{table}.{name}": value for table, rows in tables.items() for name, value in rows.items()}
         self.all_rates = texts.rates
         known = {**motion.outputs(self.all_rates), **own}
@@ -217,7 +216,7 @@ class FormulaModel:
         Constant ones, and a torque in b that is constant but for what each rate times a constant takes: its damping.
         """
         graph, rates, found = self.motion.graph, elements("omega", 3), dict[str, list[Any]]()
-        loads = {name: [*np.ravel(value)] for name, value in self.loads.items()}
+        loads = {name: [*np.ravel(value)] for name, value in self.texts.loads.items()}
         places = self._leaves("place", [x for numbers in loads.values() for x in numbers])
         at_rest = {name: graph.leaf("place", name) for name in places} | dict.fromkeys(rates, 0.0)
         for name, numbers in loads.items():
@@ -241,7 +240,7 @@ class FormulaModel:
     @property
     def read_by_loads(self) -> set[str]:
         """Return the names of the parameters that formulas of loads read."""
-        return self._parameters([x for value in self.loads.values() for x in np.ravel(value)], [])
+        return self._parameters([x for value in self.texts.loads.values() for x in np.ravel(value)], [])
 
     @property
     def quantities_read(self) -> set[str]:
