@@ -15,18 +15,8 @@ from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_a
 from ..compile.decorator import kernel
 from ..compile.simd import Lanes, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
 from ..compile.wide import alike, all_of, choose
-from ..mechanics.equations_of_motion import (
-    OMEGA,
-    R_C,
-    RATE_ONLY,
-    ROTATION,
-    V_C,
-    WHOLE_STATE,
-    Body,
-    LoadPolynomial,
-    Loads,
-    angular_acceleration,
-)  # fmt: skip
+from ..mechanics import equations_of_motion as motion
+from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, ROTATION, V_C, WHOLE_STATE, Body, LoadPolynomial
 from ..numerics import double_double as dd
 from ..rotations.quaternion import largest_of, scale_quaternion, square_of
 from ..rotations.vec3 import ZERO, add, add_scaled, largest_component, norm, scale, subtract
@@ -303,9 +293,9 @@ def follow_series(z: Buffer, room: Room, i: int, method: Method, h: float, body:
 
 
 @kernel
-def may_pay(method: Method, q: Quaternion, omega: Vec3, body: Body, loads: Loads, h: float) -> bool:
+def may_pay(method: Method, q: Quaternion, omega: Vec3, body: Body, loads: motion.Loads, h: float) -> bool:
     """Return whether a series may reach over enough steps like h: see `likely_reach`, before there is one."""
-    turning = turning_of(omega, angular_acceleration(q, omega, body, loads))
+    turning = turning_of(omega, motion.angular_acceleration(q, omega, body, loads))
     return bool(method.n == RATE_ONLY or method.order >= LEAST_REACH * h * turning)
 
 

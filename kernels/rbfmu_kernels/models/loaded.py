@@ -27,6 +27,8 @@ _LOADED_TAYLOR_LAYOUT = with_work_space(driven.DRIVEN | {"order": 1} | dense.SER
 _AT = _LOADED_TAYLOR_LAYOUT.at
 _SERIES = _AT.validity
 """Where what is kept of a series begins."""
+REST = _AT.since
+"""Where a body in lanes that is to go in substeps has what is left of the communication step, as no series stands."""
 ROOM = Room(state=_AT.q, work=_AT.work, size=driven.STEP_SIZE)
 
 
@@ -110,6 +112,22 @@ def is_series_tried(z: Buffer, h: float) -> bool:
     """Return whether a series that serves further steps like this one is likely enough for one to be made."""
     steady = driven.holds_inputs(z, _AT.held_inputs) and z[_AT.tolerance] < math.inf
     return bool(steady and z[_AT.cool_down] <= 0.0 and h * dense.LEAST_REACH <= z[driven.STEP_SIZE])
+
+
+@kernel(inline=False)
+def begins_series(z: Buffer, h: float, method: Method) -> bool:
+    """Begin a step: go to where the series that stands ends; return whether one from there on may pay."""
+    keep_all(z)
+    is_tried, rest = is_series_tried(z, h), h
+    if is_tried:
+        if z[_SERIES] == dense.VALID:
+            rest -= dense.follow_to_end(z, ROOM, _SERIES, method.order)
+        q, omega = memory.rotation_of(z)
+        is_tried = dense.may_pay(method, q, omega, memory.body_of(z), memory.loads_of(z), h)
+        if not is_tried:
+            dense.give_up(z, ROOM, _SERIES, z[driven.STEP_SIZE])
+    z[REST] = rest
+    return is_tried
 
 
 def _lanes() -> shell.Lanes:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from ..body import driven, lanes, shell
 from ..body.lanes import MEMBER, PENDING, PIECE, STATUS
 from ..body.members import Control, Driving, Members, Room, Run
-from ..body.memory import MEMORY, STATE_START, body_of, loads_of
+from ..body.memory import MEMORY, STATE_START, body_of
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout, places
 from ..buffer_access import matrix_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
@@ -36,12 +36,10 @@ from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_ST
 from ..mechanics.inertia import is_diagonal
 from ..rotations.quaternion import invert_quaternion, rotate
 from ..types import Array, Buffer, Vec3
-from .loaded import LOADED_TAYLOR, ROOM, finished, go_on, is_series_tried, keep_all
+from .loaded import LOADED_TAYLOR, REST, ROOM, begins_series, finished, go_on
 
 _AT = Layout(LOADED_TAYLOR.BLOCKS, LOADED_TAYLOR.SIZE).at
 _SERIES = _AT.validity
-_REST = _AT.since
-"""Where a body that is to go in substeps has what is left of the communication step: no series stands then."""
 step = LOADED_TAYLOR.step
 COLUMNS = MEMORY | {
     "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3, "count": 1, "low": 1, "tried": 1, "has_failed": 1,
@@ -204,7 +202,7 @@ def _load(z: Buffer, c: Buffer, lane: int, member: int) -> None:
     for k in range(LANE.count, LANE.size):
         put_lane_at(c, k, lane, 0.0)
     put_lane_at(c, LANE.size, lane, z[driven.STEP_SIZE])
-    put_lane_at(c, LANE.rest, lane, z[_REST])
+    put_lane_at(c, LANE.rest, lane, z[REST])
     put_lane_at(c, LANE.is_new, lane, 1.0)
     put_lane_at(c, LANE.member, lane, float(member))
 
@@ -243,7 +241,7 @@ def _try_series(
     buffers, marks, _ = bodies
     lane, cautious = 0, dense.cautious(method)
     for i in range(first, len(buffers)):
-        if marks[i, STATUS] == _CHOSEN and _begins_series(buffers[i], _length_of(bodies, i), method):
+        if marks[i, STATUS] == _CHOSEN and begins_series(buffers[i], _length_of(bodies, i), method):
             _load(buffers[i], c, lane, i)
             lane += 1
         if lane == width_of(c) or (lane > 0 and i == len(buffers) - 1):
@@ -252,25 +250,8 @@ def _try_series(
             _make_series(buffers, c, s, cautious, fixed)
             for k in range(lane):
                 member = int(lane_at(c, LANE.member, k))
-                h = _length_of(bodies, member)
-                marks[member, STATUS] = _follow(buffers[member], c, k, h, cautious, fixed)
+                marks[member, STATUS] = _follow(buffers[member], c, k, _length_of(bodies, member), cautious, fixed)
             lane = 0
-
-
-@kernel(inline=False)
-def _begins_series(z: Buffer, h: float, method: substeps.Method) -> bool:
-    """Begin a step: go to where the series that stands ends; return whether one from there on may pay."""
-    keep_all(z)
-    is_tried, rest = is_series_tried(z, h), h
-    if is_tried:
-        if z[_SERIES] == dense.VALID:
-            rest -= dense.follow_to_end(z, ROOM, _SERIES, method.order)
-        q, omega = quaternion_at(z, STATE_START), vec3_at(z, STATE_START + OMEGA)
-        is_tried = dense.may_pay(method, q, omega, body_of(z), loads_of(z), h)
-        if not is_tried:
-            dense.give_up(z, ROOM, _SERIES, z[driven.STEP_SIZE])
-    z[_REST] = rest
-    return is_tried
 
 
 @kernel(inline=False)
@@ -312,7 +293,7 @@ def _follow(z: Buffer, c: Buffer, lane: int, h: float, method: substeps.Method, 
         dense.follow(z, ROOM, _SERIES, method.order, lane_at(c, LANE.rest, lane))
         return finished(z, driven.finish_steadily(z, method.n, h))
     dense.give_up(z, ROOM, _SERIES, longest)
-    z[_REST] = lane_at(c, LANE.rest, lane)
+    z[REST] = lane_at(c, LANE.rest, lane)
     return _CHOSEN
 
 
