@@ -137,8 +137,11 @@ def ours(batch: Batch, mark: float, run: Callable[..., Any]) -> Iterator[Run]:
         yield once
 
 
-def heyokas(batch: Batch, size: int) -> Iterator[Run]:
-    """Yield runs of heyoka.py with so many bodies a vector: compiled once, and all numbers of a body parameters."""
+def heyokas(batch: Batch, size: int, points: int = 1) -> Iterator[Run]:
+    """Yield runs of heyoka.py with so many bodies a vector: compiled once, and all numbers of a body parameters.
+
+    points: how many equally spaced outputs it makes of a run.
+    """
     with needed_of("bench"):
         import heyoka
     scenes, case = batch.scenes, batch.case
@@ -150,6 +153,7 @@ def heyokas(batch: Batch, size: int) -> Iterator[Run]:
     bodies = [np.ascontiguousarray(numbers[:, k : k + size]) for k in range(0, len(scenes), size)]
     states = [np.ascontiguousarray(start[:, k : k + size]) for k in range(0, len(scenes), size)]
     system = equations(case, _parameters(case, heyoka.par))
+    times = np.repeat(np.linspace(0.0, case.span, points + 1)[:, None], size, axis=1)
     for tolerance in TOLERANCES:
         series = heyoka.taylor_adaptive_batch(system, states[0], tol=tolerance, pars=bodies[0])
 
@@ -158,7 +162,10 @@ def heyokas(batch: Batch, size: int) -> Iterator[Run]:
             for own, state in zip(bodies, states, strict=True):
                 series.set_time(0.0)
                 series.pars[:], series.state[:] = own, state
-                series.propagate_until(case.span)
+                if points > 1:
+                    series.propagate_grid(times)
+                else:
+                    series.propagate_until(case.span)
                 found.append(series.state[:4].T.copy())
             return np.concatenate(found)
 
@@ -260,10 +267,10 @@ def row_of(key: str, mark: float, bodies: int, rounds: int, others: Sequence[str
 class Call:
     """`run_ensemble` as users call it, on one thread with what is kept on disk, beside heyoka.py in batches.
 
-    Costs are CPU times, us a body-second, heyoka.py's at the loosest tolerance with a third of the accuracy; drawing is
-    in ours, and planning in what a call takes that is the first with its scene; very_first: what the first one took,
-    which loads what is kept on disk; planned: ms before the first member. error: the worst of some members, over the
-    accuracy.
+    Costs are CPU times, us a body-second, heyoka.py's at the loosest tolerance with a third of the accuracy, and with
+    outputs at the same times, but no statistics of them, where ours are kept. Drawing is in ours, and planning in what
+    a call takes that is the first with its scene; very_first: what the first one took, which loads what is kept on
+    disk; planned: ms before the first member. error: the worst of some members, over the accuracy.
     """
 
     motion: str
@@ -304,7 +311,8 @@ def call_of(case: Case, mark: float, runs: int, rounds: int, keep: Sequence[str]
     batch = Batch(case, 0)
     samples = draw(scene, 0, runs)
     batch.scenes = [member(scene, samples, k) for k in range(BODIES)]
-    found = {name: within(batch, mark / 3.0, heyokas(batch, size)) for name, size in ((FOUR, 4), (EIGHT, 8))}
+    points = scene.run.count if "statistics" in keep else 1
+    found = {name: within(batch, mark / 3.0, heyokas(batch, size, points)) for name, size in ((FOUR, 4), (EIGHT, 8))}
     theirs = {name: one[0] for name, one in found.items() if one is not None}
     ours = {"ours": lambda: run_ensemble(scene, executor=1, progress=False), "planned": lambda: plan_ensemble(scene)}
     seconds = least(rounds, ours | theirs, SECONDS, MOST_SECONDS, process_time)
