@@ -14,6 +14,7 @@ from rbfmu.ensembles import draws, members, variables
 from rbfmu.ensembles.chunks import MOST_BYTES, Work, run_samples
 from rbfmu.models.question import Question
 from rbfmu.models.registry import LOADED_TAYLOR
+from rbfmu.planning import methods
 from rbfmu.planning.fitting import REACHED
 from rbfmu.planning.judge import Judge
 from rbfmu.planning.methods import TIGHTEST, likely_order, ratio_to, series_cost, series_of_all, series_plan
@@ -78,8 +79,8 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, part: float) -> Plan 
         order, idle, tolerance = likely.order + min(way, 0), 0, likely.tolerance
         while 6 <= order <= HIGHEST and idle < 2:
             found, tolerance, substeps = _loosest(lambda plan: worst(plan, hard), looser, order, tolerance, bound)
-            cost = series_cost(order, asked.load_shares)
-            cost *= at_bound(found, bound, looser.tolerance, substeps, steps) if found else math.inf
+            work = at_bound(found, bound, looser.tolerance, substeps, steps) if found else math.inf
+            cost = methods.cost_in_lanes(work, steps, series_cost(order, asked.load_shares))
             idle = idle + 1 if cost >= least else 0
             if found is not None and cost < least:
                 best, least = found, cost

@@ -35,6 +35,9 @@ KEPT_SERIES_COST = 1.6
 
 It has the attitude up to full order, where a substep's two-point formula has three eighths of it.
 """
+KEPT_IN_LANES, START_IN_LANES = 2.6, 110.0
+"""The same for members side by side, as such a series is kept and evaluated for each alone; and what a communication
+step of substeps costs over one that a series serves, ns on the scale of a substep alone: a third of it in lanes."""
 ONE_AXIS_COSTS = {4: 55.0, 8: 85.0, 16: 185.0}
 SPLITTING_COSTS = {2: 76.0, 4: 470.0, 6: 864.0}
 """Ns a substep, by order."""
@@ -195,6 +198,11 @@ def substep_cost(asked: Question, plan: Plan) -> float:
 def work_of(substeps: float, steps: float) -> float:
     """Return the substeps that cost as much, where fewer than steps are series that serve many of these."""
     return substeps if substeps >= steps else min(KEPT_SERIES_COST * substeps, steps)
+
+
+def cost_in_lanes(substeps: float, steps: float, cost: float) -> float:
+    """Return what orders are compared by for members side by side; cost: of a substep alone, ns."""
+    return KEPT_IN_LANES * cost * substeps if substeps < steps else cost * substeps + START_IN_LANES * steps
 
 
 MACHINE = "an Intel Xeon of 2026"

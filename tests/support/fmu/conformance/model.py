@@ -216,7 +216,7 @@ class Model:
         if self.facts.unit.step(z, size):
             return self._not_taken(DISCARD, time)
         now.z[:], now.time, self.last = z, end, end
-        now.status = PAST_STOP if end > self.facts.description.last_time else STEP_OK
+        now.status = PAST_STOP if end > self.facts.description.scene.run.last_time else STEP_OK
         now.stale = now.discarded = False
         return OK, None
 
