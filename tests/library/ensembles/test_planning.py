@@ -13,7 +13,9 @@ from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.ensembles.variables import Columns
 from rbfmu.exceptions import SceneError, SceneWarning
-from rbfmu.planning.methods import TIGHTEST
+from rbfmu.models.question import Question
+from rbfmu.planning.judge import Judge
+from rbfmu.planning.methods import TIGHTEST, series_cost
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import attitude_error
 from rbfmu.scene.scene import Scene
@@ -283,6 +285,27 @@ def test_all_members_meet_the_accuracy(seed):
     plan = plan_ensemble(scene)
     if plan.error <= scene.run.accuracy:  # else it says that the worst may miss it
         assert np.nanmax(errors(scene, plan)) <= 1.0
+
+
+def test_orders_are_compared_by_what_members_cost_side_by_side():
+    """A series that serves some two steps costs more there than two substeps of a lower order, one a step."""
+    omega = [2.0, -1.4, 1.8]
+    tables = FREE | {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "initial": {"omega_b": omega}}
+    tables |= {"loads": {"gravity_a": [0] * 3, "torque_b": [0.3, -0.2, 0.4]}}
+    tables |= {
+        "outputs": {"quantities": ["quaternion", "omega_b"]},
+        "run": {"stop": 6.0, "step": 0.2, "accuracy": 1e-8},
+    }
+    scene = Scene.from_dict(tables | {"ensemble": {"vary": {"initial.omega_b": {"normal": [omega, 0.02]}}}})
+    steps = scene.run.count
+
+    def work(found):
+        return Judge(Question(member(scene, draw(scene, 0, 1), 0))).try_out(found)[1]
+
+    found = plan_ensemble(scene)
+    higher = replace(found, order=20)
+    assert work(found) >= steps > work(higher)
+    assert series_cost(found.order, (0.0, 0.0)) * work(found) > series_cost(20, (0.0, 0.0)) * work(higher)
 
 
 @pytest.mark.thorough
