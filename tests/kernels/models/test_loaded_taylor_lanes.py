@@ -139,6 +139,11 @@ def test_short_steps_that_a_series_reaches_over_are_the_same_too():
     assert_same(8, buffers_of(["a torque in b", "a heavy top"], 9), [0.01] * 40 + [5.0, 0.01, 0.02])
 
 
+@pytest.mark.parametrize("h", [0.1, 0.2, 0.3])
+def test_steps_in_which_a_series_ends_and_the_next_may_be_too_short_are_the_same_too(h):
+    assert_same(8, buffers_of(["a torque in b", "a heavy top"], 24, order=16), [h] * 12)
+
+
 def test_rates_alone_are_the_same_too():
     assert_same(8, buffers_of(["a torque in b"], 9, outputs=["omega_b"]), [4.0, 2.0])
 
