@@ -183,6 +183,14 @@ def test_a_motion_that_was_given_up_says_how_far_it_came_and_why(rates, substeps
         judge_module.refuse_unfinished(scene_of("all loads"), [1e-4, 0.5], rows, substeps)
 
 
+def test_a_motion_that_was_given_up_says_when_by_the_clock_of_its_run():
+    """2026-11-29: no test found a time that was counted from the start."""
+    scene = scene_of("all loads").replace(run={"start": 3.0, "stop": 11.0})
+    rows = np.array([[rate, 0.0, 0.0] for rate in (1e9, 2.0, np.nan)])
+    with pytest.raises(SceneError, match=r"the 0\.5 s from t = 3\.0001 s take too many"):
+        judge_module.refuse_unfinished(scene, [1e-4, 0.5], rows, 50)
+
+
 @compiled
 @pytest.mark.parametrize(
     ("tables", "named"),
