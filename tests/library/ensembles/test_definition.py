@@ -3,6 +3,7 @@
 import json
 import pickle
 import tomllib
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -155,9 +156,9 @@ def test_a_shape_stays_with_its_mass_until_another_inertia_is_stated():
 def test_an_inertia_that_varies_outright_does_not_follow_the_shape():
     vary = MASS | {"body.inertia": {"normal": [[20.0, 20.0, 20.0], 0.1]}}
     assert scene(vary, body=SPHERE).ensemble.variation_of("body.shape") is None
-    assert (
-        scene(MASS | {"body.inertia": {"relative": 0.1}}, body=SPHERE).ensemble.variation_of("body.shape") is not None
-    )
+    for follows in ({"relative": 0.1}, {"axes_deg": 1.0}):
+        made = scene(MASS | {"body.inertia": follows}, body=SPHERE).ensemble
+        assert made.variation_of("body.shape") is not None, follows
 
 
 BEAM = {"mass": 1.0, "shape": {"kind": "beam", "length": 1.0}}
@@ -247,6 +248,13 @@ FAULTS = [
         },
         "ensemble.vary: a grid of 1000000000000 points: expected at most 1000000000",
     ),
+    (
+        {
+            "vary": {"loads.torque_b": {"uniform": [[0.0] * 3, [1.0] * 3], "points": 1250}},
+            "ensemble": {"design": "grid"},
+        },
+        "ensemble.vary: a grid of 1953125000 points: expected at most 1000000000",
+    ),
 ]  # fmt: skip
 PAIR = ["body.mass", "loads.torque_b[3]"]
 CORRELATIONS = [
@@ -257,11 +265,13 @@ CORRELATIONS = [
     ({"components": PAIR}, "expected either matrix (of correlations) or covariance"),
     ({"components": PAIR, "matrix": [[1, 1.5], [1.5, 1]]}, "expected a positive semidefinite matrix"),
     ({"components": PAIR, "matrix": [[1, 0.5], [0.4, 1]]}, "expected a symmetric matrix; rows 2 and 1 differ"),
+    ({"components": PAIR, "matrix": [[1, 0.5], [0.500000001, 1]]}, "expected a symmetric matrix; rows 2 and 1 differ"),
     ({"components": PAIR, "matrix": [[2, 0.5], [0.5, 1]]}, "expected 1 on the diagonal; or the key covariance"),
     ({"components": PAIR, "matrix": [[1.0]]}, "expected 2 rows of 2 numbers, as components has"),
     ({"components": PAIR, "covariance": [[0.25, 0], [0, 0.2]]},
      "covariance = 0.2: expected the square of the standard deviation"),
     ({"components": PAIR, "covariance": [[0.25, 0], [0, -0.01]]}, "expected numbers > 0 on the diagonal"),
+    ({"components": PAIR, "covariance": [[0.25, 0], [0, 0.0]]}, "[0.0, 0.0]]: expected numbers > 0 on the diagonal"),
 ]  # fmt: skip
 
 
@@ -288,6 +298,16 @@ def test_three_correlations_may_contradict_each_other():
     with pytest.raises(SceneError, match="expected a positive semidefinite matrix"):
         scene(vary, correlation=correlation)
     assert scene(vary, correlation=correlation | {"matrix": np.abs(matrix).tolist()}).ensemble.correlation is not None
+
+
+@pytest.mark.parametrize("other", [-0.5, 0.4, 0.6])
+def test_what_follows_from_one_number_is_correlated_as_that_one(other):
+    """2026-11-29: no test found that two equal numbers may have unlike correlations with a third."""
+    vary = TWO | {"initial.omega_b": {"normal": [[0, 0, 0], [0, 0, 1]]}}
+    for last, expectation in ((0.5, nullcontext()), (other, pytest.raises(SceneError, match="positive semidefinite"))):
+        matrix = [[1.0, 1.0, 0.5], [1.0, 1.0, last], [0.5, last, 1.0]]
+        with expectation:
+            scene(vary, correlation={"components": [*PAIR, "initial.omega_b[3]"], "matrix": matrix})
 
 
 def test_uniform_rotations_have_no_numbers_to_correlate():
