@@ -29,6 +29,7 @@ def test_a_radius_of_gyration_out_of_the_common(radius: float, said: str | None)
 
 def test_a_slender_beam_and_a_point_on_a_pivot_are_no_slip() -> None:
     for body in ({"mass": 1.0, "shape": {"kind": "beam", "length": 1.0}},
+                 {"mass": 1.0, "inertia": [1e-10, 1.0, 1.0]},
                  {"mass": 1.0, "inertia": [0, 0, 0], "r_oc_b": [1, 0, 0], "pivot": True}):  # fmt: skip
         assert list(doubts_before(scene(body=body))) == []
 
@@ -52,6 +53,7 @@ def test_more_than_a_turn_a_step(turns: float) -> None:
         assert "run.step = 0.1: 1.01 turns a communication step at the start" in found[0]
         assert "a turn takes 0.099 s" in found[0]
     assert list(doubts_before(scene(initial=fast, run=SLOW, outputs={"quantities": ["position", "omega_b"]}))) == []
+    assert list(doubts_before(scene(initial=fast, run={"stop": 0.1, "step": 0.1}))) == []  # its end is shown
 
 
 def test_a_body_that_is_spun_up_during_the_run() -> None:

@@ -129,6 +129,7 @@ BEAMS = {
     "force port off its axis": (BEAM | {"r_oc_b": "[1, 0.1, 0]"}, "inputs", "ports", '["force_a"]', "no force_a"),
     "turned: rate": (TURNED_BEAM, "initial", "omega_b", "[1, 1, 0]", "initial.omega_b"),
     "turned: damping": (TURNED_BEAM, "loads", "damping_b", "[1, 2, 0]", "loads.damping_b"),
+    "turned: little damping": (TURNED_BEAM, "loads", "damping_b", "[1e-13, 2e-13, 0]", "loads.damping_b"),
     "pivot on its axis": (
         *(BEAM | {"r_oc_b": "[1, 0, 0]", "pivot": "true"}, "inputs", "ports", '["torque_b"]', "no torque_b"),
     ),
