@@ -2,14 +2,18 @@
 
 import math
 import re
+from functools import partial
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import rbfmu
 from rbfmu.models.question import Question
 from rbfmu.planning import fitting
 from rbfmu.planning.methods import MACHINE, NS, ORDERS_OF_SERIES, likely_order, terms, with_cost
+from rbfmu.planning.select import plan
+from rbfmu.runs.inputs import HOLD, drive_of, input_tables
 from rbfmu.runs.plan import Plan
 from tests.support.command_line import call
 from tests.support.fmu.fmus import bench
@@ -53,6 +57,16 @@ def test_a_force_in_b_costs_as_one_that_turns_only_where_its_path_is_asked():
     without, along = (terms(Question(scene), series) for scene in scenes)
     assert "body under loads, by series, loads that turn" not in without
     assert "body under loads, by series, loads that turn" in along
+
+
+def test_a_closed_form_costs_as_often_as_inputs_cut_its_steps():
+    scene = COSTS.scene_of("free", ("position",), 1e-9, 0.5).replace({"inputs.ports": ["force_a"], "run.stop": 4.0})
+    times = np.arange(0.0, 4.0, 0.125)  # four to a step
+    tables = input_tables(scene, {"force_a": (times, np.ones((len(times), 3)))}, HOLD)
+    free = plan(scene)
+    assert free.spec.closed_form
+    found = plan(scene, driven=partial(drive_of, scene, tables, HOLD))
+    assert (found.model, found.cost) == (free.model, pytest.approx(4.0 * free.cost))
 
 
 def test_the_command_says_cost_step_and_machine():
