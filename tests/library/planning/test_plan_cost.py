@@ -11,7 +11,16 @@ import pytest
 import rbfmu
 from rbfmu.models.question import Question
 from rbfmu.planning import fitting
-from rbfmu.planning.methods import MACHINE, NS, ORDERS_OF_SERIES, likely_order, terms, with_cost
+from rbfmu.planning.methods import (
+    KEPT_SERIES_COST,
+    MACHINE,
+    NS,
+    ORDERS_OF_SERIES,
+    likely_order,
+    terms,
+    with_cost,
+    work_of,
+)
 from rbfmu.planning.select import plan
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables
 from rbfmu.runs.plan import Plan
@@ -57,6 +66,12 @@ def test_a_force_in_b_costs_as_one_that_turns_only_where_its_path_is_asked():
     without, along = (terms(Question(scene), series) for scene in scenes)
     assert "body under loads, by series, loads that turn" not in without
     assert "body under loads, by series, loads that turn" in along
+
+
+def test_series_that_serve_many_steps_cost_more_each_and_no_more_than_one_a_step():
+    assert work_of(100.0, 1000.0) == KEPT_SERIES_COST * 100.0
+    assert work_of(900.0, 1000.0) == work_of(1000.0, 1000.0) == 1000.0
+    assert work_of(2000.0, 1000.0) == 2000.0
 
 
 def test_a_closed_form_costs_as_often_as_inputs_cut_its_steps():

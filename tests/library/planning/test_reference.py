@@ -98,6 +98,18 @@ def test_the_judge_sees_an_error_in_every_quantity_and_none_in_a_tight_plan():
         assert judge.try_out(loose, at_once=16)[0] >= 1e-10, quantity
 
 
+@compiled
+def test_how_far_the_truth_may_be_off_counts_against_each_plan(monkeypatch):
+    scene = scene_of("all loads").replace({"inputs.ports": ["torque_b"]})
+    judge, found = Judge(Question(scene)), plan(scene)
+    judge.doubt = 0.25
+    assert judge.try_out(found)[0] == pytest.approx(0.25, rel=1e-6)
+    tables = input_tables(scene, {"torque_b": np.full((16, 3), 0.1)}, "hold")
+    monkeypatch.setattr(select, "largest_error", lambda *_: 0.25)  # of two series, and of each plan
+    with pytest.raises(SceneError, match=r"the methods here reach 5\.0e-01 with them"):
+        select.plan_for_inputs(Question(scene), found, partial(drive_of, scene, tables, "hold"))
+
+
 @pytest.mark.thorough
 @compiled
 def test_round_off_of_all_steps_is_counted_where_pilot_runs_take_several_at_once():
