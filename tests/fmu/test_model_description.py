@@ -156,3 +156,11 @@ def test_forces_at_a_pivot_turn_nothing_at_once(pivot, followed):
     d = describe(one, rbfmu.plan(one))
     output = next(v for v in d.outputs if v.block == "alpha_b")
     assert {d.variables[k].block for k in depends_on(d, output)} == followed
+
+
+@pytest.mark.parametrize("moments", [[7.0, 4.0, 4.0], [4.0, 7.0, 4.0], [4.0, 4.0, 7.0]])
+def test_a_torque_s_usual_size_is_of_the_largest_moment_about_whichever_axis(moments):
+    one = Scene(
+        body={"mass": 1.0, "inertia": moments}, inputs={"ports": ["torque_b"]}, outputs={"quantities": ["omega_b"]}
+    )
+    assert {v.nominal for v in describe(one, rbfmu.plan(one)).inputs} == {7.0}
