@@ -14,7 +14,7 @@ from ..buffer import MAX_SUBSTEPS, places
 from ..buffer_access import copy_numbers, pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import Lanes, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
-from ..compile.wide import alike, all_of, choose
+from ..compile.wide import alike, all_of, any_of, choose
 from ..mechanics import equations_of_motion as motion
 from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, ROTATION, V_C, WHOLE_STATE, Body, LoadPolynomial
 from ..numerics import double_double as dd
@@ -109,7 +109,7 @@ def attitude_series(s: Buffer, products: int, q: Quaternion, order: int, reach: 
         _put_turn(s, products, k + 1, q)
         power *= reach
         small = largest_of(q) * power <= bound
-        if 2 * k >= order:
+        if 2 * k >= order and any_of(small & were_small):
             last = choose(small & were_small & (last == order), k + 1.0, last)
             if all_of(last < order):
                 break
@@ -275,7 +275,8 @@ def follow_series(z: Buffer, room: Room, i: int, method: Method, h: float, body:
     again, stands = bool(z[i] == STALE), bool(z[i] == VALID)
     for _ in range(int(MAX_SUBSTEPS)):
         if not stands:
-            if not again and not may_pay(method, quaternion_at(z, y), vec3_at(z, y + OMEGA), body, loads.value, h):
+            is_first = z[i] == NONE  # where one stood before, the next is likely to reach as far
+            if is_first and not may_pay(method, quaternion_at(z, y), vec3_at(z, y + OMEGA), body, loads.value, h):
                 break
             _make(z, room, i + KEPT.start if again else y, i, method, body, loads, again)
             if not again:

@@ -119,9 +119,9 @@ def begins_series(z: Buffer, h: float, method: Method) -> bool:
     """Begin a step: go to where the series that stands ends; return whether one from there on may pay."""
     keep_all(z)
     is_tried, rest = is_series_tried(z, h), h
-    if is_tried:
-        if z[_SERIES] == dense.VALID:
-            rest -= dense.follow_to_end(z, ROOM, _SERIES, method.order)
+    if is_tried and z[_SERIES] == dense.VALID:
+        rest -= dense.follow_to_end(z, ROOM, _SERIES, method.order)
+    elif is_tried:
         q, omega = memory.rotation_of(z)
         is_tried = dense.may_pay(method, q, omega, memory.body_of(z), memory.loads_of(z), h)
         if not is_tried:
