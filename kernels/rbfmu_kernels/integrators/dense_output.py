@@ -26,8 +26,6 @@ from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE_RATE, PER, RATE, ROW, ROWS, TURN, WORK, SpaceFixedLoads, term
 
 _HALF, _THIRD = ROW // 2, ROW * 25
-_AT_ONCE = 4
-"""The terms that evaluation takes at once."""
 _NEAR = 1e-8
 """How near to 1 the square of a length is whose root is linear to round-off."""
 
@@ -67,13 +65,6 @@ def _turn_rate(s: Buffer, products: int, k: int) -> Quaternion:
 
 
 @kernel
-def end_series(s: Buffer, u: int, order: int) -> None:
-    """Set the terms behind `order` to zero, to the next multiple of those that evaluation takes at once."""
-    for k in range(order + 1, (order + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE + 1):
-        put_lanes(s, term(u, k), lanes(0.0, 0.0, 0.0, 0.0))
-
-
-@kernel
 def turning_of(omega: Vec3, alpha: Vec3) -> float:
     """Return how fast a motion of this rate and angular acceleration turns, rad/s."""
     return norm(omega) + math.sqrt(norm(alpha))
@@ -98,8 +89,7 @@ def last_terms_of_attitude(s: Buffer, order: int, h: float) -> float:
 def attitude_series(s: Buffer, products: int, q: Quaternion, order: int, reach: float, bound: float) -> float:
     """Set the attitude's coefficients from q on, to at most `order`, and return the last one's order.
 
-    They end where the last two are at most `bound` at `reach`, or go on while they do not in another lane. products:
-    where in s there is room for two series.
+    They end where the last two are at most `bound` at `reach`, in all lanes. products: room in s for two series.
     """
     _put_turn(s, products, 0, q)
     power, last = alike(reach, 1.0), alike(reach, float(order))
@@ -124,8 +114,8 @@ def _value(s: Buffer, u: int, order: int, t: float) -> Lanes:
     t_4 = t_2 * t_2
     once, twice, steps = lanes(t, t, t, t), lanes(t_2, t_2, t_2, t_2), lanes(t_4, t_4, t_4, t_4)
     a = b = c = d = lanes(0.0, 0.0, 0.0, 0.0)
-    for i in range((order - 1) // _AT_ONCE, -1, -1):
-        k = term(u, _AT_ONCE * i)
+    for i in range((order - 1) // series.AT_ONCE, -1, -1):
+        k = term(u, series.AT_ONCE * i)
         a = add_lanes(multiply_lanes(a, steps), lanes_at(s, k + ROW))
         b = add_lanes(multiply_lanes(b, steps), lanes_at(s, k + 2 * ROW))
         c = add_lanes(multiply_lanes(c, steps), lanes_at(s, k + 3 * ROW))
@@ -271,8 +261,7 @@ def follow_series(z: Buffer, room: Room, i: int, method: Method, h: float, body:
     i: where `SERIES_BLOCKS` begin. The loads are steady, and those of the series, if any.
     """
     y, _, size = room
-    method, rest, longest = cautious(method), h, z[size]
-    again, stands = bool(z[i] == STALE), bool(z[i] == VALID)
+    method, rest, longest, again, stands = cautious(method), h, z[size], bool(z[i] == STALE), bool(z[i] == VALID)
     for _ in range(int(MAX_SUBSTEPS)):
         if not stands:
             is_first = z[i] == NONE  # where one stood before, the next is likely to reach as far
@@ -324,13 +313,13 @@ def _make(
     if fixed.lever_force or fixed.torque:
         series.turned_loads(s, q, loads, fixed)
     series.motion_series(s, 0, order, 0, body, series.known_torques(loads, body), fixed)
-    end_series(s, RATE, order)
+    series.end_series(s, RATE, order)
     least, reach, bound, speed = least_turn(fixed), z[i + KEPT.reach], -1.0, 1.0
     if not again:
         reach, bound = first_reach(s, method, z[size], least)
     if n != RATE_ONLY:
         m = int(attitude_series(s, FORCE_RATE, q, m, reach, -1.0 if n == WHOLE_STATE else bound))
-        end_series(s, TURN, m)
+        series.end_series(s, TURN, m)
     if n == WHOLE_STATE:
         series.acceleration_series(s, m, body.inverse_mass, loads)
         speed = max(largest_component(vec3_at(z, y + V_C)), 1.0)

@@ -41,6 +41,8 @@ TO_DERIVATIVE = FORCE_RATE - FORCE
 """From a load's series to that of its derivative."""
 ROWS = 31
 """k & ROWS is k for any row: an index that cannot be negative needs no check."""
+AT_ONCE = 4
+"""The terms that evaluation takes at once."""
 PER = 1.0 / np.arange(1.0, MAX_ORDER + 2.0)
 """1 / (k + 1)."""
 
@@ -193,6 +195,13 @@ def _acceleration_term(s: Buffer, k: int) -> Vec3:
 
 
 # Series
+
+
+@kernel
+def end_series(s: Buffer, u: int, order: int) -> None:
+    """Set the terms behind `order` to zero, to the next multiple of those that evaluation takes at once."""
+    for k in range(order + 1, (order + AT_ONCE - 1) // AT_ONCE * AT_ONCE + 1):
+        put_lanes(s, term(u, k), lanes(0.0, 0.0, 0.0, 0.0))
 
 
 @kernel

@@ -192,11 +192,11 @@ def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -
     # series and jump back at its end.
     undamped = Body(body.inverse_mass, body.inertia, body.inertia_inverse, body.arm_b, ZERO, body.is_free)
     series.motion_series(s, 0, series.MAX_ORDER, 0, undamped, (ZERO, ZERO, ZERO), no_loads)
-    dense.end_series(s, series.RATE, series.MAX_ORDER)
+    series.end_series(s, series.RATE, series.MAX_ORDER)
     reach = dense.likely_reach(s, series.MAX_ORDER, z[_TRIAXIAL.next_reach])
     reach, _ = dense.reach_within(s, method, 0, 1.0, reach, 1.0)
     m = int(dense.attitude_series(s, series.FORCE, q, series.MAX_ORDER, reach, 0.5 * _ROUND_OFF))
-    dense.end_series(s, series.TURN, m)
+    series.end_series(s, series.TURN, m)
     reach, z[_TRIAXIAL.next_reach] = dense.reach_within(s, method, m, 1.0, reach, 1.0)
     dense.begin_clock(z, _SERIES, ROTATION, m, reach)
     if not _LEAST_REACH * h <= reach:

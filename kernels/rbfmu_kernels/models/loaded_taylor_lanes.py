@@ -280,7 +280,7 @@ def _put_terms(s: Buffer, u: int, order: int, lane: int, z: Buffer) -> None:
     for k in range(order + 1):
         for i in range(4):
             z[_AT.work + term(u, k) + i] = lane_at(s, term(u, k) + i, lane)
-    dense.end_series(z[_AT.work : _AT.work + WORK], u, order)
+    series.end_series(z[_AT.work : _AT.work + WORK], u, order)
 
 
 @kernel(inline=False)
