@@ -138,16 +138,12 @@ def ours(batch: Batch, mark: float, run: Callable[..., Any]) -> Iterator[Run]:
 
 
 def heyokas(batch: Batch, size: int, points: int = 1) -> Iterator[Run]:
-    """Yield runs of heyoka.py with so many bodies a vector: compiled once, and all numbers of a body parameters.
-
-    points: how many equally spaced outputs it makes of a run.
-    """
+    """Yield runs of heyoka.py, with so many bodies a vector and outputs a run: compiled once, with numbers to set."""
     with needed_of("bench"):
         import heyoka
     scenes, case = batch.scenes, batch.case
     moments = [np.diag(_about_reference(scene)) for scene in scenes]
-    pivot = case.scene.body.pivot
-    loads = [[s.body.mass * s.loads.gravity_a[2]] if pivot else s.loads.torque_b for s in scenes]
+    loads = [[s.body.mass * s.loads.gravity_a[2]] if s.body.pivot else s.loads.torque_b for s in scenes]
     numbers = np.hstack([moments, loads]).T
     start = np.array([(*s.initial.quaternion, *s.initial.omega_b) for s in scenes]).T
     bodies = [np.ascontiguousarray(numbers[:, k : k + size]) for k in range(0, len(scenes), size)]
@@ -162,10 +158,7 @@ def heyokas(batch: Batch, size: int, points: int = 1) -> Iterator[Run]:
             for own, state in zip(bodies, states, strict=True):
                 series.set_time(0.0)
                 series.pars[:], series.state[:] = own, state
-                if points > 1:
-                    series.propagate_grid(times)
-                else:
-                    series.propagate_until(case.span)
+                series.propagate_grid(times) if points > 1 else series.propagate_until(case.span)
                 found.append(series.state[:4].T.copy())
             return np.concatenate(found)
 
