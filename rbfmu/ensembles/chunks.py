@@ -15,7 +15,7 @@ from rbfmu.ensembles.loops import compile_lanes, run_alone, run_in_lanes
 from rbfmu.ensembles.members import Samples, draw, ensemble_of, member, refusals
 from rbfmu.ensembles.statistics import MOST_NUMBERS, MOST_SAMPLED, Summary, most_points, sample_of, summary_of
 from rbfmu.ensembles.variables import ALL, COUNT, FINAL, FIRST, STATISTICS, Columns, columns_of, flat, varied_rows
-from rbfmu.models.model_buffer import refusal
+from rbfmu.models.model_buffer import places_of, refusal
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.runs.steps import refused_step
 from rbfmu.scene.scene import Scene, SceneError
@@ -208,8 +208,7 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: A
     plan, kernels = work.plan, work.plan.kernels
     places, values = varied_numbers(work.scene, samples.applied, kernels.BLOCKS)
     ends = np.empty((len(which), 2), dtype=np.int64)
-    of_events = [kernels.BLOCKS[name] for name in ("events.counts", "events.earliest") if work.scene.events]
-    after = np.array([place for block in of_events for place in range(block.start, block.stop)], dtype=np.int64)
+    after = places_of(kernels.BLOCKS, ("events.counts", "events.earliest") if work.scene.events else ())
     noted = np.zeros((len(which), len(after)))
     base, kept = filled_buffer(work.scene, plan), work.columns.places(kernels.BLOCKS)
     members = Members(base, places, values[which], kept, rows, ends, after, noted)
@@ -242,10 +241,9 @@ def varied_numbers(scene: Scene, applied: Mapping[str, Array], blocks: dict[str,
     """Return places (p,) in a model's buffer and the members' values (m, p) there; what it has no block for is left."""
     count, rows = len(next(iter(applied.values()))), varied_rows(scene)
     names = {key: rows[key].block for key in applied}
-    known = {key: blocks[name] for key, name in names.items() if name in blocks}
-    places = [place for block in known.values() for place in range(block.start, block.stop)]
+    known = {key: name for key, name in names.items() if name in blocks}
     values = np.hstack([np.empty((count, 0)), *(flat(applied[key]) for key in known)])
-    return np.array(places, dtype=np.int64), np.ascontiguousarray(values)
+    return places_of(blocks, known.values()), np.ascontiguousarray(values)
 
 
 def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from numba import NumbaError, njit
 
 from rbfmu.ensembles import draws, loops, members, variables
+from rbfmu.models.model_buffer import places_of
 from rbfmu.runs.inputs import HOLD, Drive, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
@@ -169,8 +170,7 @@ def _failed(scene: Scene, error: Exception, sizes: str = "") -> SceneError:
 
 
 def _places(scene: Scene, blocks: dict[str, slice], ending: str = "") -> Indices:
-    of_ports = [blocks[f"{port}{ending}"].start + np.arange(size_of(scene, port)) for port in scene.inputs.ports]
-    return np.concatenate([*of_ports, np.empty(0)]).astype(np.int64)
+    return places_of(blocks, [f"{port}{ending}" for port in scene.inputs.ports])
 
 
 def driven_members(

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbfmu.ensembles.attitudes import ANGLES, ATTITUDE
+from rbfmu.models.model_buffer import places_of
 from rbfmu.result import AXES
 from rbfmu.scene.body import SHAPES, TRIANGLE
 from rbfmu.scene.scene import Scene, SceneError
@@ -133,7 +134,7 @@ class Columns:
 
     def places(self, blocks: dict[str, slice]) -> Indices:
         """Return where the columns stand in a model's buffer."""
-        return np.concatenate([np.arange(blocks[n].start, blocks[n].stop) for n in self._sizes]).astype(np.int64)
+        return places_of(blocks, self._sizes)
 
 
 PROBABILITIES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)

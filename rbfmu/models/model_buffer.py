@@ -1,6 +1,6 @@
 """A model's buffer, filled with a scene's numbers, and what the kernels say of a body in one, before any model runs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from rbfmu.scene.body import principal_axes, six_numbers
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.types import Array, Buffer
+from rbfmu.types import Array, Buffer, Indices
 from rbfmu_kernels.body import closed_form, memory, outputs, principal
 from rbfmu_kernels.buffer import CHANGED, FAULTS, NO_OUTPUTS
 from rbfmu_kernels.compile.tiered import interpreted
@@ -35,6 +35,11 @@ def put_scene(scene: Scene, blocks: dict[str, slice], z: Buffer, settings: Mappi
     for name, value in (_numbers(scene) | dict(settings or {})).items():
         if name in blocks:
             z[blocks[name]] = value
+
+
+def places_of(blocks: Mapping[str, slice], names: Iterable[str]) -> Indices:
+    """Return the places in a buffer of the blocks named, one after the other."""
+    return np.array([place for name in names for place in range(blocks[name].start, blocks[name].stop)], np.int64)
 
 
 def refusal(scene: Scene, code: int, blocks: dict[str, slice], z: Buffer) -> SceneError:

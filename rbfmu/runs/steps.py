@@ -13,6 +13,7 @@ import numpy as np
 from numba import float64, int64, types
 
 from rbfmu.exceptions import SimulationError
+from rbfmu.models.model_buffer import places_of
 from rbfmu.runs.inputs import Drive
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene
@@ -120,8 +121,7 @@ class Steps:
 
     def places(self, names: Collection[str]) -> Indices:
         """Return the places of these blocks in the buffer."""
-        blocks = (self.kernels.BLOCKS[name] for name in names)
-        return np.array([place for block in blocks for place in range(block.start, block.stop)], np.int64)
+        return places_of(self.kernels.BLOCKS, names)
 
     def _columns(self, of: dict[str, Array]) -> tuple[Indices, Array]:
         """Return places in the buffer, and what stands there in each piece."""
