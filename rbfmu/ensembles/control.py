@@ -85,12 +85,14 @@ EXPECTED = "f(t, outputs, state, inputs, noise) that writes to inputs and return
 class Control:
     """What drives all members. inputs: tables for all, or a function of a member's number that returns its own.
 
-    interpolate: between the times of the tables, "hold" or "linear".
+    interpolate: between the times of the tables, "hold" or "linear". parts: into how many equal steps each
+    communication step is cut.
     """
 
     inputs: InputTables | Callable[[int], Any]
     controller: Controller | None
     interpolate: str = HOLD
+    parts: int = 1
 
     @property
     def identity(self) -> dict[str, str | None]:
@@ -181,7 +183,7 @@ def driven_members(
     Raises SceneError where the table of one is wrong.
     """
     each = numbers if callable(control.inputs) else numbers[:1]
-    drives = [drive_of(scene, control.tables_of(scene, number), control.interpolate) for number in each]
+    drives = [drive_of(scene, control.tables_of(scene, one), control.interpolate, control.parts) for one in each]
     if control.controller:
         drives = [_controlled(drive) for drive in drives]
     before = np.cumsum([0, *(len(drive.lengths) for drive in drives[:-1])])

@@ -12,6 +12,7 @@ import numpy as np
 
 from rbfmu.ensembles import draws, members, variables
 from rbfmu.ensembles.chunks import MOST_BYTES, Work, run_samples
+from rbfmu.ensembles.control import Control
 from rbfmu.models.question import Question
 from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.planning import methods
@@ -35,6 +36,10 @@ TIGHT, LITTLE = 1e-16, 1e-3
 of a tolerance, which that of a truth may be."""
 HIGHEST = 20
 """The highest order of series."""
+POINTS, INSIDE = 1_000, 16
+"""The communication points, about, at which pilots and scouts are looked at: in longer runs, at one of some. And how
+many times more their steps are than their series: a series that serves so many is the same one, whatever these are.
+"""
 SCOUTS, FEWEST, TAIL, HEAVY = 1024, 64, 32, 5.0
 """The most and the fewest members whose errors tell of those of others, and of how many the tail is taken; and how many
 times larger than those seen others may be by that tail before more are looked at."""
@@ -57,21 +62,34 @@ APART = (1 << 32) + 1
 """The attempt by whose numbers scouts are drawn, which no member and no pilot has."""
 
 
-def fit_of_members(judges: Sequence[Judge], general: Plan, part: float) -> Plan | None:
+def parts_of_steps(judges: Sequence[Judge], general: Plan) -> int:
+    """Return into how many steps of one length the time between two points is cut that pilots and scouts are looked at.
+
+    As many as a run has there, or fewer, where series serve many of these.
+    """
+    one = judges[0]
+    if one.stride == 1:
+        return 1
+    likely = series_plan(general, likely_order(one.asked.accuracy), one.asked.accuracy)
+    substeps = max(judge.try_out(likely, parts=one.stride)[1] for judge in judges)
+    return min(max(math.ceil(INSIDE * substeps / len(one.steps)), 1), one.stride)
+
+
+def fit_of_members(judges: Sequence[Judge], general: Plan, parts: int, part: float) -> Plan | None:
     """Return the cheapest series whose errors in pilots are at most such a part of the accuracy.
 
     Orders are compared on the member of the largest error and on that which takes most substeps; then all are tried.
-    None where no tolerance is tight enough.
+    parts: see `parts_of_steps`. None where no tolerance is tight enough.
     """
     asked = judges[0].asked
     looser, steps = replace(general, tolerance=LOOSER * asked.accuracy), asked.scene.run.count
 
     def worst(plan: Plan, of: Sequence[Judge]) -> tuple[float, float]:
-        found = [judge.try_out(plan) for judge in of]
+        found = [judge.try_out(plan, parts=parts) for judge in of]
         return max(error for error, _ in found), max(substeps for _, substeps in found)
 
     likely = series_plan(looser, min(likely_order(asked.accuracy), HIGHEST), asked.accuracy)
-    tried = [judge.try_out(likely) for judge in judges]
+    tried = [judge.try_out(likely, parts=parts) for judge in judges]
     hard = [judges[int(np.argmax(column))] for column in zip(*tried, strict=True)]
     bound = part * asked.accuracy
     best, least = None, math.inf
@@ -141,12 +159,18 @@ class Scouts:
     lead apart. Scouts run in lanes, at a cost of some members each.
     """
 
-    def __init__(self, scene: Scene, plan: Plan, names: tuple[str, ...], seconds: float = SECONDS) -> None:
-        self.scene, self.seconds = scene.replace({"outputs.quantities": names}), seconds
+    def __init__(
+        self, scene: Scene, plan: Plan, names: tuple[str, ...], parts: int | None = None, seconds: float = SECONDS
+    ) -> None:
+        """Follow them; parts: see `parts_of_steps`, as many as the run has where it is None."""
+        steps = scene.run.count
+        stride = math.ceil(steps / POINTS)
+        self.scene = scene.replace({"outputs.quantities": names, "run.step": stride * scene.run.step})
+        self.seconds, self.control = seconds, Control({}, None, parts=min(parts or stride, stride))
         self.at_rest = _sizes_at_rest(Question(scene))
         self.columns = variables.Columns(tuple(OUTPUT[n] for n in names))
-        steps = scene.run.count
-        most = min(int(MOST_BYTES / (8.0 * self.columns.width * (steps + 1))), int(1e9 * seconds / (plan.cost * steps)))
+        numbers = self.columns.width * (self.scene.run.count + 1)
+        most = min(int(MOST_BYTES / (8.0 * numbers)), int(1e9 * seconds / (plan.cost * steps)))
         cube = draws.at_random(members.ensemble_of(scene), 0, max(min(most, SCOUTS), FEWEST), APART)
         self.samples = members.samples_at(self.scene, cube)
         order = plan.order + 2 if plan.order < MAX_ORDER else MAX_ORDER - 2  # of one order steps may be the same
@@ -159,7 +183,8 @@ class Scouts:
         return self.exact.tolerance <= LITTLE * plan.tolerance
 
     def _run(self, plan: Plan) -> Array:
-        return run_samples(Work(self.scene, plan, len(self.samples)), self.samples, ends_alone=False)[0]
+        work = Work(self.scene, plan, len(self.samples), self.control)
+        return run_samples(work, self.samples, ends_alone=False)[0]
 
     def likely_worst(self, plan: Plan) -> float:
         """Return what the errors of MEMBERS members are likely not to exceed; note whether few tell of far larger."""
@@ -197,7 +222,7 @@ def for_the_worst(scouts: Scouts, fitted: Plan) -> Plan | None:
 def dearest(judges: Sequence[Judge], found: Plan) -> Plan:
     """Return series with the cost that they have of the pilot which takes most substeps."""
     asked = judges[0].asked
-    substeps = max(judge.try_out(found)[1] for judge in judges) / asked.scene.run.count
+    substeps = max(judge.try_out(found, parts=judge.stride)[1] for judge in judges) / asked.scene.run.count
     return replace(found, cost=series_cost(found.order, asked.load_shares) * substeps)
 
 

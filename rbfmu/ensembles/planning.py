@@ -85,10 +85,11 @@ def _with_doubts(scene: Scene, progress: Callable[[float], Any] | None = None) -
     """Return the plan, and in which way members may miss the accuracy or keys do nothing."""
     tell = progress or (lambda part: None)
     pilots, growth = _pilots(scene), 1.0
-    judges = [Judge(question.Question(pilot)) for pilot in islice(pilots, OF_SERIES)]
+    judges = [Judge(question.Question(pilot), most=fitting.POINTS) for pilot in islice(pilots, OF_SERIES)]
     by_series, chosen = _by_series(scene, judges)
     wild = by_series and chosen is None
     if chosen is None:
+        judges = [judge if judge.stride == 1 else Judge(judge.asked) for judge in judges]
         judges += [Judge(question.Question(pilot)) for pilot in pilots]
         found = []
         for k, judge in enumerate(judges):
@@ -124,17 +125,20 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
         if scene.run.count == 1:  # which no series has to serve beyond: members go side by side
             general = replace(general, substep=scene.run.step)
         fitting.follow_in_doubles(judges)
-        fit = partial(fitting.fit_of_members, judges, general)
+        parts = fitting.parts_of_steps(judges, general)
+        fit = partial(fitting.fit_of_members, judges, general, parts)
         part = fitting.PART
         fitted, found, scouts = fit(part) or fit(fitting.MOST), None, None
         while fitted:
             if scouts is None or not scouts.tell_of(fitted):
-                scouts = fitting.Scouts(scene, methods.with_cost(asked, fitted), judges[0].names)
+                scouts = fitting.Scouts(scene, methods.with_cost(asked, fitted), judges[0].names, parts)
             found = fitting.for_the_worst(scouts, fitted)
             if scouts.seconds < fitting.LONGER and (found is None or scouts.are_too_few):
                 # a few tell little of a heavy tail: more, beside the tightest
                 tightest = replace(fitted, tolerance=methods.TIGHTEST)
-                scouts = fitting.Scouts(scene, methods.with_cost(asked, tightest), judges[0].names, fitting.LONGER)
+                scouts = fitting.Scouts(
+                    scene, methods.with_cost(asked, tightest), judges[0].names, parts, fitting.LONGER
+                )
                 found = fitting.for_the_worst(scouts, fitted)
             if found is None:
                 return True, None
@@ -311,5 +315,8 @@ def _accurate(found: Plan, judges: list[Judge]) -> tuple[Plan, float]:
 
 
 def _error(judge: Judge, found: Plan) -> float:
-    """Return a pilot's error; of a closed form only where that takes no more than seconds."""
-    return judge.error_if_soon(found) if found.spec.closed_form else judge.try_out(found)[0]
+    """Return a pilot's error; of a closed form at some points of a long run, where that takes no more than seconds."""
+    if not found.spec.closed_form:
+        return judge.try_out(found)[0]
+    few = judge if judge.scene.run.count <= fitting.POINTS else Judge(judge.asked, most=fitting.POINTS)
+    return few.error_if_soon(found)

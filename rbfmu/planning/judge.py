@@ -88,6 +88,11 @@ class Judge:
         self.doing = TRYING
 
     @property
+    def stride(self) -> int:
+        """Return how many of the run's steps are taken as one."""
+        return math.ceil(self.scene.run.count / len(self.steps))
+
+    @property
     def cut_steps(self) -> list[float]:
         """Return the communication steps, s, each cut in two, or in more where they are few."""
         cuts = (0.0, *sorted(k * k * GOLDEN % 1.0 for k in range(1, self._parts)), 1.0)
@@ -187,6 +192,8 @@ class Judge:
         at_once: how many steps are taken as one, in equal parts; absolute: whether positions and velocities count
         relative to 1 m and 1 m/s, as something varies that they grow with.
         """
+        if at_once == 1:
+            return self._error(plan, self.steps, self.truth, parts, absolute)
         points = [*range(0, len(self.steps), at_once), len(self.steps)]
         steps = [math.fsum(self.steps[i:j]) for i, j in pairwise(points)]
         return self._error(plan, steps, {name: self.truth[name][points] for name in self.names}, parts, absolute)
@@ -201,9 +208,8 @@ class Judge:
 
         Of very long runs the first steps are taken, and their round-off is counted for all.
         """
-        total, taken = self.scene.run.count, len(self.steps)
-        parts = round(total / taken)
-        if parts <= 1:
+        parts, taken = self.stride, len(self.steps)
+        if parts == 1:
             return plan.error
         count = max(min(taken, MAX_COUNTED // parts), 1)
         truth = {name: self.truth[name][: count + 1] for name in self.names}

@@ -60,7 +60,7 @@ class Steps:
         self.ended: float | None = None
         """The time of the event that ended the run, s."""
         self._together, self._is_over = 0, False
-        Steps.taken_by_all += self.count
+        Steps.taken_by_all += len(lengths)
 
     def advance(self, k: int) -> bool:
         """Take step k, counted from 1, or to an event that ends the run; return whether no piece was refused."""

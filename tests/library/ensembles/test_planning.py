@@ -287,6 +287,41 @@ def test_all_members_meet_the_accuracy(seed):
         assert np.nanmax(errors(scene, plan)) <= 1.0
 
 
+def _long_run(omega: float, torque: float, stop: float) -> Scene:
+    """20 members of 4,500 steps."""
+    rates, loads = (
+        [0.3 * omega, omega, 0.2 * omega],
+        {"gravity_a": [0] * 3, "torque_b": [torque, 2.0 * torque, -torque]},
+    )
+    return Scene.from_dict(
+        FREE
+        | {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, "initial": {"omega_b": rates}, "loads": loads}
+        | {"run": {"stop": stop, "step": stop / 4500, "accuracy": 1e-6}}
+        | {"ensemble": {"runs": 20, "keep": ["all"], "vary": {"initial.omega_b": {"relative": 0.01}}}}
+    )
+
+
+@pytest.mark.parametrize(
+    ("omega", "torque", "stop", "parts"),
+    [(0.5, 1e-3, 30.0, 1), pytest.param(100.0, 1.0, 10.0, 5, marks=pytest.mark.thorough)],
+)
+def test_plans_of_long_runs_look_at_some_points(omega, torque, stop, parts, monkeypatch):
+    """Pilots and scouts take steps of five communication steps where series serve many of these, else the run's own."""
+    scene, seen = _long_run(omega, torque, stop), []
+
+    def run_samples(work, *given, **named):
+        found = fitting_run(work, *given, **named)
+        seen.append((found[0].shape[1], work.control.parts))
+        return found
+
+    fitting_run = fitting.run_samples
+    monkeypatch.setattr(fitting, "run_samples", run_samples)
+    plan = plan_ensemble(scene)
+    assert len(seen) >= 2
+    assert set(seen) == {(901, parts)}
+    assert np.nanmax(errors(scene, plan)) <= 1.0
+
+
 def test_orders_are_compared_by_what_members_cost_side_by_side():
     """A series that serves some two steps costs more there than two substeps of a lower order, one a step."""
     omega = [2.0, -1.4, 1.8]

@@ -169,7 +169,7 @@ def test_steps_in_parts_are_as_long_as_steps_and_counted(calls, monkeypatch):
         in_parts = record(Steps(scene, planned, lengths[::2].tolist(), ("quaternion",), 2), ("quaternion",))[
             "quaternion"
         ]
-        assert Steps.taken_by_all == before + 125
+        assert Steps.taken_by_all == before + 250
         whole = record(Steps(scene, planned, lengths[::2].tolist(), ("quaternion",)), ("quaternion",))["quaternion"]
         np.testing.assert_allclose(in_parts, whole, rtol=0.0, atol=1e-13)
     assert calls
