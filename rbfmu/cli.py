@@ -70,7 +70,8 @@ def new(name: str) -> None:
             file.write(new_scene(path.stem))
     except FileExistsError:
         raise click.UsageError(f"{path}: exists already, and stays as it is") from None
-    click.echo(f"{path} (next: rbfmu run {shlex.quote(str(path))})")
+    shown = f"./{path}" if name.startswith("-") else str(path)  # which would be taken for an option
+    click.echo(f"{path} (next: rbfmu run {shlex.quote(shown)})")
 
 
 @main.command("plan", cls=common.SceneCommand, shared=[*common.INPUTS, common.MODEL, *common.RUN_OPTIONS])
