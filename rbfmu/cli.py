@@ -215,7 +215,7 @@ def show_sensitivity(
 @common.more_keys
 @click.option(
     "--sigma", metavar="NUMBER|FILE",
-    help="Noise: a number, or a CSV file with a column an output; of quaternion that of a small turn (rad).",
+    help="Noise: a number, or a CSV file with a column for each output; of quaternion that of a small turn (rad).",
 )  # fmt: skip
 @common.one_of("--loss", ["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
 @common.file_option("Write the fitted scene to FILE.toml.", (".toml",))
