@@ -70,7 +70,8 @@ def new(name: str) -> None:
             file.write(new_scene(path.stem))
     except FileExistsError:
         raise click.UsageError(f"{path}: exists already, and stays as it is") from None
-    click.echo(f"{path} (next: rbfmu run {shlex.quote(str(path))})")
+    shown = f"./{path}" if name.startswith("-") else str(path)  # which would be taken for an option
+    click.echo(f"{path} (next: rbfmu run {shlex.quote(shown)})")
 
 
 @main.command("plan", cls=common.SceneCommand, shared=[*common.INPUTS, common.MODEL, *common.RUN_OPTIONS])
@@ -214,7 +215,7 @@ def show_sensitivity(
 @common.more_keys
 @click.option(
     "--sigma", metavar="NUMBER|FILE",
-    help="Noise: a number, or a CSV file with a column an output; of quaternion that of a small turn (rad).",
+    help="Noise: a number, or a CSV file with a column for each output; of quaternion that of a small turn (rad).",
 )  # fmt: skip
 @common.one_of("--loss", ["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
 @common.file_option("Write the fitted scene to FILE.toml.", (".toml",))

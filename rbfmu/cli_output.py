@@ -5,6 +5,7 @@ Rich is loaded where it draws, as loading it takes a tenth of a short run.
 
 import math
 import os
+import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,6 +21,8 @@ from rbfmu.on_disk import try_replacing
 
 MOST_SHOWN = 5
 """The times of an event, and messages of runs that failed, that are printed."""
+UNREAD = 141
+"""The exit status where a reader such as `head` leaves early: 128 and the number of SIGPIPE, what shells expect."""
 DOUBTS = (SceneWarning, PlanningWarning)
 """Warnings that commands print as lines."""
 
@@ -40,11 +43,21 @@ class Commands(click.Group):
         except MemoryError as error:
             expected = "expected a longer run.step, or fewer runs, that need less"
             click.echo(f"Error: memory: {error or 'there is no more'}: {expected}", err=True)
-        except BrokenPipeError:
-            raise  # click ends quietly
+        except (BrokenPipeError, SystemExit) as error:
+            if isinstance(error, SystemExit) and not isinstance(error.__context__, BrokenPipeError):  # as Rich raises
+                raise
+            _write_nowhere()
+            ctx.exit(UNREAD)
         except OSError as error:
             click.echo(f"Error: {error.filename or _without_name()}: {error.strerror or error}", err=True)
         ctx.exit(2)
+
+
+def _write_nowhere() -> None:
+    """Drop what is left to write, at which Python would fail once more as it ends."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        os.dup2(nowhere, stream.fileno())
 
 
 def _without_name() -> str:

@@ -26,7 +26,7 @@ Philox maps a count and a key to random words without any state (Salmon, Moraes,
 as easy as 1, 2, 3, SC11), so that a member's numbers are had without those of the members before it.
 """
 SOBOL_BITS = 30
-"""The bits of a coordinate of Sobol's sequence: as many points differ, more than the most runs need."""
+"""The bits of a coordinate of Sobol's sequence: 2**30 points differ, more than the most runs need."""
 
 
 def points(ensemble: Ensemble, first: int, count: int) -> Array:

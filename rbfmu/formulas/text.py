@@ -15,7 +15,7 @@ from rbfmu.formulas import functions, graph
 from rbfmu.formulas.functions import NO_NUMBER, Array, Condition, Function, MismatchError, shape_of
 
 LONGEST, DEEPEST, SHOWN = 2000, 40, 100
-"""The most characters of a formula, and levels of what stands inside something else."""
+"""The most characters of a formula, levels of what stands inside something else, and characters of a message."""
 _ALLOWED = (
     ast.Expression, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Call, ast.Name, ast.Constant, ast.List,
     ast.Tuple, ast.Subscript, ast.Load, ast.USub, ast.UAdd, ast.Not, ast.And, ast.Or, ast.Add, ast.Sub, ast.Mult,

@@ -199,10 +199,8 @@ def fit(
     if loss not in LOSSES:
         raise ValueError(f"loss = {loss!r}: expected one of {', '.join(LOSSES)}")
     known = read_measured(scene, data)
-    listed = keys_of(free)
-    keys = [key for k, key in enumerate(listed) if key not in listed[:k]]
     timed = with_times(scene, inputs, interpolate)  # a fit takes other steps
-    return _Search(scene, known, keys, noise.given_deviations(sigma, known), loss, (timed, interpolate)).fit()
+    return _Search(scene, known, keys_of(free), noise.given_deviations(sigma, known), loss, (timed, interpolate)).fit()
 
 
 class _Search:

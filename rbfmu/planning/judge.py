@@ -31,7 +31,7 @@ MAX_COUNTED = 2_000_000
 GOLDEN, FEW_POINTS = 0.6180339887498949, 64
 """The place where a step is cut in two, so that a motion whose period is the step does not look like rest; and the
 number of parts of a run, about, that few steps are cut into. Of k places in a run the k-th is at k^2 times the first,
-without the whole: times k would meet a motion of 89 periods, 55.006 up to the first, near its start again."""
+modulo the run: k times it would meet a motion of 89 periods, 55.006 up to the first, near its start again."""
 SMALL, LOST = 1e-11, 0.1
 """An error, rad, well above round-off, and the size that it must not grow to.
 

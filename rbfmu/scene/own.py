@@ -31,7 +31,9 @@ _SCALAR, _VECTOR = rules.Numbers(()), rules.Numbers((3,))
 
 
 def _one_or_three(value: object) -> object:
-    if isinstance(rules.plain(value), list | tuple):
+    if isinstance(given := rules.plain(value), list | tuple):
+        if any(isinstance(item, list | tuple) for item in given):
+            raise ValueError("a number, or 3 numbers; a matrix stands as a text under [formulas]")
         return _VECTOR(value)
     try:
         number = _SCALAR.floats(value, ())

@@ -276,6 +276,7 @@ def test_nasas_tumbling_brick_is_found_from_a_simulation_of_nasas():
     ({"free": ["body.colour"]}, r"'body\.colour': expected one of"),
     ({"free": ["body.inertia[1,1]"]}, r"expected body\.inertia as a whole"),
     ({"free": ["initial.omega_b", "initial.omega_b[1]"]}, "expected each number once"),
+    ({"free": ["initial.omega_b", "initial.omega_b"]}, "expected each number once"),
     ({"loss": "square"}, "loss = 'square': expected one of linear"),
     ({"sigma": 0.0}, r"sigma: omega_b = 0\.0: expected a number > 0"),
     ({"sigma": {"rpy": 1.0}}, "sigma: 'rpy': expected some of omega_b"),

@@ -32,7 +32,7 @@ _PI_2 = _PI - _PI_1
 def sincos(x: float) -> tuple[float, float]:
     """Return (sin x, cos x).
 
-    x is in rad.  Error <= 1 ulp to |x| = 2e5; beyond that eps |x|, as x itself has; from 1e15 on x counts as 0.
+    x is in rad.  Error <= 1 ulp to |x| = 2e5; beyond that eps |x|, as x itself has; beyond 1e15 x counts as 0.
     Infinite x gives NaN.
     """
     x = choose(abs(x) > _LARGEST, x - x, x)

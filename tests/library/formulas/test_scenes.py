@@ -256,6 +256,7 @@ def test_time_may_begin_at_any_date():
     ({"constants": {"n": 1.0, "h_0": 2.0}, "states": {"h": {"start": 1.0, "rate": "h_0"}}},
      r"constants\.h_0: expected another name: that is the start of states\.h"),
     ({"constants": {"n": "x"}}, r'constants\.n\.value = "x": expected a number, or 3 numbers'),
+    ({"constants": {"n": np.eye(3)}}, r"\], .* expected a number, or 3 numbers; a matrix stands as a text under"),
     ({"constants": 3}, r"constants = 3: expected a table of numbers"),
     ({"constants": {"a-b": 1.0}}, r"constants\.a-b = 1\.0: expected a name of letters, digits and _"),
     ({"tables": {"from": {"x": [0, 1], "y": [1, 2]}}}, r"tables\.from = .*: expected a name .* no word of Python"),

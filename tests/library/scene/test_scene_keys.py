@@ -1,6 +1,7 @@
 """`rbfmu keys` and `rbfmu new`: every key of a scene, from the fields that check it."""
 
 import re
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -117,6 +118,14 @@ def test_a_new_scene_s_name_is_one_that_a_scene_may_have(
     assert result.exit_code == (2 if name in ("two\nlines", "  ", "x" * 201, "no/such/folder") else 0)
     assert [rbfmu.load_scene(f).name for f in files] == [name.removesuffix(".toml")] * (result.exit_code == 0)
     assert "Traceback" not in result.output
+
+
+@pytest.mark.parametrize(("name", "shown"), [("-z", "./-z.toml"), ("a b", "'a b.toml'")])
+def test_the_next_command_can_be_pasted(name: str, shown: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A name that begins as an option, and one that a shell takes apart."""
+    monkeypatch.chdir(tmp_path)
+    assert call("new", "--", name).output == f"{name}.toml (next: rbfmu run {shown})\n"
+    assert rbfmu.load_scene(shlex.split(shown)[0]).name == name
 
 
 def test_a_file_that_is_there_stays(tmp_path: Path) -> None:

@@ -83,16 +83,17 @@ def test_no_traceback_from_a_real_process(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path) -> None:
-    """As `rbfmu verify FILE.fmu | head` does."""
-    path = tmp_path / "it.toml"
-    path.write_text('[inputs]\nports = ["omega_b"]\n')
-    command = [sys.executable, "-m", "rbfmu", "plan", path]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+@pytest.mark.parametrize("command", [["keys"], ["plan", "it.toml"]])  # Rich writes the first
+def test_a_reader_that_leaves_early_is_no_error(command: list[str], tmp_path: Path) -> None:
+    """As `rbfmu verify FILE.fmu | head` does; status 1 would say that a check failed."""
+    (tmp_path / "it.toml").write_text('[inputs]\nports = ["omega_b"]\n')
+    rbfmu_ = [sys.executable, "-m", "rbfmu", *command]
+    with subprocess.Popen(rbfmu_, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path) as process:
         assert process.stdout is not None
         assert process.stderr is not None
         process.stdout.close()
         assert process.stderr.read() == ""
+    assert process.returncode == 141
 
 
 def test_plan_says_why_and_speaks_json(short: Path) -> None:
