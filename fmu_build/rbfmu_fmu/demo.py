@@ -33,8 +33,8 @@ from rbfmu_kernels.rotations.quaternion import angle_between
 RATE_BOUND, ATTITUDE_BOUND = 1e-9, 1e-4
 """deg/s and deg: NASA's simulations 01 and 04 agree with Euler's equations to 4e-10 and 6e-5 (their printed digits)."""
 
-FMPY_ROUNDS = tuple(map(int, fmpy.__version__.split(".")[:3])) < (0, 3, 22)
-"""Older FMPy takes differences of rounded times for steps, so that its runs differ from the kernels' by round-off."""
+FMPY_ROUNDS = tuple(map(int, fmpy.__version__.split(".")[:3])) < (0, 3, 24)
+"""Older FMPy writes 16 digits, or takes differences of rounded times for steps: its runs differ by round-off."""
 ROUND_OFF = 1e-13 if FMPY_ROUNDS else 0.0
 
 Columns = dict[str, Array]
@@ -147,7 +147,7 @@ def _report(
     errors = [row for rows in found.values() for row in rows]
     near = all(rate <= RATE_BOUND and attitude <= ATTITUDE_BOUND for _, rate, attitude in errors)
     same = all(d <= ROUND_OFF for d in differences)
-    agreement = f"the same but for steps that FMPy {fmpy.__version__} rounds" if FMPY_ROUNDS else "the same bits"
+    agreement = f"the same but for what FMPy {fmpy.__version__} rounds" if FMPY_ROUNDS else "the same bits"
     verdict = f"{agreement} in all three ways" if same else "the ways DIFFER"
     bound = f"rates within {RATE_BOUND:g} deg/s, attitude within {ATTITUDE_BOUND:g} deg"
     console.print(f"{verdict}; NASA: {bound}: {'yes' if near else 'NO'}")
