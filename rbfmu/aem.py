@@ -80,6 +80,8 @@ def read_aem(path: Path) -> dict[str, Array]:
                 rows.append(_row(line.split(), meta))
         if not rows:
             raise ValueError("expected lines of attitudes")
+        if lines.count("DATA_START") > lines.count("DATA_STOP"):  # what is left of a last number would be taken for it
+            raise ValueError("expected DATA_STOP after the attitudes; the file has been cut short")
     except ValueError as error:
         raise ValueError(f"{path}: line {number}: {error}") from None
     times, attitudes, names, rates = zip(*rows, strict=True)
