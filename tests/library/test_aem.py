@@ -213,6 +213,21 @@ def test_times_beyond_all_years_are_refused(tmp_path: Path) -> None:
         gap.save(tmp_path / "it.aem")
 
 
+@pytest.mark.parametrize(("time", "quaternion", "rate", "said"), [
+    ([0.0, 1.0], [2.0, 0.0, 0.0, 0.0], 0.1, "quaternion = [2.0, 0.0, 0.0, 0.0] in row 1: expected one of length 1"),
+    ([0.0, 1.0], [1.0, 0.0, 0.0, 0.0], math.inf, "omega_b = inf in row 1: expected numbers"),
+    ([1.0, 0.5], [1.0, 0.0, 0.0, 0.0], 0.1, "time = 0.5 in row 2: expected times that increase"),
+])  # fmt: skip
+def test_what_could_not_be_read_again_is_not_written(
+    time: list, quaternion: list, rate: float, said: str, tmp_path: Path
+) -> None:
+    """2026-11-29: each was written, and refused where it was read."""
+    path = tmp_path / "it.aem"
+    with pytest.raises(ValueError, match=re.escape(said)):
+        Result(time, {"quaternion": [quaternion] * 2, "omega_b": [[rate] * 3] * 2}).save(path)
+    assert not path.exists()
+
+
 def test_a_run_is_written_and_shown(tmp_path: Path) -> None:
     path, page, scene = tmp_path / "brick.aem", tmp_path / "brick.html", SCENES / "tumbling_brick.toml"
     done = CliRunner().invoke(main, ["run", str(scene), "--stop", "0.5", "-o", str(path)])
