@@ -31,8 +31,10 @@ _ORIGIN = re.compile(rf"COMMENT .*time 0 of the scene is ({_TIME.pattern})")
 def write_aem(path: Path, time: Array, quaternion: Array, omega_b: Array | None) -> None:
     """Write q_ab (n, 4) at times (n), s, and omega_ab_b (n, 3), rad/s, where it is known, with every digit.
 
-    That are up to 17 digits of a number, as others write too; the standard counts 16.
+    That are up to 17 digits of a number, as others write too; the standard counts 16. Raises ValueError.
     """
+    if bad := np.flatnonzero(np.abs(np.sum(quaternion * quaternion, axis=1) - 1.0) > TOLERANCE).tolist():
+        raise ValueError(f"quaternion = {quaternion[bad[0]].tolist()} in row {bad[0] + 1}: expected one of length 1")
     epochs = [_epoch(t) for t in time.tolist()]
     columns = np.roll(quaternion, -1, axis=1)
     kind = ["ATTITUDE_TYPE = QUATERNION"]
@@ -80,6 +82,8 @@ def read_aem(path: Path) -> dict[str, Array]:
                 rows.append(_row(line.split(), meta))
         if not rows:
             raise ValueError("expected lines of attitudes")
+        if lines.count("DATA_START") > lines.count("DATA_STOP"):  # what is left of a last number would be taken for it
+            raise ValueError("expected DATA_STOP after the attitudes; the file has been cut short")
     except ValueError as error:
         raise ValueError(f"{path}: line {number}: {error}") from None
     times, attitudes, names, rates = zip(*rows, strict=True)

@@ -192,9 +192,7 @@ class Result:
         for name, values in {"time": time, **quantities}.items():
             _check_shape(OUTPUT.get(name, TIME), values, len(time), f"{path}: ")
             refuse_gaps(name, values, f"{path}: ")
-        if np.any(np.diff(time) <= 0.0):
-            row = int(np.argmax(np.diff(time) <= 0.0)) + 1
-            raise ValueError(f"{path}: time = {float(time[row])!r} in row {row + 1}: expected times that increase")
+        _refuse_disorder(time, f"{path}: ")
 
         def happened(kind: str) -> dict[str, Array]:
             return {name.removeprefix(kind): times for name, times in columns.items() if name.startswith(kind)}
@@ -222,8 +220,9 @@ class Result:
             check_attitude(path, self.quantities)
             if not len(self.time):
                 raise ValueError(f"cannot save to {str(path)!r}: expected at least one point in time")
-            for name, values in {"time": self.time, "quaternion": self.quaternion}.items():
-                refuse_gaps(name, values)
+            for name in ("time", "quaternion", *({"omega_b"} & self.quantities.keys())):
+                refuse_gaps(name, getattr(self, name))
+            _refuse_disorder(self.time)
             write_aem(path, self.time, self.quaternion, self.quantities.get("omega_b"))
         else:
             raise ValueError(f"cannot save to {str(path)!r}: the name must end in {ENDINGS}")
@@ -274,6 +273,12 @@ def refuse_gaps(name: str, values: Array, where: str = "") -> None:
     if bad := np.argwhere(~np.isfinite(values)).tolist():
         found = float(values[tuple(bad[0])])
         raise ValueError(f"{where}{name} = {found!r} in row {bad[0][0] + 1}: expected numbers")
+
+
+def _refuse_disorder(time: Array, where: str = "") -> None:
+    if np.any(np.diff(time) <= 0.0):
+        row = int(np.argmax(np.diff(time) <= 0.0)) + 1
+        raise ValueError(f"{where}time = {float(time[row])!r} in row {row + 1}: expected times that increase")
 
 
 def quaternion_lengths(rows: Array) -> Array:

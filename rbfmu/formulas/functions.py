@@ -116,6 +116,10 @@ def _dot(a: Array, b: Array) -> graph.Number:
     return 0.0 + a @ b  # type: ignore[no-any-return]  # not -0.0
 
 
+def _length(v: Array) -> graph.Number:
+    return graph.square_root(_dot(_such(v, len(shape_of(v)) == 1, "a vector"), v))
+
+
 def cross(a: Array, b: Array) -> Array:
     """Return the vector product a x b."""
     return np.array(interpreted(vec3.cross)(as_vector(a), as_vector(b)), object)
@@ -167,7 +171,7 @@ def _where(condition: Array, a: Array, b: Array) -> Array:
 FUNCTIONS: Mapping[str, Function] = {
     "dot": Function("a, b", "scalar product of two vectors", _dot),
     "cross": Function("a, b", "vector product of two vectors", cross),
-    "norm": Function("v", "length of a vector", lambda v: graph.square_root(_dot(v, v))),
+    "norm": Function("v", "length of a vector", _length),
     "sin": Function("x", "sine of an angle in rad", _of_scalars(graph.sine)),
     "cos": Function("x", "cosine of an angle in rad", _of_scalars(graph.cosine)),
     "tan": Function("x", "tangent of an angle in rad", _of_scalars(lambda x: graph.sine(x) / graph.cosine(x))),

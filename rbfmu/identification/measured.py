@@ -107,8 +107,9 @@ def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:
         values[name] = value[:, None] if value.ndim == 1 else value
         if values[name].shape != (expected := (len(time), rows[name].size)):
             raise ValueError(f"{name} has shape {value.shape}: expected {expected}")
-        if np.isinf(value).any():
-            raise ValueError(f"{name}: expected finite numbers, or NaN for a gap")
+        if beyond := np.argwhere(np.isinf(values[name])).tolist():
+            where = f"{name} = {float(values[name][tuple(beyond[0])])!r} in row {beyond[0][0] + 1}"
+            raise ValueError(f"{where}: expected finite numbers, or NaN for a gap")
     if "rpy" in values:
         by_angles = arrays.quaternion_from_euler("ZYX", values.pop("rpy")[:, ::-1])
         given = values.get(QUATERNION, np.full_like(by_angles, np.nan))

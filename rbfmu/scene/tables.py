@@ -240,6 +240,7 @@ class Outputs(rules.Section, path="outputs"):
     """The requested output quantities, and those of one's own, which are always shown."""
 
     _hidden: ClassVar = ("own",)
+    _texts: ClassVar = ("NAME = a formula",)
     quantities: Annotated[tuple[str, ...], rules.names(QUANTITIES).means("what someone will look at")] = QUANTITIES
     own: Annotated[Mapping[str, named.Shown], named.OUTPUTS] = named.NOTHING
 

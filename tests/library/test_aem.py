@@ -194,6 +194,7 @@ def changed(old: str, new: str) -> str:
     (changed("1996-11-28T22:08:03.5555", "1996-13-28T22:08:03"), "line 23: month must be in 1..12"),
     (changed("1996-11-28T22:08:03.5555", "1996-11-28T20:08:03"), "in row 2: expected times that increase"),
     (HEAD + FIRST_SEGMENT.partition("DATA_START")[0], "line 20: expected lines of attitudes"),
+    (changed("0.31964\nDATA_STOP", "0.3196"), "line 25: expected DATA_STOP after the attitudes; the file has been cut"),
 ])  # fmt: skip
 def test_a_bad_file_is_one_message(text: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=re.escape(said)) as refused:
@@ -210,6 +211,21 @@ def test_times_beyond_all_years_are_refused(tmp_path: Path) -> None:
     gap = rbfmu.Result([0.0], {"quaternion": [[math.nan, 0.0, 0.0, 0.0]]})
     with pytest.raises(ValueError, match="quaternion = nan in row 1: expected numbers"):
         gap.save(tmp_path / "it.aem")
+
+
+@pytest.mark.parametrize(("time", "quaternion", "rate", "said"), [
+    ([0.0, 1.0], [2.0, 0.0, 0.0, 0.0], 0.1, "quaternion = [2.0, 0.0, 0.0, 0.0] in row 1: expected one of length 1"),
+    ([0.0, 1.0], [1.0, 0.0, 0.0, 0.0], math.inf, "omega_b = inf in row 1: expected numbers"),
+    ([1.0, 0.5], [1.0, 0.0, 0.0, 0.0], 0.1, "time = 0.5 in row 2: expected times that increase"),
+])  # fmt: skip
+def test_what_could_not_be_read_again_is_not_written(
+    time: list, quaternion: list, rate: float, said: str, tmp_path: Path
+) -> None:
+    """2026-11-29: each was written, and refused where it was read."""
+    path = tmp_path / "it.aem"
+    with pytest.raises(ValueError, match=re.escape(said)):
+        Result(time, {"quaternion": [quaternion] * 2, "omega_b": [[rate] * 3] * 2}).save(path)
+    assert not path.exists()
 
 
 def test_a_run_is_written_and_shown(tmp_path: Path) -> None:

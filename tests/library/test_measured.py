@@ -30,7 +30,7 @@ W = "time,omega_b[1],omega_b[2],omega_b[3]\n"
     (W + "-1,1,2,3\n0,1,2,3\n", r"time = -1\.0 in row 1: expected at least run\.start"),
     (W + "0,1,2\n1,1,2,3\n", "row 1 has 3 cells: expected 4"),
     (W + "0,1,x,3\n1,1,2,3\n", r'omega_b\[2\] = "x" in row 1: expected a number'),
-    (W + "0,1,inf,3\n1,1,2,3\n", "omega_b: expected finite numbers"),
+    (W + "0,1,inf,3\n1,1,2,3\n", "omega_b = inf in row 1: expected finite numbers"),
     (W + "0,,,\n1,,,\n", "expected at least one measured output"),
     ("time,omega_b[1]\n0,1\n1,1\n", r"omega_b\[2\] is missing"),
     ("time,speed,omega_b[1]\n0,x,y\n1,1,1\n",

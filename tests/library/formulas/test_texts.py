@@ -58,7 +58,9 @@ def test_formulas_mean_what_they_say(text, expected):
         ("where(x, 1, 2)", 0, "a condition"),
         ("x > 1", 0, "where(condition, 1, 0)"),
         ("where(x > 1, x > 2, x)", 0, "a number"),  # 2026-11-24: a TypeError
-        ("norm(x > 1)", 0, "two vectors of one length"),  # 2026-11-24: 1.0
+        ("norm(x > 1)", 0, "a vector"),  # 2026-11-24: 1.0
+        ("norm(x)", 0, "a vector"),
+        ("dot(v, [x, x])", 0, "two vectors of one length"),
         ("ramp + 1", 0, "numbers on both sides"),
         ("table(x, 1)", 0, "the name of a table"),
         ("[v, 1]", 0, "rows of one length"),

@@ -164,6 +164,8 @@ CONTRADICTIONS = {
     "shape without mass": ({"body": {"mass": "", "inertia": "", "shape": '{ kind = "beam", length = 1 }'}},
         "body.mass"),
     "far pivot": ({"body": {"pivot": "true", "r_oc_b": "[1e200, 0, 0]"}}, "body.r_oc_b"),
+    "an output that is a number": ({"outputs": {"tilt": "3.0"}},
+        "outputs.tilt = 3.0: unknown key; expected one of quantities, NAME = a formula"),
     "no quantities": ({"outputs": {"quantities": "[]"}}, "outputs.quantities"),
     "accuracy above one": ({"run": {"accuracy": "1.5"}}, "run.accuracy"),
 }  # fmt: skip
