@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.scene.ensemble import lower_factor
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError
 
@@ -297,7 +298,10 @@ def test_three_correlations_may_contradict_each_other():
     correlation = {"components": [*PAIR, "initial.omega_b[3]"], "matrix": matrix.tolist()}
     with pytest.raises(SceneError, match="expected a positive semidefinite matrix"):
         scene(vary, correlation=correlation)
-    assert scene(vary, correlation=correlation | {"matrix": np.abs(matrix).tolist()}).ensemble.correlation is not None
+    matrix = np.abs(matrix).tolist()
+    assert scene(vary, correlation=correlation | {"matrix": matrix}).ensemble.correlation is not None
+    L = np.array(lower_factor(matrix))
+    np.testing.assert_allclose(L @ L.T, matrix, rtol=1e-15)
 
 
 @pytest.mark.parametrize("other", [-0.5, 0.4, 0.6])
