@@ -162,6 +162,14 @@ def test_an_inertia_that_varies_outright_does_not_follow_the_shape():
         assert made.variation_of("body.shape") is not None, follows
 
 
+def test_moments_and_axes_of_an_inertia_vary_together():
+    made = scene({"body.inertia": {"relative": 0.1, "axes_deg": [1.0, 0.0, 2.0]}}).ensemble
+    assert [(m.name, m.kind, m.arguments) for m in made.varying] == [
+        *((f"body.inertia[{k}]", "relative", (0.1,)) for k in (1, 2, 3)),
+        ("body.inertia.axes_deg[1]", "normal", (0.0, 1.0)), ("body.inertia.axes_deg[3]", "normal", (0.0, 2.0)),
+    ]  # fmt: skip
+
+
 BEAM = {"mass": 1.0, "shape": {"kind": "beam", "length": 1.0}}
 ALMOST_BEAM = {"mass": 1.0, "inertia": [1.5e-12, 1.0, 1.0]}
 VARIED_SPHERE = {"kind": "sphere", "radius": {"normal": [1, 0.2]}}
