@@ -193,6 +193,7 @@ def test_a_scene_s_words_are_text_on_the_page():
     read = Page(page(describe(told, planned("default")), FMI2, True))
     assert words["description"] in read.text
     assert "author: A. <b>Nn; version: 2; licence: own" in read.text
+    assert "is a pivot" not in read.text
 
 
 # --- licences
