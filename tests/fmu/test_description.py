@@ -13,7 +13,7 @@ import pytest
 from hypothesis import example, given, strategies as st
 
 from rbfmu.scene.scene import Scene
-from rbfmu_fmu.description import describe, identifier
+from rbfmu_fmu.description import describe, identifier, sizes
 from rbfmu_kernels.quantities import UNITS
 from tests.support.covering import some_of
 from tests.support.fmu.fmu_importer import OK
@@ -64,6 +64,12 @@ def test_the_last_time_is_within_a_tenth_of_a_step_of_the_stop(start, span, step
     made = Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, run=run)
     last = describe(made, planned("default")).to_dict()["last_time"]
     assert start + span < last <= start + span + 0.1 * step
+
+
+def test_how_large_an_fmu_and_the_full_model_are_is_counted():
+    """Of a body with a pivot the full model has no place and no velocity among its states."""
+    for name, expected in (("default", (53, (13, 53))), ("pendulum", (47, (7, 47)))):
+        assert sizes(scene(name), planned(name)) == expected
 
 
 @cache

@@ -4,14 +4,16 @@ import gc
 import json
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import rbfmu
 import rbfmu_fmu
-from rbfmu_fmu import VerificationError, verify
+from rbfmu_fmu import VerificationError, verification, verify
 from tests.support.command_line import call_by_count
 
 SCENE = {
@@ -43,6 +45,15 @@ def test_an_fmu_equals_its_kernels_to_the_bit(fmu: Path) -> None:
     assert found.steps_done == found.steps_asked == 20
     assert set(found.differences.values()) == {0.0}
     assert len(found.differences) == 29
+    assert not replace(found, steps_done=19).passed
+
+
+def test_what_is_no_number_differs(fmu: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verification, "_through_kernels", lambda d, time, inputs: np.full((len(time), 29), np.nan))
+    monkeypatch.setattr(verification, "_distance_to_full", lambda *_: 0.0)
+    found = verify(fmu)
+    assert set(found.differences.values()) == {np.inf}
+    assert not found.passed
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, True, "x"])

@@ -128,6 +128,14 @@ def test_rates_are_those_of_the_body(frames: tuple, frame: str, name: str, sign:
         np.testing.assert_allclose(found.quantities[name], [[sign * np.pi, -sign * np.pi / 2, 0.0]])
 
 
+def test_rates_that_are_not_of_one_frame_are_left_out(tmp_path: Path) -> None:
+    later = ABOUT_Z.replace("T12", "T13")
+    parts = [short(f"{line} 1.0 2.0 3.0", kind="QUATERNION/ANGVEL", ANGVEL_FRAME=frame)
+             for line, frame in ((ABOUT_Z, "EME2000"), (later, "SC_BODY_1"))]  # fmt: skip
+    assert [*read(parts[0], tmp_path).quantities] == ["quaternion", "omega_a"]
+    assert [*read("\n".join([parts[0], *parts[1].split("\n")[1:]]), tmp_path).quantities] == ["quaternion"]
+
+
 def some_result(time: list[float]) -> Result:
     random = np.random.default_rng(3)
     q = rbfmu.normalize(random.normal(size=(len(time), 4)) * 10.0 ** random.uniform(-9, 0, (len(time), 4)))
@@ -138,7 +146,7 @@ def some_result(time: list[float]) -> Result:
 @pytest.mark.parametrize("time", [
     (0.1 * np.arange(50)).tolist(),
     [-1e9, -43200.0, -0.1, 0.1 + 0.2, 1e-9 + 1.0, 59.99999999999999, 60.0, 86399.9, 1e6 / 3.0, 1e9],
-    [5.0, 5.000000000000001],
+    [5.0, 5.000000000000001, 10.0],
     [-1e-9 / 3.0, 1e-300, 3.5966052440001177e-09, 1e-6 / 7.0],
 ])  # fmt: skip
 def test_times_and_attitudes_go_round_to_the_last_digit(time: list[float], tmp_path: Path) -> None:

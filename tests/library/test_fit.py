@@ -219,8 +219,13 @@ def test_a_scene_that_is_written_over_is_not_lost_on_a_full_disk(tmp_path):
 
 
 def test_the_posterior_is_an_ensemble(found):
-    drawn = draw(found.posterior(400), 0, 400).applied["initial.omega_b"]
+    members = draw(found.posterior(400), 0, 400).applied
+    drawn = members["initial.omega_b"]
     np.testing.assert_allclose(drawn.std(axis=0), found.standard_errors[3:6], rtol=0.2)
+    q_ab = np.array(found.scene.initial.quaternion)
+    turns = rbfmu.compose_quaternions(rbfmu.invert_quaternion(q_ab), members["initial.attitude"])
+    np.testing.assert_allclose(rbfmu.rotvec_from_quaternion(turns).std(axis=0), found.standard_errors[6:], rtol=0.2)
+    np.testing.assert_allclose(np.diagonal(members["body.inertia"].std(axis=0)), found.standard_errors[:3], rtol=0.2)
     between = np.corrcoef(drawn.T)[0, 1]
     assert between == pytest.approx(found.correlation[3, 4], abs=0.2)
 
@@ -254,7 +259,10 @@ def test_one_number_of_a_damping_is_bounded_as_all_of_them_are():
 
 
 def test_residuals_are_drawn(found):
-    assert [axes.get_ylabel() for axes in found.plot().axes] == ["omega_b", "attitude"]
+    panels = found.plot().axes
+    assert [axes.get_ylabel() for axes in panels] == ["omega_b", "attitude"]
+    shown, expected = panels[0].lines[0].get_ydata(), found.residuals["omega_b"][:, 0] / found.sigma["omega_b"]
+    np.testing.assert_array_equal(shown, np.clip(expected, -6.0, 6.0))
     assert "initial.omega_b[1]" in repr(found)
 
 
@@ -317,13 +325,13 @@ def test_inputs_may_be_rows_for_the_scene_s_own_steps():
 
 
 def test_a_part_of_the_time_that_has_the_start_alone_is_left_out():
-    """Inputs have no value in a run without steps, which was a bare IndexError."""
+    """Inputs have no value in a run without steps, which was a bare IndexError. An event ends no run of a fit."""
     tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, "initial": {"omega_b": [0.1, 0.2, 0.3]},
               "inputs": {"ports": ["torque_b"]}, "outputs": {"quantities": ["quaternion", "omega_b"]},
               "constants": {"k": 0.1}, "loads": {"torque_b": "-k*omega_b"},
               "run": {"stop": 3.0, "step": 0.1}}  # fmt: skip
     scene = rbfmu.Scene.from_dict(tables)
-    start = scene.replace({"constants.k": 0.2})
+    start = scene.replace({"constants.k": 0.2, "events": {"turned": {"when": "omega_b[1] - 0.09", "stop": True}}})
     inputs = {"torque_b": (np.array([0.0, 2.0]), np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]))}
     measured = rbfmu.simulate(scene, inputs=inputs)
     found = rbfmu.fit(start, measured, ["constants.k"], inputs=inputs)

@@ -7,7 +7,7 @@ import pytest
 
 import rbfmu
 from rbfmu.identification.measured import sigma_of
-from rbfmu.identification.noise import estimated, too_large
+from rbfmu.identification.noise import estimated, too_large, trends
 
 RNG_SEED = 20261123
 
@@ -31,6 +31,16 @@ def test_a_noise_that_is_given_makes_the_errors_whatever_residuals_are():
     f, given = np.random.default_rng(RNG_SEED + 5).normal(size=900), {"omega_b": 0.01}
     assert too_large(f, given) == too_large(1.3 * f, {}) == too_large(1.3 * f[:60], given) == []
     assert too_large(1.3 * f, given)[0].startswith("residuals are 1.3")
+
+
+def test_successive_residuals_that_follow_each_other_are_doubted_and_a_few_far_ones_are_not():
+    noise = 0.01 * np.random.default_rng(RNG_SEED + 8).normal(size=(200, 1))
+    drift, outliers = 0.01 * np.sin(np.arange(200.0) / 20.0)[:, None], np.zeros((200, 1))
+    outliers[90:93] = 1.0
+    assert trends({"spin": noise}) == trends({"spin": noise + outliers}) == trends({"spin": (noise + drift)[:10]}) == []
+    assert "residuals of spin follow each other" in trends({"spin": noise + drift})[0]
+    names = [said.split()[2] for said in trends({"quaternion": np.tile(noise + drift, 3)})]
+    assert names == ["attitude[1]", "attitude[2]", "attitude[3]"]
 
 
 @pytest.mark.thorough

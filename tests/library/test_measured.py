@@ -133,3 +133,19 @@ def test_the_covariance_of_few_data_is_huber_s():
     f = np.array([0.5, -0.5, 0.5, -0.5, 0.5, -0.5, 0.5, -0.5, 3.0, -4.0])
     squares = 8 * 0.25 + 2 * 1.0  # psi is f, and no more than 1
     assert scatter(f, "huber", 4, True) == pytest.approx((1.0 + 0.4 * 0.25) ** 2 * squares / 6 / 0.8**2)
+
+
+@pytest.mark.parametrize(("loss", "rho"), [
+    ("linear", lambda z: z),
+    ("soft_l1", lambda z: 2.0 * (np.sqrt(1.0 + z) - 1.0)),
+    ("huber", lambda z: np.where(z <= 1.0, z, 2.0 * np.sqrt(z) - 1.0)),
+    ("cauchy", np.log1p),
+])  # fmt: skip
+def test_the_covariance_of_each_loss_is_that_of_its_function_of_residuals(loss, rho):
+    """psi is the derivative of rho(f^2)/2, as SciPy states it, and psi' that of psi: here by differences."""
+    f, h = np.random.default_rng(9).normal(size=40) * 2.0, 1e-3
+    low, middle, high = (0.5 * rho((f + x) ** 2) for x in (-h, 0.0, h))
+    psi, follows = (high - low) / (2.0 * h), (high - 2.0 * middle + low) / h**2
+    few = 1.0 + 3 / 40 * np.var(follows) / np.mean(follows) ** 2
+    expected = few**2 * np.sum(psi**2) / 37 / np.mean(follows) ** 2
+    assert scatter(f, loss, 3, False) == pytest.approx(expected, rel=1e-4)

@@ -71,9 +71,10 @@ def test_a_result_that_stands_there_is_not_lost_on_a_full_disk(name: str, tmp_pa
 def test_the_events_of_an_earlier_run_go_and_what_is_no_such_file_stays(tmp_path: Path) -> None:
     """They stood beside the CSV of a run that has none, as if they were its own."""
     result, events = result_of(2), tmp_path / "it.events.csv"
-    with_events = Result(result.time, result.quantities, None, {"contact": np.array([0.5])}, {})
+    with_events = Result(result.time, result.quantities, None, {"late": [0.75], "contact": [0.5]}, {"late": [0.25]})
     with_events.save(tmp_path / "it.csv")
-    assert events.exists()
+    lines = events.read_text().splitlines()
+    assert lines == ["time,name,kind", "0.25,late,touch", "0.5,contact,event", "0.75,late,event"]
     result.save(tmp_path / "it.csv")
     assert not events.exists()
     events.write_text("mine\n")
@@ -142,6 +143,13 @@ def test_a_result_without_rows_is_shown_and_cut_and_no_ephemeris(tmp_path: Path)
         empty.save(tmp_path / "it.aem")
     with pytest.raises(ValueError, match="stop = nan"):
         empty.until(np.nan)
+
+
+def test_the_part_up_to_a_time_has_what_happens_at_that_time() -> None:
+    part = Result([0.0, 0.5, 1.0], {"kinetic_energy": [1.0, 2.0, 3.0]}, None, {"e": [0.5, 0.75]}, {"e": [0.5]})
+    found = part.until(0.5)
+    assert (found.time.tolist(), found.kinetic_energy.tolist()) == ([0.0, 0.5], [1.0, 2.0])
+    assert found.events["e"].tolist() == found.touches["e"].tolist() == [0.5]
 
 
 @pytest.mark.thorough

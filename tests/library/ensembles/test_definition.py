@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.scene.ensemble import lower_factor
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError
 
@@ -161,6 +162,14 @@ def test_an_inertia_that_varies_outright_does_not_follow_the_shape():
         assert made.variation_of("body.shape") is not None, follows
 
 
+def test_moments_and_axes_of_an_inertia_vary_together():
+    made = scene({"body.inertia": {"relative": 0.1, "axes_deg": [1.0, 0.0, 2.0]}}).ensemble
+    assert [(m.name, m.kind, m.arguments) for m in made.varying] == [
+        *((f"body.inertia[{k}]", "relative", (0.1,)) for k in (1, 2, 3)),
+        ("body.inertia.axes_deg[1]", "normal", (0.0, 1.0)), ("body.inertia.axes_deg[3]", "normal", (0.0, 2.0)),
+    ]  # fmt: skip
+
+
 BEAM = {"mass": 1.0, "shape": {"kind": "beam", "length": 1.0}}
 ALMOST_BEAM = {"mass": 1.0, "inertia": [1.5e-12, 1.0, 1.0]}
 VARIED_SPHERE = {"kind": "sphere", "radius": {"normal": [1, 0.2]}}
@@ -297,7 +306,10 @@ def test_three_correlations_may_contradict_each_other():
     correlation = {"components": [*PAIR, "initial.omega_b[3]"], "matrix": matrix.tolist()}
     with pytest.raises(SceneError, match="expected a positive semidefinite matrix"):
         scene(vary, correlation=correlation)
-    assert scene(vary, correlation=correlation | {"matrix": np.abs(matrix).tolist()}).ensemble.correlation is not None
+    matrix = np.abs(matrix).tolist()
+    assert scene(vary, correlation=correlation | {"matrix": matrix}).ensemble.correlation is not None
+    L = np.array(lower_factor(matrix))
+    np.testing.assert_allclose(L @ L.T, matrix, rtol=1e-15)
 
 
 @pytest.mark.parametrize("other", [-0.5, 0.4, 0.6])

@@ -61,6 +61,7 @@ def test_runs_without_one_are_counted_and_are_in_no_mean(scene, planned, result,
     done = call("ensemble", tmp_path / "flips.toml", "--plot", tmp_path / "flips.png")
     lines = done.stdout.splitlines()
     assert f"fast: in {len(result.first_of('fast'))} of 40 runs; first times: mean " in done.stdout
+    assert f", standard deviation {result.first_of('fast').std(ddof=1):.3g} s" in done.stdout
     assert "never: in 0 of 40 runs" in lines
     assert "standard deviation nan s" in call("ensemble", tmp_path / "flips.toml", "--runs", 1).stdout  # of one run
     assert (tmp_path / "flips.png").stat().st_size > 10_000

@@ -10,7 +10,7 @@ from scipy import stats
 
 import rbfmu
 from rbfmu import run_ensemble
-from rbfmu.ensembles.result import Drivers
+from rbfmu.ensembles.result import Drivers, EnsembleResult
 from tests.support.covering import some_of
 from tests.support.ensembles.satellite import FILE, run, satellite
 from tests.support.pictures import overlaps
@@ -163,7 +163,7 @@ def test_a_scene_file_runs(tmp_path):
     assert np.nanmax(np.abs(planned.final["quaternion"] - given.final["quaternion"])) < 1e-6
 
 
-def test_rank_correlations_are_scipys(found):
+def test_rank_correlations_are_scipys(found, monkeypatch):
     drivers = found.drivers()
     i, j = drivers.varied.index("loads.damping_b[1]"), drivers.ends.index("omega_b[1]")
     a, b = found.samples["loads.damping_b"][found.good, 0], found.final["omega_b"][found.good, 0]
@@ -171,6 +171,8 @@ def test_rank_correlations_are_scipys(found):
     assert "initial.attitude[1]" not in drivers.varied
     assert "body.inertia[1,2]" not in drivers.varied  # it is 0 in all runs
     assert drivers.chance == pytest.approx(3.0 / np.sqrt(98.0))
+    monkeypatch.setattr("rbfmu.ensembles.result.MOST_RANKED", 40)
+    assert found.drivers().correlations[i, j] == pytest.approx(stats.spearmanr(a[:40], b[:40]).statistic, rel=1e-12)
 
 
 def test_rank_correlations_of_equal_numbers_are_scipys():
@@ -196,6 +198,9 @@ def test_attitudes_and_angles_lie_about_their_mean_also_near_half_a_turn():
     for name, truth in [("initial.omega_b[3]", 0.69), ("initial.attitude[4]", 0.72)]:  # 0.1 rad and 6 deg
         found = drivers.correlations[drivers.varied.index(name), drivers.ends.index("rpy[3]")]
         assert abs(found - truth) < 3.0 / np.sqrt(turned.runs)
+    ends_alone = EnsembleResult(scene.replace({"ensemble.keep": ["final"]}), turned._arrays, {})
+    for alone, by_statistics in zip(ends_alone.at_end("rpy"), turned.at_end("rpy"), strict=True):
+        np.testing.assert_allclose(alone, by_statistics, rtol=1e-9, atol=1e-12)
     ellipses = [patch for patch in panel(turned.plot(), "rpy[3] (rad)").patches if isinstance(patch, Ellipse)]
     assert abs(abs(ellipses[0].center[1]) - np.pi) < 0.1
 

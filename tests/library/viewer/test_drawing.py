@@ -1,6 +1,7 @@
 """The body that is drawn, how many pictures there are, and where things stand in them."""
 
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -12,12 +13,14 @@ from rbfmu.viewer import (
     MAX_TURN,
     PLAIN,
     THINNEST,
+    Motion,
+    Shape,
     equivalent_box,
     motion_of_scene,
     pictures,
     shape_of,
 )
-from rbfmu.viewer.page import AXIS_B, LONGEST, LONGEST_ARROW, Geometry, _turn_of_z
+from rbfmu.viewer.page import AXIS_B, LONGEST, LONGEST_ARROW, Geometry, _add_shape, _notes, _pace, _turn_of_z
 
 MASS, SIDES = 3.0, (0.3, 0.2, 0.5)
 
@@ -57,6 +60,35 @@ def test_a_shape_of_a_scene_is_drawn_as_it_is(written: dict, kind: str, sides: t
     assert shape.text.startswith(written["kind"])
 
 
+STILL = rbfmu.Result([0.0, 1.0], {"quaternion": [[1.0, 0.0, 0.0, 0.0]] * 2})
+
+
+@pytest.mark.parametrize("kind", ["box", "cylinder", "ellipsoid"])
+def test_what_is_drawn_is_as_large_as_its_shape(kind: str) -> None:
+    shape, scene = Shape(kind, (2.0, 2.0, 3.0), "", (0.1, 0.0, 0.0)), Mock()
+    _add_shape(scene, "/b/body", drawn := Geometry(Motion("", STILL, shape)), 0.5)
+    (call,) = scene.method_calls
+    given = call.kwargs
+    across = {
+        "box": lambda: given["dimensions"],
+        "cylinder": lambda: [2.0 * given["radius"], 2.0 * given["radius"], given["height"]],
+        "ellipsoid": lambda: 2.0 * given["radius"] * np.array(given["scale"]),
+    }[kind]()
+    np.testing.assert_allclose(across, np.array(shape.sides) / drawn.body_radius)
+    np.testing.assert_allclose(given["position"], np.array(shape.centre) / drawn.body_radius)
+
+
+def test_roll_pitch_and_yaw_are_an_attitude() -> None:
+    rpy = np.array([[0.4, -0.7, 1.1], [0.1, 0.2, 0.3]])
+    found = Motion("", rbfmu.Result([0.0, 1.0], {"rpy": rpy}), PLAIN).quaternion
+    np.testing.assert_allclose(found, rbfmu.quaternion_from_euler("ZYX", rpy[:, ::-1]), atol=1e-15)
+
+
+def test_the_pace_is_said() -> None:
+    said = [_pace(factor) for factor in (0.05, 1.0, 3.0)]
+    assert said == ["slowed down 20 times", "played in real time", "3 times as fast as it is"]
+
+
 def test_a_body_of_unknown_inertia_is_said_to_be_any() -> None:
     assert shape_of(None) is PLAIN
     assert PLAIN.text == "the inertia is not known: any body"
@@ -92,6 +124,7 @@ def test_arrows_and_trace_are_those_of_the_motion() -> None:
         assert sizes.max() == pytest.approx(LONGEST_ARROW[name])
         np.testing.assert_allclose(arrows * np.linalg.norm(vectors, axis=1)[:, None], vectors * sizes[:, None])
     assert drawn.traced == 1
+    assert not any("too large" in note or "where the path begins" in note for note in _notes(drawn))
     R_ab = rbfmu.matrix_from_quaternion(motion.quaternion)
     np.testing.assert_allclose(drawn.trace, drawn.path + AXIS_B * R_ab[:, :, 1], atol=1e-14)
 
@@ -120,6 +153,7 @@ def test_a_long_path_makes_the_body_larger_and_all_is_in_view() -> None:
     drawn = Geometry(motion_of_scene(thrown))
     reach = np.linalg.norm(np.ptp(drawn.motion.position, axis=0)) / 2.0
     assert drawn.enlarged == pytest.approx(reach / (LONGEST * drawn.body_radius))
+    assert f"the body is drawn {drawn.enlarged:.3g} times too large beside its path" in _notes(drawn)
     assert np.linalg.norm(np.ptp(drawn.path, axis=0)) / 2.0 == pytest.approx(LONGEST)
     assert part_of_the_view(drawn, drawn.path) < 1.0
     assert part_of_the_view(drawn, drawn.points) == pytest.approx(0.93, abs=0.06)  # the rest is for letters

@@ -13,6 +13,7 @@ import zstandard
 import rbfmu
 from rbfmu.ensembles.members import draw, member
 from rbfmu.viewer import MAX_PICTURES, PLAIN, Motion, shape_of
+from rbfmu.viewer.page import Geometry
 from tests.support.browser import browser, open_page
 from tests.support.command_line import call
 from tests.support.paths import SCENES
@@ -77,6 +78,27 @@ def test_the_body_has_the_attitude_and_place_of_each_picture(thrown: tuple[Path,
     np.testing.assert_allclose(drawn * (steps[-1] @ steps[-1]) / (drawn[-1] @ steps[-1]), steps, rtol=1e-6, atol=1e-9)
 
 
+def test_the_trace_follows_its_tip_letters_stand_beyond_arrows_and_all_is_between_near_and_far(
+    thrown: tuple[Path, Motion],
+) -> None:
+    path, motion = thrown
+    drawn, messages, time = Geometry(motion), recorded(path), motion.result.time
+    played = (time - time[0]) * motion.played / (time[-1] - time[0])
+    in_the_panel = re.search(r'"played": "([^"]*)"', path.read_text(encoding="utf-8"))[1]
+    np.testing.assert_allclose(np.frombuffer(base64.b64decode(in_the_panel)), played, atol=1e-9)
+    shown = {int(m["name"][7:]): at for at, m in messages if m.get("visible") and m["name"].startswith("/trace/")}
+    ends = [*sorted(shown)[1:], len(time) - 1]
+    np.testing.assert_allclose([at for _, at in sorted(shown.items())], played[ends], atol=1e-9)
+    for name, arrows in drawn.arrows.items():
+        of_it = [m for _, m in messages if m.get("name") == f"/{name}_label" and "position" in m]
+        longer = arrows * (1.0 + 0.2 / np.linalg.norm(arrows, axis=1))[:, None]
+        np.testing.assert_allclose([m["position"] for m in of_it], drawn.base + longer, atol=1e-6)
+    of_kind = {m["type"]: m for _, m in messages}
+    deep = (np.array(of_kind["SetCameraPositionMessage"]["position"]) - drawn.points) @ drawn.toward
+    assert of_kind["SetCameraNearMessage"]["near"] < np.min(deep)
+    assert np.max(deep) < of_kind["SetCameraFarMessage"]["far"]
+
+
 @pytest.mark.thorough
 def test_the_size_of_a_page_is_bounded(tmp_path: Path) -> None:
     """All quantities at as many pictures as there may be: some 2 MB."""
@@ -99,7 +121,9 @@ def test_the_doubts_of_a_body_are_told_and_none_of_the_pictures(inertia: list[fl
 def test_a_page_names_frames_units_and_scales(thrown: tuple[Path, Motion]) -> None:
     text = thrown[0].read_text(encoding="utf-8")
     rate = f"longest {np.max(np.linalg.norm(thrown[1].result.omega_b, axis=1)):.3g} rad/s"
-    for part in ("<h1>thrown &lt;brick&gt;</h1>", "fixed in space", "fixed in the body", rate, "kg m2/s"):
+    momentum = np.max(np.linalg.norm(thrown[1].result.angular_momentum_a, axis=1))
+    about = f"h: angular momentum about the centre of mass, longest {momentum:.3g} kg m²/s"
+    for part in ("<h1>thrown &lt;brick&gt;</h1>", "fixed in space", "fixed in the body", rate, about, "kg m2/s"):
         assert part in text
     assert "box with the body&#x27;s mass and inertia" in text
     assert "inputs at" not in text  # there are none

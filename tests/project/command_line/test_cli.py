@@ -99,7 +99,7 @@ def test_a_reader_that_leaves_early_is_no_error(command: list[str], tmp_path: Pa
 def test_plan_says_why_and_speaks_json(short: Path) -> None:
     text = call("plan", short).output
     assert "rotation: no torque" in text
-    assert "of the full model" in text
+    assert re.search(r"\n\d+ states and \d+ FMU variables, against 13 and \d+ of the full model\n", text)
     chosen = json.loads(call("plan", short, "--json").output)
     assert {"model", "method", "substep", "states", "reasons"} <= set(chosen)
     assert chosen["model"] == "torque-free body"
@@ -161,10 +161,17 @@ def test_python_takes_a_scene_or_its_file(short: Path) -> None:
 
 
 def test_the_end_is_printed_with_units(short: Path) -> None:
-    lines = [line.split() for line in call("run", short).output.splitlines()]
+    output, run = call("run", short).output, rbfmu.simulate(short)
+    lines = [line.split() for line in output.splitlines()]
     assert ["at", "the", "end", "unit", "t", "=", "1", "s"] in lines
     units = {line[0]: line[1:-3] for line in lines if line and line[0] in ("position", "omega_b", "alpha_b")}
     assert units == {"position": ["m"], "omega_b": ["rad/s"], "alpha_b": ["rad/s2"]}
+    head, *rows = output[output.index("at the end") :].splitlines()
+    for row, (name, values) in zip(rows, run.quantities.items(), strict=True):  # each column begins at one place
+        assert row.startswith(f"{name} ")
+        assert row[head.index("unit") :].startswith(run.units[name])
+        numbers = [float(x) for x in row[head.index("t =") :].split()]
+        np.testing.assert_allclose(numbers, values[-1:].ravel(), rtol=1e-7, atol=1e-12)
 
 
 @pytest.mark.thorough

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.cli_output import print_fit
 from tests.support.command_line import call
 
 SCENE = """
@@ -63,6 +64,19 @@ def test_fit_prints_and_writes_the_scene(scene: Path, tmp_path: Path) -> None:
     assert "residuals look like noise" in result.output
     assert "# guessed" not in fitted.read_text()  # the number is no guess any more
     assert rbfmu.load_scene(fitted).initial.omega_b == pytest.approx(truth.initial.omega_b, abs=0.01)
+
+
+def test_what_the_data_do_not_tell_has_no_number(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values, errors, sigma = np.array([np.nan, 1.5]), np.array([np.inf, 0.25]), {"quaternion": 0.01, "omega_b": 0.002}
+    names, said = ("body.mass", "initial.omega_b[1]"), ("body.mass: nothing in these data tells it",)
+    print_fit(rbfmu.Fit(rbfmu.load_scene(scene), names, values, errors, np.eye(2), said, {}, sigma, ("doubt",), None))
+    assert capsys.readouterr().out.splitlines() == [
+        "number              value      standard error",
+        "body.mass            not told",
+        "initial.omega_b[1]   1.5       0.25",
+        "noise: attitude 0.01, omega_b 0.002",
+        *said, "doubt",
+    ]  # fmt: skip
 
 
 def test_a_model_that_is_wrong_is_status_1(scene: Path, tmp_path: Path) -> None:

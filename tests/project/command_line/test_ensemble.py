@@ -1,6 +1,7 @@
 """`rbfmu ensemble`: what it prints, writes and refuses."""
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,7 @@ def test_advice_is_about_the_runs_that_are_asked_for(tmp_path):
     found = call("ensemble", scene, "--runs", 20)
     assert found.exit_code == 0, found.stderr
     assert "runs is a power of 2: 16 or 32 in place of 20\n" in found.stdout
+    assert re.search(r"\n20 runs, \d of them failed, 0 drawn again\n", found.stdout)
 
 
 def test_what_cannot_run_is_refused_before_anything_is_planned(tmp_path, monkeypatch):
