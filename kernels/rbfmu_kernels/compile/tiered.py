@@ -9,8 +9,8 @@ Code that is kept on disk from an earlier run serves from the first call.
 
 import atexit
 import math
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from threading import Lock, local
@@ -134,6 +134,9 @@ TYPICAL = 0.1
 """The part of that time after which calls to come are taken to last as long as those before on average: the first ones
 prepare what later ones use."""
 
+HASTE = 0.1
+"""The part of the time that calls in plain Python may take `in_haste`."""
+
 
 def tiered(kernel: Function, calls: int = 1) -> Function:
     """Return a kernel that is compiled where its calls in plain Python take longer.
@@ -150,6 +153,16 @@ def tiered(kernel: Function, calls: int = 1) -> Function:
 @cache
 def _tier(kernel: Any) -> "Tiered":
     return Tiered(kernel, on_buffer(interpreted(kernel), kernel))
+
+
+@contextmanager
+def in_haste() -> Iterator[None]:
+    """Compile kernels sooner: for processes to come, which find their code, though they may be slower or run longer."""
+    Tiered.share = HASTE
+    try:
+        yield
+    finally:
+        Tiered.share = 1.0
 
 
 def evaluated(kernel: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
@@ -197,6 +210,9 @@ def _file_of_time(kernel: Any) -> Path:
 class Tiered:
     """A kernel that is called in plain Python first, and compiled later; calls: how many are known to come."""
 
+    share = 1.0
+    """The part of their patience that all have, see `in_haste`."""
+
     def __init__(self, kernel: Any, plain: Function) -> None:
         self._kernel, self._plain, self.calls = kernel, plain, 1
         self._patience = PATIENCE + PATIENCE_PER_BYTE * size_of_code(kernel)
@@ -212,12 +228,17 @@ class Tiered:
         """Return whether the next call is one of compiled code."""
         return self._call is self._kernel
 
+    @property
+    def _bound(self) -> float:
+        """Return the CPU time, s, that calls in plain Python may take now."""
+        return Tiered.share * self._patience
+
     def _first(self, *args: Any) -> Any:
         self._call = self._kernel if is_kept(self._kernel, *args) else self._interpreted
         if not self.is_compiled:
             with suppress(OSError, AttributeError, ValueError):  # there is no such file, or no cache at all
                 self._before = float(_file_of_time(self._kernel).read_text(encoding="utf-8"))
-                self._call = self._kernel if self._before > self._patience else self._interpreted
+                self._call = self._kernel if self._before > self._bound else self._interpreted
             atexit.register(self._remember)
         return self._call(*args)
 
@@ -229,15 +250,15 @@ class Tiered:
 
     def _interpreted(self, *args: Any) -> Any:
         begin = process_time()
-        _LIMIT.at = begin + self._patience
+        _LIMIT.at = begin + self._bound
         try:
             found = self._plain(*args)
         finally:
             _LIMIT.at = math.inf
         taken = process_time() - begin
         self._taken, self._done, self.calls = self._taken + taken, self._done + 1, max(self.calls - 1, 0)
-        to_come = self.calls * self._taken / self._done if self._taken > TYPICAL * self._patience else 0.0
+        to_come = self.calls * self._taken / self._done if self._taken > TYPICAL * self._bound else 0.0
         taken = self._before + self._taken + to_come
-        if taken > self._patience or self._kernel.overloads:  # others may have compiled it
+        if taken > self._bound or self._kernel.overloads:  # others may have compiled it
             self._call = self._kernel
         return found

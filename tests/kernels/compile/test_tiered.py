@@ -3,6 +3,7 @@
 import math
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from time import sleep
 from types import SimpleNamespace
 from typing import Any
@@ -89,6 +90,17 @@ def test_a_kernel_is_compiled_once_python_takes_the_time_for_that(patience, call
     monkeypatch.setattr(tiered, "process_time", iter((0.0, 0.001)).__next__)
     assert tier(1) == ("plain", 1)
     assert (tier._call is tier._kernel) == is_compiled
+
+
+def test_in_haste_a_kernel_is_compiled_after_less(monkeypatch):
+    """`rbfmu warm` compiles what a slower process would compile."""
+    monkeypatch.setattr(tiered, "PATIENCE_PER_BYTE", 0.0)
+    for haste, is_compiled in ((tiered.in_haste, True), (nullcontext, False)):
+        tier = tier_of(monkeypatch, 0.005)
+        monkeypatch.setattr(tiered, "process_time", iter((0.0, 0.001)).__next__)
+        with haste():
+            assert tier(1) == ("plain", 1)
+        assert tier.is_compiled == is_compiled
 
 
 def test_what_plain_python_took_in_earlier_processes_counts(monkeypatch, tmp_path):
