@@ -139,12 +139,15 @@ def run(asked: common.Asked, output: Path | None, plot: Path | None) -> None:
 def warm(scenes: tuple[Path, ...]) -> None:
     """Keep plans and compiled code of scenes, so that processes that share the cache plan and compile nothing."""
     from rbfmu.ensembles.running import warm as warm_scene
+    from rbfmu_kernels.compile.tiered import in_haste
 
     if not common.keeps_code():
         raise click.ClickException(common.NOT_KEPT)
     for asked in map(common.Asked, scenes):
         with asked.opened() as scene, common.usage_errors():
-            warm_scene(scene, rbfmu.Plan.from_dict(_plan_of(asked, nullcontext(scene))["plan"]))
+            planned = rbfmu.Plan.from_dict(_plan_of(asked, nullcontext(scene))["plan"])
+            with in_haste():
+                warm_scene(scene, planned)
 
 
 @main.command(cls=common.SceneCommand, shared=[*common.INPUTS, *common.RUN_OPTIONS])

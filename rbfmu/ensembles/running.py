@@ -25,7 +25,6 @@ from rbfmu.progress import bar
 from rbfmu.runs.plan import Plan, given
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.simulation import simulate
-from rbfmu_kernels.compile.tiered import in_haste
 
 AHEAD = 3
 """Chunks that are on their way or wait for an earlier one, for each worker: memory is bounded by that.
@@ -240,11 +239,10 @@ def run_packed(given: bytes, index: int) -> Chunk:
 
 def warm(scene: Scene, planned: Plan) -> None:
     """Compile what a run of a scene needs, and its ensemble, where that pays: the first of its runs tell."""
-    with in_haste():
-        simulate(scene, planned=planned)
-        if scene.ensemble:
-            scene = members.for_ends(members.with_runs(scene, None))
-            work = Work(scene, planning.plan_once(scene).of_scene(scene), WARMING)
-            chunk, done = run_chunk(work, 0), Progress.none(work)
-            done.add(chunk, work)
-            results_of(work, done.statistics, chunk_arrays(work, chunk))
+    simulate(scene, planned=planned)
+    if scene.ensemble:
+        scene = members.for_ends(members.with_runs(scene, None))
+        work = Work(scene, planning.plan_once(scene).of_scene(scene), WARMING)
+        chunk, done = run_chunk(work, 0), Progress.none(work)
+        done.add(chunk, work)
+        results_of(work, done.statistics, chunk_arrays(work, chunk))
