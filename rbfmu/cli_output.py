@@ -121,7 +121,7 @@ def say_where_nothing_is_kept() -> None:
 
 def check_target(path: Path, option: str, endings: Sequence[str]) -> None:
     """Refuse a file that cannot be written before anything runs."""
-    if path.suffix not in endings:
+    if path.suffix not in endings or not path.stem.strip("."):
         raise click.UsageError(f"{option} {str(path)!r}: expected a name that ends in {' or '.join(endings)}")
     if not path.parent.is_dir():
         raise click.UsageError(f"{option} {str(path)!r}: there is no folder {str(path.parent)!r}")

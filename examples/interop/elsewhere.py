@@ -92,5 +92,16 @@ def _outputs() -> list[str]:
     return [v.name for v in describe(scene, plan(scene)).variables if v.causality == "output"]
 
 
+def main(words: list[str]) -> None:
+    """Do what is asked, or say what is missing."""
+    commands = {"prepare": prepare, "compare": compare}
+    if len(words) != 2 or words[0] not in commands:
+        sys.exit(f"expected {' or '.join(commands)}, and a folder")
+    try:
+        commands[words[0]](Path(words[1]))
+    except FileNotFoundError as error:
+        sys.exit(f"{error}: expected what `prepare`, and a script that was run there, write")
+
+
 if __name__ == "__main__":
-    {"prepare": prepare, "compare": compare}[sys.argv[1]](Path(sys.argv[2]))
+    main(sys.argv[1:])

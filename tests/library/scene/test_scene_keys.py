@@ -108,14 +108,14 @@ def test_what_a_new_scene_comments_out_is_the_default_or_stands_in_place_of_anot
     assert (changed == scene) == (given == "nothing")
 
 
-@pytest.mark.parametrize("name", ["two\nlines", "  ", "x" * 201, 'a"b', "größe", "no/such/folder", "a.toml"])
+@pytest.mark.parametrize("name", ["two\nlines", "  ", "x" * 201, 'a"b', "größe", "no/such/folder", "a.toml", "."])
 def test_a_new_scene_s_name_is_one_that_a_scene_may_have(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     result = call("new", name)
     files = list(tmp_path.iterdir())
-    assert result.exit_code == (2 if name in ("two\nlines", "  ", "x" * 201, "no/such/folder") else 0)
+    assert result.exit_code == (2 if name in ("two\nlines", "  ", "x" * 201, "no/such/folder", ".") else 0)
     assert [rbfmu.load_scene(f).name for f in files] == [name.removesuffix(".toml")] * (result.exit_code == 0)
     assert "Traceback" not in result.output
 
