@@ -20,7 +20,7 @@ from rbfmu.scene.ensemble import Ensemble, as_written, faults_with, without_idle
 from rbfmu.scene.section import Apart, SceneError, Section, as_lists, as_toml, checked, fault, line, names
 from rbfmu.scene.tables import PARAMETERS, QUANTITIES, About, Initial, Inputs, Loads, Outputs, Run
 from rbfmu.types import Array
-from rbfmu_kernels.quantities import ANGLE, LOADS, OUTPUTS, PORTS, TORQUES, Parameter
+from rbfmu_kernels.quantities import ANGLE, FORCES, LOADS, OUTPUTS, PORTS, TORQUES, Parameter
 
 __all__ = ["PARAMETERS", "PORTS", "QUANTITIES", "About", "Body", "Initial", "Inputs", "Loads", "Outputs", "Run",
            "Scene", "SceneError", "load_scene"]  # fmt: skip
@@ -315,6 +315,8 @@ def doubts_before(scene: Scene) -> Iterator[str]:
     """Yield the doubts that a scene raises: those of its body, or more than one turn per step."""
     if scene.body is not None:
         yield from doubts_of(scene.body)
+        if scene.body.pivot:
+            yield from _held(scene)
     yield from _turns(scene, math.hypot(*scene.initial.omega_b), "at the start")
 
 
@@ -337,6 +339,16 @@ def doubts_of(body: Body) -> Iterator[str]:
     else:
         return
     yield f"the body's radius of gyration {wrong}; mass in kg, inertia in kg m2?"
+
+
+def _held(scene: Scene) -> Iterator[str]:
+    """Yield the doubt that forces at o raise where o is the pivot."""
+    loads = (name for name in sorted(FORCES) if name in scene.loads.formulas or any(getattr(scene.loads, name)))
+    ports = (f"the port {name}" for name in scene.inputs.ports if name in FORCES)
+    forces = [*(f"loads.{name}" for name in loads), *ports]
+    if forces:
+        held = "no effect, as the pivot holds o, where it acts; at r from there it is a torque, cross(r, force)"
+        yield f"{' and '.join(forces)}: {held}"
 
 
 def _turns(scene: Scene, rate: float, when: str) -> Iterator[str]:

@@ -44,6 +44,21 @@ def test_moments_in_kg_cm2_are_doubted_and_large_bodies_are_not() -> None:
     assert doubt.startswith("the body's radius of gyration is at least 14.1 m, beyond 10 m")
 
 
+def test_a_force_at_a_pivot_is_doubted() -> None:
+    """It passed in silence, as a number, formula or port, where the base of a gyroscope shakes: it moves nothing."""
+    top = {"mass": 1.0, "inertia": [1.0, 1.0, 1.5], "r_oc_b": [0.0, 0.0, 0.5], "pivot": True}
+    for loads, port, said in (
+        ({"force_a": "[sin(t), 0, 0]", "force_b": [0.0, 1.0, 0.0]}, "torque_a", "loads.force_a and loads.force_b: no"),
+        ({}, "force_b", "the port force_b: no effect, as the pivot holds o"),
+        ({"torque_a": [1.0, 0.0, 0.0]}, "torque_a", None),
+    ):
+        made = scene(body=top, loads=loads, inputs={"ports": [port]})
+        found = list(doubts_before(made))
+        assert len(found) == (said is not None)
+        assert said is None or found[0].startswith(said)
+        assert list(doubts_before(made.replace({"body.pivot": False}))) == []
+
+
 @pytest.mark.parametrize("turns", [0.99, 1.01])
 def test_more_than_a_turn_a_step(turns: float) -> None:
     fast = {"omega_b": [0.0, 20.0 * math.pi * turns, 0.0]}
