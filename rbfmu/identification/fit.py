@@ -332,7 +332,9 @@ class _Search:
         errors = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
         covariance[lost, :] = covariance[:, lost] = np.nan
         ended = [] if self._ended else [f"the search came to no end in {MOST_LAST} runs: expected one begun nearer"]
-        doubts = (*ended, *noise.trends(left), *noise.too_large(f, self._given))
+        accuracy, measured = self._scene.run.accuracy, self._data.values.items()
+        own = {name: accuracy * noise.largest(name, rows) for name, rows in measured}
+        doubts = (*ended, *noise.trends(left, own), *noise.too_large(f, self._given))
         return Fit(scene, self._names, np.where(lost, np.nan, values), errors, covariance, said, left, dict(sigma),
                    doubts, self._data)  # fmt: skip
 

@@ -36,10 +36,14 @@ def given_deviations(sigma: float | Mapping[str, float] | None, data: Measured) 
     return {name: SIGMA.read(value, f"sigma: {name}") for name, value in given.items() if value is not None}
 
 
+def largest(name: str, rows: Array) -> float:
+    """Return the size of an output, to which its errors are relative."""
+    return 1.0 if name == QUATERNION else float(np.nanmax(np.abs(rows), initial=0.0))
+
+
 def size_of(name: str, rows: Array) -> float:
     """Return a scale of the noise to begin with."""
-    size = 1.0 if name == QUATERNION else float(np.nanmax(np.abs(rows), initial=0.0))
-    return 0.01 * size or 1.0
+    return 0.01 * largest(name, rows) or 1.0
 
 
 def noisy(rows: Array) -> Array:
@@ -88,14 +92,17 @@ def scatter(f: Array, loss: str, n: int, is_known: bool) -> float:
     return float(few**2 * np.sum(slope * slope * z) / (len(f) - n) / mean**2)
 
 
-def trends(left: Mapping[str, Array]) -> list[str]:
-    """Return in words which residuals do not look like noise, as each follows the one before."""
+def trends(left: Mapping[str, Array], own: Mapping[str, float] = {}) -> list[str]:
+    """Return in words which residuals do not look like noise, as each follows the one before.
+
+    own: the error that the motion itself may have, by output; where no residual is larger they say nothing of the data.
+    """
     found = []
     for name, rows in left.items():
         shown = "attitude" if name == QUATERNION else name  # whose residuals are turns
         for element, column in zip(elements(shown, rows.shape[1]), rows.T, strict=True):
             x = column[np.isfinite(column)]
-            if len(x) <= 10:
+            if len(x) <= 10 or np.max(np.abs(x)) <= own.get(name, 0.0):
                 continue
             far = 3.0 * deviation(x)
             x = np.clip(x - np.median(x), -far, far)

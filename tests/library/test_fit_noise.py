@@ -43,6 +43,21 @@ def test_successive_residuals_that_follow_each_other_are_doubted_and_a_few_far_o
     assert names == ["attitude[1]", "attitude[2]", "attitude[3]"]
 
 
+def test_residuals_within_the_scenes_accuracy_are_no_sign_of_a_wrong_model():
+    """Data that rbfmu itself had made, without noise, left its own errors, which follow each other."""
+    scene = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [0.5, 0.2, -0.3]},
+        constants={"k": 0.3}, loads={"torque_b": "-k*norm(omega_b)*omega_b"}, outputs={"quantities": ["omega_b"]},
+        run={"stop": 5.0, "step": 0.05},
+    )  # fmt: skip
+    run = rbfmu.simulate(scene.replace({"run.accuracy": 1e-12}))
+    guess = scene.replace({"run.accuracy": 1e-4, "initial.omega_b": [0.4, 0.25, -0.2]})
+    slow = np.linspace(-1.0, 1.0, len(run.time))[:, None]
+    for off, said in ((3e-5, 0), (3e-3, 3)):
+        data = {"time": run.time, "omega_b": run.omega_b + off * np.max(np.abs(run.omega_b)) * slow**2}
+        assert len(rbfmu.fit(guess, data, ["initial.omega_b"]).doubts) == said
+
+
 @pytest.mark.thorough
 def test_the_noise_of_few_numbers_of_an_output_is_what_the_fit_leaves_of_them():
     """One attitude, which the fit follows, told a noise of 1e-15 rad, and the attitude up to 50 standard errors off."""
