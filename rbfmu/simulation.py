@@ -14,6 +14,7 @@ import numpy as np
 from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result, Row
 from rbfmu.runs.inputs import HOLD, Drive, Inputs, InputTables, drive_of, input_tables, size_of
+from rbfmu.runs.motion import doubts_of_sizes
 from rbfmu.runs.plan import Plan, given, start_run, with_parameters
 from rbfmu.runs.steps import SAME, Driven, Events, Happened
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
@@ -84,7 +85,7 @@ def simulate(
     tables = input_tables(scene, inputs, interpolate)
     planned = given(planned) or _plan(scene, tables, interpolate)
     result = run_of(scene, planned, drive_of(scene, tables, interpolate), progress)
-    warn(scene, doubts_after(scene, result.quantities))
+    warn(scene, (*doubts_after(scene, result.quantities), *doubts_of_sizes(scene, result.quantities)))
     return result
 
 

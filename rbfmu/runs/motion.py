@@ -5,12 +5,13 @@ largest size in the run, as a quantity that passes through zero has no error rel
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
 from rbfmu import arrays
 from rbfmu.models.question import Question
+from rbfmu.scene.scene import Scene
 from rbfmu.types import Array, Buffer, Motion
 from rbfmu_kernels.buffer_access import quaternion_at
 from rbfmu_kernels.compile.decorator import kernel
@@ -124,3 +125,22 @@ def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
         "J": high * rate * rate + body.mass * speed * speed,
     }  # fmt: skip
     return {row.name: by_unit[row.unit] for row in OUTPUTS if row.unit in by_unit}
+
+
+def doubts_of_sizes(scene: Scene, motion: Motion) -> Iterator[str]:
+    """Yield the doubts that positions and velocities raise which are less than the error that the accuracy allows.
+
+    Round-off, which loads in balance and a turn about o leave, raises none.
+    """
+    loads, span = scene.loads.sizes, scene.run.stop - scene.run.start
+    forces = sum(loads[name] for name in sorted(FORCES))
+    pull = loads["gravity_a"] + (forces / scene.body.mass if scene.body else 0.0)
+    arm = math.hypot(*scene.body.r_oc_b) if scene.body else 0.0
+    at_rest = NOISE * max(pull * span * span, pull * span, arm, arm * math.hypot(*scene.initial.omega_b))
+    for name, floor in FLOORS.items():
+        size = largest_size(motion[name]) if name in motion else 0.0
+        if at_rest < size < scene.run.accuracy * floor:
+            unit = OUTPUT[name].unit
+            allowed = f"run.accuracy = {scene.run.accuracy:g} is relative to {floor:g} {unit} there"
+            other = "an output of one's own counts by its own size"
+            yield f"{name}: at most {size:.1e} {unit}, of which all may be wrong, as {allowed}; {other}"

@@ -4,9 +4,11 @@ import math
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.runs.motion import doubts_of_sizes
 from rbfmu.scene.scene import doubts_after, doubts_before
 from tests.support.command_line import call
 from tests.support.scenes.scene_tables import SMALLEST, scene
@@ -42,6 +44,24 @@ def test_moments_in_kg_cm2_are_doubted_and_large_bodies_are_not() -> None:
         assert list(doubts_before(scene(body={"mass": mass, "inertia": inertia}))) == []
     (doubt,) = doubts_before(scene(body={"mass": 50.0, "inertia": [1e4, 2e4, 3e4]}))
     assert doubt.startswith("the body's radius of gyration is at least 14.1 m, beyond 10 m")
+
+
+def test_positions_below_the_error_allowed_are_doubted_and_round_off_is_not() -> None:
+    """A vibration of 1e-8 m at 1e-6 was wrong without a word; loads in balance, and a turn about o, leave round-off."""
+    shaken = {"force_a": [1e-6, 0.0, 0.0], "gravity_a": [0.0, 0.0, 0.0]}
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "outputs": {"quantities": ["position", "velocity"]}}
+    made = scene(**tables, loads=shaken, run={"stop": 0.1, "step": 0.05, "accuracy": 1e-8})
+    with pytest.warns(rbfmu.SceneWarning) as said:
+        rbfmu.simulate(made)
+    (doubt,) = [str(one.message) for one in said]
+    assert "position: at most 5.0e-09 m, of which all may be wrong, as run.accuracy = 1e-08 is relative to 1 m" in doubt
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rbfmu.simulate(made.replace({"run.accuracy": 1e-9}))
+        rbfmu.simulate(made.replace({"loads.force_a": [0.0, 0.0, 9.81], "loads.gravity_a": [0.0, 0.0, -9.81]}))
+    turning = made.replace({"body.r_oc_b": [0.0, 0.0, 0.3], "initial.omega_b": [0.0, 0.0, 3.0]})
+    rounded = {"position": np.full((3, 3), 1e-16), "velocity": np.full((3, 3), 1e-15)}
+    assert list(doubts_of_sizes(turning, rounded)) == []
 
 
 def test_a_force_at_a_pivot_is_doubted() -> None:
