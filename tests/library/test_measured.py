@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.identification.measured import QUATERNION, residuals
+from rbfmu.identification.measured import QUATERNION, read_measured, residuals
 from rbfmu.identification.noise import scatter
 
 
@@ -111,6 +111,8 @@ def test_arrays_of_a_file_are_data_with_own_outputs_and_gaps(tmp_path):
     assert rbfmu.fit(guess, tmp_path / "run.npz", ["initial.omega_b[3]"]).measured.count == 18
     np.savez(tmp_path / "gap.npz", time=[0.0, 1.0, 2.0], spin=[0.1, np.nan, 0.1], other=[[1.0]])
     assert rbfmu.fit(guess, tmp_path / "gap.npz", ["initial.omega_b[3]"]).measured.count == 2
+    arrays = csv_of(tmp_path, "time,omega_b\n0,0.1 0.2 0.3\n1,\n2,0.1 nan 0.3\n")
+    assert read_measured(guess, arrays).count == 5
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/fd"), reason="needs pipes that have paths")

@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -129,6 +129,13 @@ def test_round_off_of_late_times_refuses_no_table_and_cuts_no_step(start, stop, 
     for given in (np.ones((n, 3)), (cumulated, np.ones((n, 3)))):
         tables = input_tables(one, {"torque_b": given})
         assert len(drive_of(one, tables, "hold").lengths) == n
+    grid, rows = one.run.grid(), np.tile(np.arange(n + 1.0)[:, None], 3)
+    for way, interpolate in product((-math.inf, math.inf), ("hold", "linear")):
+        tables = input_tables(one, {"torque_b": (np.nextafter(grid, way), rows)}, interpolate)
+        drive = drive_of(one, tables, interpolate)
+        assert len(drive.lengths) == n
+        np.testing.assert_allclose(drive.ports["torque_b"].values, rows[:-1], atol=1e-6)
+        assert drive.ports["torque_b"].at_row.all()
 
 
 def test_prescribed_rates_take_inputs_as_well():
@@ -140,7 +147,8 @@ def test_prescribed_rates_take_inputs_as_well():
 
 
 @pytest.mark.parametrize(
-    ("at", "after"), [(5.0, math.nextafter(5.0, 6.0)), (5.2, math.nextafter(5.2, 6.0)), (5.2, 5.2)]
+    ("at", "after"),
+    [(5.0, math.nextafter(5.0, 6.0)), (5.2, math.nextafter(5.2, 6.0)), (5.2, 5.2), (math.nextafter(5.0, 4.0), 5.0)],
 )
 def test_two_rows_at_one_time_are_a_jump_of_linear_inputs(at, after):
     """omega = torque t / inertia from there on; a ramp up to the next point would lose half of a step."""

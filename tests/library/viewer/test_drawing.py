@@ -1,5 +1,7 @@
 """The body that is drawn, how many pictures there are, and where things stand in them."""
 
+import base64
+from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
 
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.ensembles import chunks
 from rbfmu.viewer import (
     FPS,
     MAX_PICTURES,
@@ -16,11 +19,27 @@ from rbfmu.viewer import (
     Motion,
     Shape,
     equivalent_box,
+    ghosts_of,
     motion_of_scene,
     pictures,
     shape_of,
 )
-from rbfmu.viewer.page import AXIS_B, LONGEST, LONGEST_ARROW, Geometry, _add_shape, _notes, _pace, _turn_of_z
+from rbfmu.viewer.page import (
+    AXIS_B,
+    LONGEST,
+    LONGEST_ARROW,
+    TAIL,
+    Geometry,
+    _add_shape,
+    _data,
+    _notes,
+    _pace,
+    _server,
+    _trace,
+    _turn_of_z,
+    motion_page,
+)
+from rbfmu_kernels.quantities import own_output
 
 MASS, SIDES = 3.0, (0.3, 0.2, 0.5)
 
@@ -76,6 +95,7 @@ def test_what_is_drawn_is_as_large_as_its_shape(kind: str) -> None:
     }[kind]()
     np.testing.assert_allclose(across, np.array(shape.sides) / drawn.body_radius)
     np.testing.assert_allclose(given["position"], np.array(shape.centre) / drawn.body_radius)
+    assert drawn.body_radius == pytest.approx(np.sqrt(17.0) / 2.0 + 0.1)
 
 
 def test_roll_pitch_and_yaw_are_an_attitude() -> None:
@@ -129,6 +149,69 @@ def test_arrows_and_trace_are_those_of_the_motion() -> None:
     np.testing.assert_allclose(drawn.trace, drawn.path + AXIS_B * R_ab[:, :, 1], atol=1e-14)
 
 
+def spun(angles: np.ndarray, **further: Any) -> Motion:
+    """Return a motion of a body that has turned about x by these angles at 7 s, 8 s and so on."""
+    half = np.array(angles)[:, None] / 2.0
+    quantities = {"quaternion": np.cos(half) * [1.0, 0.0, 0.0, 0.0] + np.sin(half) * [0.0, 1.0, 0.0, 0.0], **further}
+    return Motion("", rbfmu.Result(7.0 + np.arange(len(half)), quantities), PLAIN, played=20.0)
+
+
+def test_the_begin_of_a_long_trace_goes_again() -> None:
+    lines: list[Mock] = []
+
+    def add(_: str, ends: np.ndarray, *__: Any, visible: bool, **___: Any) -> Mock:
+        lines.append(Mock(ends=ends, visible=visible))
+        return lines[-1]
+
+    drawn = Geometry(spun(np.arange(0.0, 60.0, 0.2)))
+    show = _trace(Mock(add_line_segments=add), drawn)
+    for k in (150, 299):
+        show(k)
+        seen = np.concatenate([line.ends for line in lines if line.visible])
+        way = np.linalg.norm(seen[:, 1] - seen[:, 0], axis=1).sum()
+        assert way == pytest.approx(min(AXIS_B * 0.2 * k, TAIL), abs=1.0)
+        np.testing.assert_allclose(seen[-1, 1], drawn.trace[k], atol=0.7)
+
+
+def test_a_spin_that_is_not_seen_as_it_is_has_no_trace() -> None:
+    drawn = [Geometry(spun(np.arange(10.0) * turn)) for turn in (0.9, 1.1)]
+    assert [one.traced for one in drawn] == [2, None]
+    assert ["63° between pictures, so its spin is not seen" in " ".join(_notes(one)) for one in drawn] == [False, True]
+
+
+def test_arrows_begin_at_the_centre_or_at_a_pivot() -> None:
+    shape = Shape("box", (2.0, 2.0, 3.0), "", (0.5, 0.0, 0.0))
+    for pivot, lever in ((False, 0.5), (True, 0.0)):
+        drawn = Geometry(Motion("", STILL, shape, pivot=pivot))
+        np.testing.assert_allclose(drawn.base - drawn.path, [[lever / drawn.body_radius, 0.0, 0.0]] * 2)
+
+
+def test_the_axes_of_a_stand_at_its_origin_or_where_a_path_far_off_begins() -> None:
+    for far, moved in ((3.9, False), (4.1, True)):
+        place = np.array([far * PLAIN.radius, 0.0, 0.0])
+        drawn = Geometry(spun(np.zeros(2), position=[place] * 2))
+        np.testing.assert_array_equal(drawn.origin_a, moved * place)
+        assert ("the axes of a stand where the path begins" in _notes(drawn)) is moved
+
+
+def test_the_panel_has_the_time_of_a_run_that_begins_late_and_no_text_that_ends_its_script(monkeypatch) -> None:
+    monkeypatch.setattr("rbfmu.viewer.page.record_page", lambda _: "<title></title><body></body>")
+    motion, own = spun(np.arange(3.0)), {"spin": own_output("spin", 1, "1", "</script>")}
+    quantities = motion.result.quantities | {"spin": np.zeros(3)}
+    page = motion_page(replace(motion, result=rbfmu.Result(motion.result.time, quantities, own)))
+    assert page.count("</script>") == 2
+    time, played = (np.frombuffer(base64.b64decode(str(_data(Geometry(motion))[name]))) for name in ("time", "played"))
+    assert (time.tolist(), played.tolist()) == ([7.0, 8.0, 9.0], [0.0, 10.0, 20.0])
+
+
+def test_the_server_of_a_drawing_is_stopped(monkeypatch) -> None:
+    monkeypatch.setattr("rbfmu.viewer.page.ViserServer", Mock())
+    with pytest.raises(KeyError), _server() as server:
+        assert not server.stop.called
+        raise KeyError
+    server.stop.assert_called_once_with()
+
+
 FIELD = 0.7
 
 
@@ -158,6 +241,7 @@ def test_a_long_path_makes_the_body_larger_and_all_is_in_view() -> None:
     assert part_of_the_view(drawn, drawn.path) < 1.0
     assert part_of_the_view(drawn, drawn.points) == pytest.approx(0.93, abs=0.06)  # the rest is for letters
     assert abs(drawn.toward @ [1.0, 0.0, 0.0]) < 0.4  # from the side of the path
+    assert drawn.screen[0] @ [1.0, 0.0, 0.0] > 0.9  # on which it goes to the right
     assert drawn.toward[2] > 0.0
 
 
@@ -170,6 +254,15 @@ def test_paths_of_ghosts_count_as_well() -> None:
     assert part_of_the_view(drawn, points) < 1.0
     target, place = drawn.camera(FIELD)
     assert np.linalg.norm(place - target) < 2.0 * LONGEST / np.tan(FIELD / 2.0)  # so near that a body of size 1 is seen
+
+
+def test_members_that_failed_are_no_ghosts(monkeypatch: pytest.MonkeyPatch) -> None:
+    vary = {"initial.velocity": {"normal": [[5.0, 0.0, 0.0], [1.0, 1.0, 1.0]]}}
+    still, quantities = {"gravity_a": [0, 0, 0]}, ["position", "quaternion"]
+    one = scene(loads=still, outputs={"quantities": quantities}, ensemble={"runs": 3, "vary": vary})
+    every, run = ghosts_of(one, 3), chunks.run_chunk
+    monkeypatch.setattr(chunks, "run_chunk", lambda *of: run(*of)._replace(failed={1: "it failed"}))
+    np.testing.assert_array_equal([ghost.position for ghost in ghosts_of(one, 3)], [every[k].position for k in (0, 2)])
 
 
 @pytest.mark.parametrize(("ghosts", "error", "said"), [

@@ -231,6 +231,8 @@ def test_sources_and_versions_are_told_from_others(tmp_path, monkeypatch):
         stamps.append(on_disk._stamp())
     assert len({*stamps}) == 5
     assert on_disk._stamp() == stamps[-1]
+    os.utime(tmp_path / "one_package" / "inner" / "one.py", (1.0, 1.0))  # as of one that was edited to the same length
+    assert on_disk._stamp() not in stamps
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff\xfe", b"null", b"{}", b'a line\n{"doubts": []}'])
