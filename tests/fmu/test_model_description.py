@@ -158,6 +158,19 @@ def test_forces_at_a_pivot_turn_nothing_at_once(pivot, followed):
     assert {d.variables[k].block for k in depends_on(d, output)} == followed
 
 
+@pytest.mark.parametrize("listed", [[], ["r_oc_b"]])
+def test_a_centre_that_may_be_moved_couples_forces_and_torques(listed):
+    """Where it lies at o and stays there they are apart."""
+    one = Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, inputs={"ports": ["force_a", "torque_b"], "parameters": listed},
+        outputs={"quantities": ["acceleration", "alpha_b"]},
+    )  # fmt: skip
+    d = describe(one, rbfmu.Plan("body under loads, by series", "", 13, tolerance=1e-6, order=12))
+    found = {v.block: {d.variables[k].block for k in depends_on(d, v)} for v in d.outputs}
+    both = {"force_a", "torque_b"} if listed else set()
+    assert found == {"acceleration": {"force_a"} | both, "alpha_b": {"torque_b"} | both}
+
+
 @pytest.mark.parametrize("moments", [[7.0, 4.0, 4.0], [4.0, 7.0, 4.0], [4.0, 4.0, 7.0]])
 def test_a_torque_s_usual_size_is_of_the_largest_moment_about_whichever_axis(moments):
     one = Scene(
