@@ -97,6 +97,20 @@ def test_a_pivot_takes_the_forces_however_they_change(method):
         np.testing.assert_allclose(pushed[name], free[name], atol=1e-13, err_msg=name)
 
 
+@pytest.mark.parametrize("name", ["force_a", "torque_a"])
+def test_who_is_pushed_in_a_after_a_step_without_load_has_turned_meanwhile(name):
+    """Though nobody is shown the attitude: what turns the load into b has to follow it."""
+    found = []
+    for shown in (["omega_b"], ["omega_b", "quaternion"]):
+        tables = {"initial": {"omega_b": [1.0, 2.0, -1.0]}, "outputs": {"quantities": shown}}
+        loads = {"gravity_a": [0.0, 0.0, 0.0]}
+        unit = Unit(METHODS["Taylor series"], body=OFFSET, loads=loads, inputs={"ports": [name]}, **tables)
+        unit.step(1.0)
+        unit[name] = [1.0, 0.5, -2.0]
+        found.append(unit.step(1.0)["omega_b"])
+    np.testing.assert_allclose(found[0], found[1], atol=1e-12)
+
+
 def exact_turn(omega, slope, bend, h):
     """q of dq/dt = q o (0, omega(t)) / 2 by 30-digit extrapolation."""
     with mp.workdps(30):

@@ -1,6 +1,7 @@
 """Stores of ensembles: resumed after any stop with the same bits, and refused where they are of something else."""
 
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from rbfmu import EnsembleResult, run_ensemble
-from rbfmu.ensembles import planning, running, store as stores
+from rbfmu.ensembles import lock, planning, running, store as stores
 from rbfmu.ensembles.chunks import origin, run_chunk
 from rbfmu.ensembles.lock import store_lock
 from rbfmu.ensembles.zarr_store import ZarrStore
@@ -281,6 +282,27 @@ def test_a_store_that_another_program_writes_to_is_refused_with_who_it_is(scene,
 def test_a_store_that_another_thread_writes_to_is_refused(scene, tmp_path):
     with store_lock(tmp_path / "store.npz"), pytest.raises(BlockingIOError, match=f"by process {os.getpid()} on "):
         run(scene, tmp_path / "store.npz")
+
+
+@pytest.mark.parametrize(("is_removed", "text"), [(False, ""), (True, ""), (True, "another's")])
+def test_a_lock_is_that_of_the_file_that_stands_there_and_says_who_has_it(tmp_path, monkeypatch, is_removed, text):
+    """Who was killed left a long text; who ends removes the file, perhaps when another has opened it already."""
+    beside, tried, original = tmp_path / "store.npz.lock", [], lock._try_lock
+    beside.write_text("of a process that was killed " * 9)
+
+    def removed_meanwhile(handle):
+        original(handle)
+        if is_removed and not tried:
+            beside.unlink()
+            if text:
+                beside.write_text(text)
+        tried.append(handle)
+
+    monkeypatch.setattr(lock, "_try_lock", removed_meanwhile)
+    with store_lock(tmp_path / "store.npz"):
+        assert beside.read_text() == f"process {os.getpid()} on {platform.node()}"
+    assert len(tried) == 1 + is_removed
+    assert [*tmp_path.iterdir()] == []
 
 
 def test_an_interrupt_between_two_lines_keeps_nothing_that_is_half_done(scene, whole, tmp_path, monkeypatch):

@@ -279,6 +279,10 @@ def test_a_doubt_is_said_each_time(scene):
 
 def test_the_oldest_go(scene, monkeypatch):
     monkeypatch.setattr(on_disk, "MOST", 2)
-    for accuracy in ("1e-3", "1e-4", "1e-5"):
+    said("plan", scene, "--accuracy", "1e-3")
+    (oldest,) = kept(scene)
+    os.utime(oldest, (1.0, 1.0))
+    for accuracy in ("1e-4", "1e-5"):
         said("plan", scene, "--accuracy", accuracy)
     assert len(kept(scene)) == 2
+    assert oldest not in kept(scene)
