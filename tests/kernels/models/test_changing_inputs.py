@@ -73,6 +73,14 @@ def test_after_the_step_an_input_holds_its_last_value(method, pivot, names):
         assert not unit[f"{name}_rate_2"].any()
 
 
+def test_an_input_of_which_the_second_derivative_alone_is_given_changes_also_in_mid_series():
+    unit = driven(METHODS["Taylor series"], OFFSET, ("torque_b",)).step(1e-3, 3)
+    assert unit["validity"] == 1.0
+    unit["torque_b_rate_2"] = [8.0, -6.0, 4.0]
+    np.testing.assert_allclose(unit.step(1e-3)["torque_b"], [4e-6, -3e-6, 2e-6], rtol=4 * EPS)
+    assert not unit["torque_b_rate_2"].any()
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_a_refused_step_leaves_inputs_and_derivatives(method):
     unit = driven(METHODS[method], OFFSET, tuple(INPUTS)).drive(INPUTS)
