@@ -84,10 +84,12 @@ def test_an_event_that_jumps_over_zero_does_not_shift_as_a_root_does():
     found = rbfmu.sensitivity(one, ["initial.omega_b[3]"], inputs=rows)
     np.testing.assert_allclose(found.of["attitude"][:, 2, 0], found.time, rtol=0, atol=1e-12)
     assert found.time[-1] == pytest.approx(0.3, abs=1e-12)
-    text = "where(omega_b[3] > 0.7, 1, -1)*(1 + 0.1*t)"
-    one = scene({"torque_b": [0, 0, -3]}, events={"end": {"when": text, "stop": True}})
-    with pytest.raises(ValueError, match="end: expected one that comes to zero"):
-        rbfmu.sensitivity(one, ["initial.omega_b[3]"])
+    text = "where(omega_b[3] > 0.67, 1, -1)*(1 + 0.1*t) + 0*u"
+    one = scene({"torque_b": [0, 0, -3]}, events={"end": {"when": text, "stop": True}}, inputs=ports)
+    for row, interpolate in ((0.335, "hold"), (0.33, "linear")):  # a jump soon after the event at 0.33 s; a bend at it
+        rows = {"u": ([0.0, row, 2.0], [[0], [1], [1]])}
+        with pytest.raises(ValueError, match="end: expected one that comes to zero"):
+            rbfmu.sensitivity(one, ["initial.omega_b[3]"], inputs=rows, interpolate=interpolate)
 
 
 def test_a_contact_by_the_law_of_hertz_has_derivatives():
