@@ -264,6 +264,7 @@ def test_a_force_and_a_velocity_are_a_port_and_prescribed_rates_are_none():
     assert [part.get("name") for part in found["translation"]] == ["force_a", "velocity"]
     assert [part.get("name") for part in found["rotation"]] == ["torque_b", "omega_b"]
     assert [v.get("axis") for v in found["rotation"][0]] == ["x", "y", "z"]
+    assert {v.get("axis") for name in ("quaternion", "kinetic_energy") for v in found[name]} == {None}
     assert {"force_b", "quaternion", "position"} <= set(found)
     assert not any("Port" in g.tag for g in groups("prescribed"))
 

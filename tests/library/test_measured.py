@@ -113,6 +113,15 @@ def test_arrays_of_a_file_are_data_with_own_outputs_and_gaps(tmp_path):
     assert rbfmu.fit(guess, tmp_path / "gap.npz", ["initial.omega_b[3]"]).measured.count == 2
     arrays = csv_of(tmp_path, "time,omega_b\n0,0.1 0.2 0.3\n1,\n2,0.1 nan 0.3\n")
     assert read_measured(guess, arrays).count == 5
+    assert read_measured(guess, {"time": [0.0, 1.0], "quaternion": np.eye(4)[:2]}).count == 6  # the turns of two
+
+
+def test_roll_pitch_and_yaw_are_the_attitude_where_no_quaternion_is():
+    scene, rpy = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}), np.array([0.4, -0.7, 1.1])
+    quaternion = [[0.0, 1.0, 0.0, 0.0], [np.nan, 1.0, 0.0, 0.0]]
+    found = read_measured(scene, {"time": [0.0, 1.0], "rpy": [rpy, rpy], "quaternion": quaternion})
+    turned = rbfmu.quaternion_from_euler("ZYX", rpy[::-1])
+    np.testing.assert_allclose(found.values["quaternion"], [quaternion[0], turned], rtol=1e-15)
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/fd"), reason="needs pipes that have paths")

@@ -269,6 +269,7 @@ def test_an_inertia_has_the_numbers_that_are_not_zero():
     ("by", "tables", "said"),
     [
         ([], {}, "by: expected at least one key"),
+        (["initial.omega_b", "initial.omega_b[2]"], {}, r"by: expected each number once, not initial.omega_b\[1\]"),
         (["body.shape"], {}, "by = 'body.shape': expected one of initial.attitude, body.mass"),
         (["initial.omega_b[4]"], {}, r"by = 'initial.omega_b\[4\]': expected one of initial.omega_b\[1\]"),
         (["loads.torque_b"], {"loads": {"torque_b": "[t, 0, 0]"}}, "formulas or a potential make this one"),

@@ -119,12 +119,14 @@ def test_a_copy_in_mid_series_goes_on_with_the_same_bits(name):
 @pytest.mark.parametrize("h", [0.0, -1.0, math.nan, math.inf, 1e300])
 @pytest.mark.parametrize("name", ["top", "thruster", "all loads"])
 def test_a_refused_step_leaves_a_series_as_it_was(name, h):
-    unit, other = (Unit(SCENES[name]).step(0.002, 11) for _ in range(2))
-    before = unit.outputs
-    assert LOADED_TAYLOR.step(unit.z, h) == STEP_REJECTED
-    np.testing.assert_array_equal(unit.outputs, before)
-    for _ in range(60):
-        np.testing.assert_array_equal(unit.step(0.002).outputs, other.step(0.002).outputs)
+    reach = Unit(SCENES[name]).step(0.002, 11)["reach"]
+    for served, first in ((11, 0.002), (int(300.0 * reach), 0.6 * reach)):  # in the second the series ends
+        unit, other = (Unit(SCENES[name]).step(0.002, served) for _ in range(2))
+        before = unit.outputs
+        assert LOADED_TAYLOR.step(unit.z, h) == STEP_REJECTED
+        np.testing.assert_array_equal(unit.outputs, before)
+        for further in (first, *[0.002] * 60):
+            np.testing.assert_array_equal(unit.step(further).outputs, other.step(further).outputs)
 
 
 @pytest.mark.parametrize("name", ["torque in b", "thruster", "all loads"])
