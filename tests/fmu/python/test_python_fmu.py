@@ -14,6 +14,8 @@ import rbfmu_kernels
 from rbfmu.simulation import simulate
 from rbfmu_fmu.builder import kernel_sources
 from rbfmu_fmu.demo import ROUND_OFF
+from rbfmu_fmu.description import describe
+from rbfmu_fmu.python.slave_access import Access
 from tests.support.covering import some_of
 from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
 from tests.support.fmu.fmu_importer import DISCARD, FATAL, OK
@@ -33,6 +35,15 @@ def test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore(name):
     state = assert_same_before_and_after_a_restore(instance, kernels, inputs, size, 6000)
     instance.free_state(state)
     instance.free()
+
+
+def test_inputs_between_which_something_else_stands_are_not_set_together(tmp_path):
+    """As ports of one's own and others; to set them so would set all that lies between to zero."""
+    known = json.loads(json.dumps(describe(scene("prescribed"), planned("prescribed")).to_dict()))
+    for apart, together in ((0, [0, 1, 2]), (50, [])):
+        known["variables"][2]["offset"] += apart
+        (tmp_path / "description.json").write_text(json.dumps(known))
+        assert Access(str(tmp_path), "").inputs == together
 
 
 def test_fmpy_command_line_writes_the_same_bits(tmp_path):

@@ -10,9 +10,10 @@ from scipy import stats
 
 import rbfmu
 from rbfmu import run_ensemble
+from rbfmu.ensembles import store
 from rbfmu.ensembles.result import Drivers, EnsembleResult
 from tests.support.covering import some_of
-from tests.support.ensembles.satellite import FILE, run, satellite
+from tests.support.ensembles.satellite import FILE, assert_same, run, satellite
 from tests.support.pictures import overlaps
 
 xarray = pytest.importorskip("xarray")
@@ -63,6 +64,14 @@ def test_where_all_runs_fail_nothing_is_a_number(keep):
     assert all(np.isnan(part).all() for name, part in none.to_xarray().items() if name.startswith("quaternion"))
     assert none.drivers().correlations.size == 0
     assert none.plot().axes
+
+
+def test_quantiles_do_not_hang_on_how_many_times_are_sorted_at_once(monkeypatch):
+    """Each time has a mean of its own, about which attitudes and angles lie."""
+    tables = {"ensemble.keep": ["statistics", "all"], "outputs.quantities": ["quaternion", "rpy"]}
+    at_once = run(satellite().replace(tables))
+    monkeypatch.setattr(store, "SORTED_AT_ONCE", 1000.0)
+    assert_same(at_once, run(satellite().replace(tables)))
 
 
 @pytest.mark.thorough

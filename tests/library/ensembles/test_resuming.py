@@ -69,6 +69,12 @@ def test_a_finished_store_is_read_and_not_touched_without_resume(scene, whole, t
     assert_same(whole, run(scene, tmp_path / store, resume=True))
 
 
+@pytest.mark.parametrize("store", STORES)
+def test_who_failed_in_a_last_chunk_that_is_not_full_is_known_of_a_store(scene, tmp_path, store):
+    found = run(scene, tmp_path / store, runs=17)
+    assert [*EnsembleResult.load(tmp_path / store).failed] == [*found.failed] == [16]
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("store", some_of(STORES, 1))
 def test_more_runs_may_follow(scene, tmp_path, store):
