@@ -5,7 +5,7 @@ import pytest
 
 import rbfmu
 from rbfmu.ensembles.members import draw
-from rbfmu.identification.charts import chart_of
+from rbfmu.identification.charts import changes, chart_of
 from rbfmu_fmu.demo import NASA
 from tests.support import fits
 from tests.support.full_disk import full_disk
@@ -148,6 +148,23 @@ def test_an_inertia_shrinks_no_further_than_a_mass():
         low, high = chart.bounds
         assert np.all(chart.numbers(np.minimum(low, 0.0)) > 1e-7 * lowest)
         assert np.all(chart.numbers(np.maximum(high, 0.0))[:3] > 1e6 * lowest)
+
+
+def test_a_number_that_gets_a_larger_unit_stays_what_it_is():
+    body = {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}
+    scene, p = rbfmu.Scene(body=body, loads={"torque_b": [1.0, 0.0, 0.5]}), np.array([50.0, 0.0, 3.0])
+    chart = chart_of(scene, "loads.torque_b")
+    before = chart.numbers(p)
+    assert chart.outgrown(p)
+    np.testing.assert_allclose(chart.numbers(p), before, rtol=1e-15)
+    assert p[0] == pytest.approx(50.0 / 51.0)
+    assert not chart.outgrown(p)
+
+
+def test_numbers_of_one_vector_that_are_free_one_by_one_all_change():
+    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [4.0, 2.0, 1.0]})
+    charts = [chart_of(scene, f"initial.omega_b[{k}]") for k in (1, 3)]
+    assert changes(charts, np.array([0.5, -1.0])) == {"initial.omega_b": [6.0, 2.0, -3.0]}
 
 
 def test_an_attitude_varies_by_turns_of_any_size():

@@ -37,13 +37,27 @@ def test_fmu_is_the_kernels_over_10000_steps_before_and_after_a_restore(name):
     instance.free()
 
 
+def prescribed():
+    """What a slave knows of an FMU."""
+    return json.loads(json.dumps(describe(scene("prescribed"), planned("prescribed")).to_dict()))
+
+
 def test_inputs_between_which_something_else_stands_are_not_set_together(tmp_path):
     """As ports of one's own and others; to set them so would set all that lies between to zero."""
-    known = json.loads(json.dumps(describe(scene("prescribed"), planned("prescribed")).to_dict()))
+    known = prescribed()
     for apart, together in ((0, [0, 1, 2]), (50, [])):
         known["variables"][2]["offset"] += apart
         (tmp_path / "description.json").write_text(json.dumps(known))
         assert Access(str(tmp_path), "").inputs == together
+
+
+def test_a_state_of_another_fmu_with_as_many_numbers_is_refused(tmp_path):
+    (tmp_path / "description.json").write_text(json.dumps(prescribed()))
+    one, other = (Access(str(tmp_path), identity) for identity in ("of one", "other."))
+    content = bytes(3) + one.start
+    assert one.state_content(one.state_head(content) + content) == content
+    with pytest.raises(ValueError, match="are no state of this FMU"):
+        other.state_content(one.state_head(content) + content)
 
 
 def test_fmpy_command_line_writes_the_same_bits(tmp_path):
