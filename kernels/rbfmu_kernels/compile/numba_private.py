@@ -51,6 +51,8 @@ _MODULES = [
     ("numba.core.options", "DefaultOptions._nrt"),
     # One process at a time compiles a function that others need too.
     ("numba.core.compiler_lock", "global_compiler_lock"),
+    # Loaded with the first code that is compiled, it adds to the types while other threads of an ensemble look for one.
+    ("numba.experimental.function_type", "typeof_function_type"),
 ]  # fmt: skip
 INTERNALS = [f"{module}:{name}" for module, names in _MODULES for name in names.split()]
 """What is needed of Numba's internals: a name in a module, or a member of it."""

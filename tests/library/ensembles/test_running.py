@@ -2,6 +2,8 @@
 
 import concurrent.futures as cf
 import multiprocessing
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from rbfmu import SceneError, SimulationError, run_ensemble, simulate
 from rbfmu.ensembles import running
 from rbfmu.ensembles.chunks import origin
 from tests.support.ensembles.satellite import PLAN, assert_same, run
+from tests.support.paths import ROOT
 
 
 def test_the_plan_makes_chunks_of_some_members(scene):
@@ -29,6 +32,22 @@ def test_a_run_can_be_looked_at_alone_and_has_the_same_bits(whole):
 def test_threads_give_the_same_bits(scene, whole, threads):
     assert_same(whole, run(scene, executor=threads))
     assert 0 < len(whole.failed) < 50
+
+
+FIRST_RUN = """
+from numba.core.typing.typeof import typeof_impl
+from tests.support.ensembles.satellite import run, satellite
+known = {*typeof_impl.registry}
+run(satellite(), executor=2)
+print({*typeof_impl.registry} - known)
+"""
+
+
+@pytest.mark.thorough
+def test_threads_add_nothing_to_what_others_look_types_up_in():
+    """2026-11-29: a first run failed once in a while: "dictionary changed size during iteration"."""
+    done = subprocess.run([sys.executable, "-c", FIRST_RUN], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout == "set()\n"
 
 
 def test_processes_give_the_same_bits(scene, whole):
