@@ -57,6 +57,7 @@ def test_torque_free_motion_tells_ratios_of_moments_alone():
     data = {name: rows for name, rows in fits.measured(rng, scene).items() if name != "quaternion"}
     one = rbfmu.fit(fits.start(rng, scene), data, ["body.inertia", "initial.omega_b", "body.mass"])
     assert np.isnan(one.values).tolist() == [True, True, True, False, False, False, True]
+    assert np.isnan(np.diag(one.covariance)).tolist() == np.isnan(one.values).tolist()
     assert one.unknown[0] == "body.mass: nothing in these data tells it"
     assert one.unknown[1].startswith("body.inertia[1,1], body.inertia[2,2], body.inertia[3,3]: nothing tells a common")
     fitted, true = np.diag(one.scene.body.inertia), np.diag(scene.body.inertia)

@@ -275,6 +275,36 @@ def test_a_compiler_that_fails_counts_as_none(tmp_path, monkeypatch):
         assert any(name.endswith(".o") for name in archive.namelist())
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="a machine's own compiler makes no FMU there")
+def test_ziglang_compiles_for_any_platform_and_a_machine_s_own_compiler_for_itself(monkeypatch):
+    monkeypatch.setattr(platforms, "find_spec", lambda name: name)
+    for one in PLATFORMS.values():
+        assert platforms.compiler(one)[2:] == ["ziglang", "cc", "-target", one.zig]
+        assert platforms.takes_minutes(one) == (one.suffix != ".so")
+    monkeypatch.setattr(platforms, "find_spec", lambda name: None)
+    monkeypatch.setattr(platforms.shutil, "which", lambda name: f"/bin/{name}")
+    for one in PLATFORMS.values():
+        assert not platforms.takes_minutes(one)
+        if one == this_platform():
+            assert platforms.compiler(one)[0] == "/bin/cc"
+        else:
+            with pytest.raises(NoLinkerError):
+                platforms.compiler(one)
+
+
+def test_libraries_for_two_processors_of_macos_are_one():
+    """By <mach-o/fat.h>: a table, big-endian, of processor, subtype, place, size and alignment; each at a page."""
+    numbers = ((0x01000007, 3), (0x0100000C, 0))
+    parts = [struct.pack("<III", 0xFEEDFACF, *number) + b"code" * n for number, n in zip(numbers, (7, 5), strict=True)]
+    content = universal(parts)
+    assert struct.unpack(">II", content[:8]) == (0xCAFEBABE, 2)
+    for k, part in enumerate(parts):
+        *number, place, size, align = struct.unpack(">5I", content[8 + 20 * k : 28 + 20 * k])
+        assert (tuple(number), size, place % 2**align) == (numbers[k], len(part), 0)
+        assert content[place : place + size] == part
+    assert universal(parts[:1]) == parts[0]
+
+
 def test_all_names_every_platform():
     assert [p.name for p in platforms_named(["all", "win64"])] == sorted(PLATFORMS)
     assert [p.name for p in platforms_named([])] == [this_platform().name]
