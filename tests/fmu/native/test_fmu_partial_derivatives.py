@@ -136,6 +136,12 @@ def test_at_the_start_there_are_derivatives_by_parameters(name):
     names, found, expected = by_parameters(instance)
     np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8)
     assert np.any(found != 0.0, axis=0).all() or name != "driven"
+    pair = [n for n in names if n.startswith("quaternion_0")][1:3]
+    knowns = [instance.fmu.references[n] for n in pair]
+    status, apart = instance.derivative(variables(instance, "output"), knowns, [1.0, -1.0])
+    first, second = (found[:, names.index(n)] for n in pair)
+    assert status == OK
+    np.testing.assert_allclose(apart, first - second, rtol=1e-12, atol=1e-12)
     described = describe(scene(name), plan(scene(name)))
     for output, row in zip(described.outputs, found, strict=True):
         listed = {described.variables[k].name for k in depends_initially_on(described, output)}
