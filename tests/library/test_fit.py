@@ -200,6 +200,16 @@ def test_a_fit_is_written_with_comments_and_read_again(tmp_path, found):
     assert rbfmu.load_scene(tmp_path / "alone.toml").initial.omega_b == found.scene.initial.omega_b
 
 
+def test_a_file_that_could_not_be_read_again_is_not_written(tmp_path):
+    file = tmp_path / "of_another.toml"
+    file.write_text("[body]\nmas = 2.0\n")
+    fitted = rbfmu.Scene(body={"mass": 2.0, "inertia": [1.0, 2.0, 2.5]})
+    found = rbfmu.Fit(fitted, ("body.mass",), np.ones(1), np.ones(1), np.eye(1), (), {}, {}, (), None)
+    with pytest.raises(rbfmu.SceneError, match=r"body\.mas"):
+        found.save(tmp_path / "fitted.toml", file)
+    assert [*tmp_path.iterdir()] == [file]
+
+
 @pytest.mark.parametrize(("text", "key"), [
     ("body.mass = 2.0\nbody.inertia = [1.0, 2.0, 2.5]\n", "body.mass"),
     ('[body]\nmass = 2.0\n[run]\nstop = 2.0\n[body.shape]\nkind = "sphere"\nradius = 0.5\n', "body.inertia"),
