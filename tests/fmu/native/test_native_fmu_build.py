@@ -275,6 +275,14 @@ def test_a_compiler_that_fails_counts_as_none(tmp_path, monkeypatch):
         assert any(name.endswith(".o") for name in archive.namelist())
 
 
+def test_code_that_needs_what_platforms_round_in_their_own_ways_is_refused(monkeypatch):
+    code = "declare double @sin(double)\n\ndefine double @step(double %x) {{\n%y = {}\nret double %y\n}}"
+    monkeypatch.setattr(object_code, "_source", code.format)
+    assert object_code._compile("fadd double %x, %x", this_platform(), "")
+    with pytest.raises(BuildError, match="the compiled model needs sin"):
+        object_code._compile("call double @sin(double %x)", this_platform(), "")
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="a machine's own compiler makes no FMU there")
 def test_ziglang_compiles_for_any_platform_and_a_machine_s_own_compiler_for_itself(monkeypatch):
     monkeypatch.setattr(platforms, "find_spec", lambda name: name)

@@ -187,6 +187,21 @@ def test_inputs_keep_their_values_over_steps_and_can_be_set_in_any_order():
     assert instance.get(*names) == other.get(*names) == list(values.values())
 
 
+def test_outputs_follow_inputs_also_beside_one_and_in_a_state_that_was_saved_before_they_were_read():
+    instance = opened("two_ports").started()
+    before = instance.outputs()
+    assert instance.set({"torque_b[1]": 0.3}) == OK
+    saved = instance.state()
+    pushed, alpha = instance.get("torque_b[1]", "alpha_b[1]")
+    assert pushed == 0.3
+    assert alpha == instance.get("alpha_b[1]")[0] != 0.0
+    after = instance.outputs()
+    assert after != before
+    assert instance.restore(saved) == OK
+    assert instance.outputs() == after
+    instance.free_state(saved)
+
+
 def test_huge_finite_inputs_are_taken_though_their_sum_is_not_finite():
     instance = opened("driven").started()
     assert instance.set(dict.fromkeys(LOADED, 1e308)) == OK
@@ -212,6 +227,7 @@ def test_values_can_be_read_after_termination_and_nothing_set():
     assert instance.terminate() == OK
     assert instance.outputs() == rows[-1]
     assert instance.set(LOADED) == FATAL
+    assert instance.set(dict.fromkeys(instance.fmu.by_causality["input"], 0.0)) == FATAL
     assert instance.step(0.03, H) == FATAL
     assert instance.outputs() == rows[-1]
 
