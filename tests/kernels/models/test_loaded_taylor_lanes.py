@@ -118,6 +118,13 @@ def test_lanes_take_all_but_a_force_that_turns_with_the_body(kind):
     assert scratch.any() == (kind != "a force in b")
 
 
+def test_inputs_that_are_new_in_a_step_hold_in_the_next():
+    """Of which a series serves several."""
+    z = buffers_of(["a torque in b"], 11)
+    z[:, BLOCKS["torque_b"]] = [0.02, 0.0, -0.03]
+    assert_same(8, z, [4.0, *[0.05] * 20])
+
+
 @pytest.mark.parametrize("way", [4, 8])
 def test_bodies_of_all_kinds_may_come_together(way):
     assert_same(way, buffers_of([*KINDS], 23), [3.0, 5.0])
