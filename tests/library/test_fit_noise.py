@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import rbfmu
 from rbfmu.identification.measured import sigma_of
@@ -98,3 +99,15 @@ def test_noise_is_a_number_or_a_file(tmp_path):
         sigma_of(str(tmp_path / "s.csv"))
     with pytest.raises(ValueError, match="sigma = '0,01': expected a number, or a CSV file of these"):
         sigma_of("0,01")
+
+
+def test_noise_is_as_much_larger_than_residuals_as_a_fit_follows_numbers():
+    rows = np.random.default_rng(3).normal(size=(20, 1))
+    assert estimated("omega_b", rows, 15.0) == pytest.approx(2.0 * estimated("omega_b", rows, 0.0))
+    with pytest.raises(ValueError, match="20 numbers of omega_b: the fit follows them"):
+        estimated("omega_b", rows, 19.6)
+
+
+def test_residuals_of_any_number_may_be_a_tenth_larger_than_the_noise_given():
+    f = stats.norm.ppf((np.arange(100_000) + 0.5) / 100_000)
+    assert [len(too_large(size * f, {"omega_b": 1.0})) for size in (1.09, 1.11)] == [0, 1]

@@ -56,6 +56,7 @@ def test_derivatives_of_what_is_left_of_an_attitude_hold_for_large_turns():
     slopes = rng.normal(size=(9, 3, 2))
     left, found = residuals(QUATERNION, run, data, slopes)
     assert np.max(np.linalg.norm(left, axis=1)) > 1.5
+    np.testing.assert_array_equal(residuals(QUATERNION, run, -data, slopes)[0], left)  # the same attitudes
     for n in range(2):
         turns = (rbfmu.quaternion_from_rotvec(h * slopes[:, :, n]) for h in (step, -step))
         ahead, behind = (residuals(QUATERNION, rbfmu.compose_quaternions(run, q), data, slopes)[0] for q in turns)
