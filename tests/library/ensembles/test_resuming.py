@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import threading
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -73,6 +74,16 @@ def test_a_finished_store_is_read_and_not_touched_without_resume(scene, whole, t
 def test_who_failed_in_a_last_chunk_that_is_not_full_is_known_of_a_store(scene, tmp_path, store):
     found = run(scene, tmp_path / store, runs=17)
     assert [*EnsembleResult.load(tmp_path / store).failed] == [*found.failed] == [16]
+
+
+def test_a_last_chunk_that_is_not_full_is_kept_with_the_results_alone(scene, tmp_path, monkeypatch):
+    """Of a program that is killed between the two more runs go on where it begins."""
+    with monkeypatch.context() as patch:
+        stopped_after(patch, 13)
+        patch.setattr(stores.Store, "finish", Mock(side_effect=StopError))
+        with pytest.raises(StopError):
+            run(scene, tmp_path / "store.npz", executor=1)
+    assert_same(run(scene, runs=110), run(scene, tmp_path / "store.npz", runs=110, resume=True))
 
 
 @pytest.mark.thorough
