@@ -1,7 +1,5 @@
 """The rules of calls are those of FMI 2.0.4 for co-simulation, but for the differences that are listed here."""
 
-import pytest
-
 from rbfmu_fmu.python.call_rules import CALLS, INITIALIZING, INSTANTIATED, SETTABLE, STEPPING, TERMINATED
 
 ALL = "instantiated", "initialization", "complete", "in progress", "failed", "canceled", "terminated", "error"
@@ -82,12 +80,12 @@ def phases(call):
     return () if call in NEVER else RULES[OURS[call]] if call in OURS else tuple(STATES)
 
 
-@pytest.mark.parametrize("call", STANDARD)
-def test_calls_are_allowed_where_the_standard_allows_them(call):
-    ours = {state for phase in phases(call) for state in STATES[phase]}
-    standard = set(STANDARD[call]) & set.union(*STATES.values())
-    assert ours - standard == MORE.get(call, set())
-    assert standard <= ours
+def test_calls_are_allowed_where_the_standard_allows_them():
+    for call, allowed in STANDARD.items():
+        ours = {state for phase in phases(call) for state in STATES[phase]}
+        standard = set(allowed) & set.union(*STATES.values())
+        assert ours - standard == MORE.get(call, set()), call
+        assert standard <= ours, call
 
 
 def test_every_rule_is_compared():
