@@ -127,18 +127,20 @@ class Scene(Section):
     def replace(self, changes: Mapping[str, Any] = {}, /, **tables: Any) -> Self:
         """Return a checked scene with other values: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.
 
-        The other keys of a table stay; a section (`Run(...)`) replaces the whole table, and None takes it away. A new
-        key removes the one that it excludes (omega_b_deg removes omega_b, shape removes inertia). Outputs that were not
-        requested by name follow from the new motion. A shape was turned into its inertia when the scene was made, so a
-        new mass alone does not change the inertia. Raises SceneError.
+        The other keys of a table stay; a section (`rbfmu.Body(...)`) replaces the whole table, and None takes it away,
+        or a name of one's own (`"states.s"`). A new key removes the one that it excludes (omega_b_deg removes omega_b,
+        shape removes inertia). Outputs that were not requested by name follow from the new motion. A shape was turned
+        into its inertia when the scene was made, so a new mass alone does not change the inertia. Raises SceneError.
         """
         if not isinstance(changes, Mapping):
             raise SceneError(fault("changes", changes, "a mapping from keys to their values"), self.name)
         new = self._values()
         for name, value in _merged(_merged({}, changes), tables).items():
             table = as_lists(new.get(name))
-            if name == "outputs" and "quantities" not in self.outputs._given:
-                del table["quantities"]
+            if name == "outputs" and isinstance(value, Mapping):
+                table["quantities"] = [one for one in table["quantities"] if value.get(one, one) is not None]
+                if "quantities" not in self.outputs._given:
+                    del table["quantities"]
             if name == "ensemble" and table and isinstance(value, Mapping) and (table | value)["design"] == "grid":
                 del table["runs"]  # which is that of the grid's points
             new[name] = _with_changes(table, value, SECTIONS.get(name))
@@ -162,11 +164,11 @@ def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
     """Return the table with the new keys, and without the keys that these exclude."""
     if not isinstance(value, Mapping) or not isinstance(table, Mapping):
         return value
-    if section is None:  # a table with names of one's own, of which a new value keeps unit and meaning
-        return {**table, **{key: _in_row(table.get(key), item) for key, item in value.items()}}
-    fields = {section._keys[key][0] for key in value if key in section._keys}
-    kept = {key: x for key, x in table.items() if section._keys.get(key, (key,))[0] not in fields}
-    return kept | {key: item if key in section._keys else _in_row(kept.get(key), item) for key, item in value.items()}
+    keys = section._keys if section else {}  # others are names of one's own, whose unit and meaning stay
+    fields = {keys[key][0] for key in value if key in keys}
+    kept = {key: x for key, x in table.items() if keys.get(key, (key,))[0] not in fields}
+    changed = kept | {key: item if key in keys else _in_row(kept.get(key), item) for key, item in value.items()}
+    return {key: item for key, item in changed.items() if item is not None or key in keys or key not in table}
 
 
 def _in_row(row: Any, item: Any) -> Any:

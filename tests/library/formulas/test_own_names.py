@@ -202,6 +202,19 @@ def test_other_keys_of_a_row_stay_when_one_is_replaced():
     assert (other.events["half"].when, other.events["half"].direction) == ("u - 0.5", "any")
 
 
+def test_a_name_of_one_s_own_is_taken_away_by_none():
+    one = ball(
+        constants={"c": 2.0}, states={"u": {"start": 1.0, "rate": "-c*u"}}, events={"half": "u - 0.5"},
+        outputs={"level": "u"},
+    )  # fmt: skip
+    kept = ball(constants={"c": 2.0}, events={"half": "t - 0.5"})
+    assert one.replace({"outputs.level": None, "states.u": None, "events.half": "t - 0.5"}) == kept
+    assert kept.replace({"constants.c": None, "events.half": None}) == ball()
+    for key in ("constants.d", "outputs.lvel", "run.step"):
+        with pytest.raises(rbfmu.SceneError, match=rf"{key}(\.value)? = None: "):
+            one.replace({key: None})
+
+
 def test_tables_of_one_s_own_are_frozen_as_all_of_a_scene_is():
     """Those of a scene that has none were one table of all such scenes, so that writing gave it to all of them."""
     plain = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 3.0]})
