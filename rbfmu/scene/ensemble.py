@@ -316,7 +316,8 @@ def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
             known = ", ".join(f"{name}.{key}" for key in table) or f"none: the scene has no {name}"
             yield variation.refused(f"a key out of {known}")
         elif own and len(table[key].numbers) != len(variation.marginals):
-            yield variation.refused("distributions of 3 numbers" if len(table[key].numbers) > 1 else "that of 1 number")
+            three = "distributions of 3 numbers, such as { normal = [[0, 0, 0], 0.1] }"
+            yield variation.refused(three if len(table[key].numbers) > 1 else "the distribution of 1 number")
         elif variation.is_relative and variation.key == INERTIA:
             if bodies.axis_without_moment(table.M_c) is not None:  # a member's moments would differ
                 yield variation.refused("body.mass, or the length of its shape: a beam's two moments are equal")

@@ -96,7 +96,7 @@ def test_a_name_of_ones_own_may_end_as_the_unit_of_rates(scene, how):
 @pytest.mark.parametrize(("vary", "said"), [
     ({"constants.k": {"normal": [1.0, 0.1]}}, r"constants\.k.*: expected a key out of constants\.d, constants\.m"),
     ({"states.v": {"normal": [1.0, 0.1]}}, r"states\.v.*: expected a key out of states\.w"),
-    ({"constants.m": {"normal": [1.0, 0.1]}}, "distributions of 3 numbers"),
+    ({"constants.m": {"normal": [1.0, 0.1]}}, "distributions of 3 numbers, such as { normal"),
     ({"constants.m": {"relative": [0.1] * 3}}, "expected 0 for constants.m\\[1\\], as it is 0 in the scene"),
     ({"constants.d": {"normal": 3.0}}, "mean, standard deviation"),
     ({"constants.d": 0.02}, "expected a table with one of normal"),
