@@ -26,6 +26,13 @@ DEAR = (
     "tests/project/test_figures.py::test_the_gallery_s_plans",
 )  # fmt: skip
 """Tests that build, simulate or plan: of one that has a single axis a case is taken."""
+CHEAP = (
+    *(f"tests/kernels/integrators/test_{part}.py" for part in ("dense_output", "free_series")),
+    *(f"tests/kernels/models/test_{part}.py" for part in ("model_shell", "outputs", "undamped_pendulum")),
+    *(f"tests/library/studies/test_{part}.py" for part in ("chart_files", "own_method")),
+    "tests/fmu/test_demo.py", "tests/fmu/test_model_description.py",
+)  # fmt: skip
+"""Of these files all cases take less than half a second together: one case a test overlooked faults for nothing."""
 ALIKE = (
     *DEAR, "tests/library/formulas/",
     *(f"tests/library/arrays/test_array_functions.py::test_{part}" for part in ("array", "kernels_take")),
@@ -47,7 +54,7 @@ def mark_what_a_covering_set_leaves(items: Sequence[pytest.Item]) -> None:
     cases, alike = defaultdict(list), defaultdict(list)
     for item in items:
         name, slow = item.nodeid.partition("[")[0], item.get_closest_marker("slow")
-        if isinstance(item, pytest.Function) and hasattr(item, "callspec") and not slow:
+        if isinstance(item, pytest.Function) and hasattr(item, "callspec") and not slow and not name.startswith(CHEAP):
             if not item.get_closest_marker("thorough"):
                 cases[name].append(item)
             if name.startswith(ALIKE):
