@@ -151,7 +151,7 @@ def _optimise(module: llvm.ModuleRef, target: llvm.TargetMachine) -> str:
 def _without_counters(source: str) -> str:
     """Rename what holds a counter of the process, so that builds are reproducible: names by Numba, tables by LLVM."""
     names: dict[str, str] = {}
-    counted = r"_ZN[\w.$%]+|NumbaEnv[\w.$%]+|switch\.table[\w.$%]+"
+    counted = r"(?:_ZN|NumbaEnv|switch\.table|\.const\.pickle)[\w.$%]+"  # pickles: Numba 0.61 names addresses
     return re.sub(counted, lambda found: names.setdefault(found[0], f"n{len(names)}"), source)
 
 

@@ -175,6 +175,12 @@ def test_tables_that_llvm_numbers_are_named_alike():
     assert object_code._without_counters(text.format(48)) == object_code._without_counters(text.format(51))
 
 
+def test_exceptions_that_numba_names_by_their_address_are_named_alike():
+    """2026-11-29: with Numba 0.61 each process built another FMU of a scene with formulas."""
+    text = "@.const.pickledata.{0} = c\n@.const.pickledata.{0}.sha1 = c\n@.const.picklebuf.{0} = @.const.pickledata.{0}"
+    assert object_code._without_counters(text.format(1399)) == object_code._without_counters(text.format(1400))
+
+
 def test_object_code_is_compiled_once_and_anew_where_the_kept_file_is_damaged(tmp_path, monkeypatch):
     monkeypatch.setattr(object_code.numba.config, "CACHE_DIR", str(tmp_path))
     codes = iter([b"first", b"second", b"third"])
