@@ -22,6 +22,7 @@ exclude_patterns = [".venv/**", "build/**"]
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 4
 suppress_warnings = ["myst.xref_missing"]  # of `<a id>` in the text, which HTML finds; a test follows every link
+smartquotes = False  # else "--native" and "ZYX" are shown with a dash and quotes that nobody can type
 html_theme = "furo"
 html_title = "rbfmu"
 html_copy_source = False

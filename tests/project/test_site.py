@@ -4,6 +4,7 @@ import inspect
 import os
 import subprocess
 import sys
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -18,6 +19,7 @@ from rbfmu.cli import main
 from rbfmu.scene.keys import scene_keys
 from tests.support.paths import ROOT
 
+REFERENCE = "examples/site/reference"
 DRAWN = "rbfmu.rotate", "rbfmu.Scene", "rbfmu.Simulator", "rbfmu_kernels.add_scaled", "rbfmu_fmu.build"
 
 
@@ -73,8 +75,12 @@ def test_the_site_is_built_has_every_name_and_no_link_is_broken(tmp_path: Path) 
     ids = set().union(*(page.ids for page in pages.values()))
     assert set(DRAWN) <= names() <= ids
     assert {f"rbfmu-{name}" for name in main.commands} <= ids
-    keys = (built / "examples/site/reference/keys.html").read_text(encoding="utf-8")
+    keys, commands = (
+        unescape((built / REFERENCE / name).read_text("utf-8")) for name in ("keys.html", "commands.html")
+    )
     assert not [key.name for key in scene_keys() if key.name.rpartition(".")[2] not in keys]
+    assert '"ZYX"' in keys
+    assert "3 with --native." in commands
     assert (built / "index.html").read_bytes() == (built / "README.html").read_bytes()
 
 
