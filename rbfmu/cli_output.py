@@ -164,12 +164,16 @@ def print_end(scene: "rbfmu.Scene", planned: "rbfmu.Plan", result: "rbfmu.Result
 
 def print_fit(found: "rbfmu.Fit") -> None:
     """Print the numbers with their standard errors, what the data do not tell, and how residuals look."""
+    from rbfmu.identification.noise import trends
+
     numbers = zip(found.names, found.values, found.standard_errors, strict=True)
     rows = [(n, f"{x: .8g}", f"{error:.2g}") if error < math.inf else (n, " not told", "") for n, x, error in numbers]
     print_columns([("number", "value", "standard error"), *rows])
     noise = (f"{'attitude' if name == 'quaternion' else name} {size:.3g}" for name, size in found.sigma.items())
     click.echo(f"noise: {', '.join(noise)}")
-    click.echo("\n".join([*found.unknown, *(found.doubts or ("residuals look like noise",))]))
+    small = "residuals follow each other, but are within the scene's accuracy"
+    well = small if trends(found.residuals) else "residuals look like noise"
+    click.echo("\n".join([*found.unknown, *(found.doubts or (well,))]))
 
 
 def _events(result: "rbfmu.Result") -> Iterator[tuple[str, str, str]]:

@@ -79,6 +79,19 @@ def test_what_the_data_do_not_tell_has_no_number(scene: Path, capsys: pytest.Cap
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(("left", "said"), [
+    (np.sin(np.arange(50.0) / 9.0), "residuals follow each other, but are within the scene's accuracy"),
+    (np.random.default_rng(6).normal(size=50), "residuals look like noise"),
+])  # fmt: skip
+def test_residuals_that_are_not_doubted_are_not_said_to_be_noise_unless_they_are(
+    left: np.ndarray, said: str, scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    of = {"omega_b": 1e-7 * left[:, None]}
+    values = np.array([1.5]), np.array([0.25]), np.eye(1)
+    print_fit(rbfmu.Fit(rbfmu.load_scene(scene), ("body.mass",), *values, (), of, {"omega_b": 1e-7}, (), None))
+    assert capsys.readouterr().out.splitlines()[-1] == said
+
+
 def test_a_model_that_is_wrong_is_status_1(scene: Path, tmp_path: Path) -> None:
     run = rbfmu.simulate(rbfmu.load_scene(scene).replace({"loads.torque_b": [0.0, 0.5, 0.0]}))
     run.save(tmp_path / "d.csv")
