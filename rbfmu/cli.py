@@ -154,7 +154,7 @@ def warm(scenes: tuple[Path, ...]) -> None:
 @common.file_option("Keep in STORE (.npz or .zarr).", (".npz", ".zarr"), metavar="STORE", type=common.PATH)
 @click.option("--runs", type=click.IntRange(1), help="In place of the scene's ensemble.runs.")
 @click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
-@click.option("--scheduler", metavar="ADDRESS", help="Of Dask, in place of threads: tcp://HOST:PORT.")
+@click.option("--scheduler", metavar="ADDRESS", help="Of Dask, at HOST:PORT, in place of threads.")
 @click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
 @common.plot_option("Draw")
 def ensemble(
