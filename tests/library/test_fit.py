@@ -1,11 +1,16 @@
 """Numbers of a scene from measured motion: found with their errors, or named where the data do not tell them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import rbfmu
 from rbfmu.ensembles.members import draw
 from rbfmu.identification.charts import changes, chart_of
+from rbfmu.identification.fit import HELD, _Search
+from rbfmu.identification.measured import Measured, read_measured
+from rbfmu.runs.inputs import HOLD
 from rbfmu_fmu.demo import NASA
 from tests.support import fits
 from tests.support.full_disk import full_disk
@@ -82,6 +87,27 @@ def test_a_pendulum_tells_no_number_of_those_that_it_tells_together_alone():
     one = rbfmu.fit(scene.replace(changes), data, list(changes), sigma={"omega_b": 0.02, "quaternion": 0.01})
     assert np.isnan(one.values).tolist() == [False, False] + 7 * [True]
     assert len(one.unknown) == 1
+
+
+def test_a_direction_that_no_data_tell_is_said_by_its_ratio():
+    """Of what changes by a twentieth of the most, relatively. No test found a ratio upside down."""
+    relative, direction = np.array([-0.5, 1.0, 0.052, 0.048]), np.array([2.0, -3.0, 0.5, 7.0])
+    said = _Search._meaning(SimpleNamespace(_names="abcd"), relative, direction)
+    assert said == "a, b, c: nothing tells a common change of them, as 1 : -1.5 : 0.25"
+
+
+def test_a_search_is_held_to_where_it_begins_and_zeros_get_the_unit_that_moves_some_output_as_measured():
+    """It was found by no test where a search is held to the scene's numbers, or where every output is moved so far."""
+    scene = rbfmu.Scene(body={"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, loads={"gravity_a": [0.0, 0.0, 0.0]})
+    data = {"time": [0.0, 1.0], "velocity": [[0.0] * 3, [3.0, 0, 0]], "position": [[0.0] * 3, [1.0, 0.0, 0.0]]}
+    keys, known, zero = ["body.mass", "loads.force_a[1]"], read_measured(scene, data), np.zeros(2)
+    search = _Search(scene, known, keys, {}, "linear", (None, HOLD))
+    search._measure_zeros(zero)
+    assert search._charts[1].size == pytest.approx(4.0, rel=1e-6)  # N: by which the position is 1 m, the velocity 2 m/s
+    begin = np.array([0.5, 0.0])  # without a force no data tell the mass
+    still = Measured(known.time, {name: 0.0 * rows for name, rows in known.values.items()})
+    found = search._nearest(begin, still, {"velocity": 1.0, "position": 1.0}, HELD)
+    np.testing.assert_allclose(found, begin, atol=1e-9)
 
 
 @pytest.mark.thorough
