@@ -1,5 +1,6 @@
 """FMUs of scenes with formulas: the same bits as `simulate`, constants and starts as parameters, and derivatives."""
 
+import json
 import os
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from fmpy.simulation import instantiate_fmu
 import rbfmu
 import rbfmu_fmu
 from rbfmu.models.formulas import equations_of
-from rbfmu_fmu.description import describe
+from rbfmu_fmu.description import describe, sizes
 from rbfmu_fmu.native.headers import slopes_header
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.tiered import tiered
@@ -198,7 +199,10 @@ def test_variables_say_what_they_are_and_depend_on(fmus: Built) -> None:
     with zipfile.ZipFile(fmus("native")) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
         page = archive.read("documentation/index.html").decode()
+        planned = rbfmu.Plan.from_dict(json.loads(archive.read("resources/scene.json"))["plan"])
+    assert "maxOutputDerivativeOrder" not in root.find("CoSimulation").attrib  # which formulas have none of
     names = [v.attrib["name"] for v in root.iter("ScalarVariable")]
+    assert sizes(rbfmu.Scene.from_dict(SCENE, "orbit"), planned)[0] == len(names)  # with counts of events
     about = {v.attrib["name"]: v for v in root.iter("ScalarVariable")}
     assert about["n"].attrib["causality"] == about["h_0[2]"].attrib["causality"] == "parameter"
     assert about["n"].attrib["description"] == "orbital rate"
@@ -345,6 +349,9 @@ def test_derivatives_refusals_and_what_is_not_finite(fmus: Built, tmp_path: Path
     with pytest.raises(FMICallException):
         one.getReal([reference["root"]])
     assert "an output is not finite" in said[-1]
+    with pytest.raises(FMICallException):
+        one.getReal([reference["wave_count"]])  # whose reference is next to that of `status`
+    assert "wave_count is no" in said[-1]
     one.freeInstance()
 
 

@@ -78,6 +78,7 @@ def test_a_unit_of_ones_own_is_the_known_one_of_that_name():
         names = [unit.get("name") for unit in root.iter("Unit")]
         assert len(set(names)) == len(names)
         assert {"N.m", "m/K"} <= set(names)
+        assert [unit.get("name") for unit in root.iter("Unit") if unit.find("BaseUnit") is None] == ["m/K"]
         typed = {v.get("name"): v if version is FMI3 else v[0] for v in root.find("ModelVariables")}
         assert {typed[name].get("declaredType") for name in ("k", "d")} == {"Torque"}
         assert typed["c"].get("declaredType") is None

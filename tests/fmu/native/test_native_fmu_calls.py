@@ -1,6 +1,7 @@
 """The native FMU's calls obey FMI 2.0: what is refused answers fmi2Error or fmi2Discard, says why, changes nothing."""
 
 import ctypes
+import json
 import math
 
 import fmpy
@@ -12,6 +13,7 @@ from rbfmu_fmu.model_description import FMI2
 from rbfmu_fmu.native import headers, platforms
 from rbfmu_fmu.native.platforms import this_platform
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
+from rbfmu_kernels.buffer import FAULTS
 from tests.support.fmu.builds import NAMED
 from tests.support.fmu.fmu_cases import WRONGS
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, OK, Memory
@@ -211,7 +213,8 @@ def test_fmpy_ends_a_run_at_a_discarded_step():
 @pytest.mark.thorough
 @pytest.mark.usefixtures("each_version")
 def test_status_tells_times_past_the_scenes_stop():
-    start, stop = scene("class").run.start, scene("class").run.stop
+    run = scene("class").run
+    start, stop = run.start, 0.5 * (run.stop + run.last_time)  # as late as round-off of an importer's clock may be
     instance = native("class").instance()
     assert instance.setup(start=start) == instance.enter() == instance.exit() == OK
     assert instance.step(start, stop - start) == OK
@@ -247,6 +250,14 @@ def test_numbers_in_messages_are_pythons_own(value):
     else:
         assert instance.setup(start=value) == ERROR
         assert f"= {value!r}:" in instance.log[-1][-1].decode()
+
+
+def test_every_fault_has_its_words_and_what_is_none_of_them_too():
+    """In place of the last one's another text could stand."""
+    header = headers.scene_header(describe(scene("prescribed"), planned("prescribed")), FMI2, "")
+    assert all(json.dumps(said) in header for _, said in FAULTS.values())
+    assert f"UNKNOWN_FAULT = {max(FAULTS) + 1} }};" in header
+    assert f'[{max(FAULTS) + 1}] = {{"", "initialisation failed"}},' in header
 
 
 @pytest.mark.parametrize("kind", ["native", "fmi3"])
