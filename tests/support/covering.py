@@ -31,8 +31,10 @@ CHEAP = (
     *(f"tests/kernels/models/test_{part}.py" for part in ("model_shell", "outputs", "undamped_pendulum")),
     *(f"tests/library/studies/test_{part}.py" for part in ("chart_files", "own_method")),
     "tests/fmu/test_demo.py", "tests/fmu/test_model_description.py",
+    *(f"tests/fmu/python/test_fmu_traps.py::test_{part}" for part in ("refusal", "a_start_time")),
 )  # fmt: skip
-"""Of these files all cases take less than half a second together: one case a test overlooked faults for nothing."""
+"""Of these, files and tests, all cases take less than half a second together: one case a test overlooked faults for
+nothing."""
 ALIKE = (
     *DEAR, "tests/library/formulas/",
     *(f"tests/library/arrays/test_array_functions.py::test_{part}" for part in ("array", "kernels_take")),

@@ -1,11 +1,13 @@
 """The traps of pythonfmu, each closed; what could crash runs in a process of its own."""
 
+import ctypes
 import hashlib
 import inspect
 import re
 import shutil
 import subprocess
 import sys
+import threading
 from functools import cache
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -272,6 +274,16 @@ def test_fmpy_runs_it_where_rbfmu_is_not_installed():
 def test_holding_the_thread_state_changes_nothing_in_a_python_host():
     assert run_case("rows", unzipped("driven"), RBFMU_HOLD_GIL="1")[0][0] == alone("driven")
     assert run_case("threads", unzipped("driven"), RBFMU_HOLD_GIL="1")[0] == [True] * 16
+
+
+def test_the_gil_is_given_back_by_the_thread_that_took_it_alone(monkeypatch):
+    """Python frees an instance in any thread; another's release ends the process."""
+    released, held = [], pythonfmu_traps.HeldGil()
+    monkeypatch.setattr(ctypes, "pythonapi", SimpleNamespace(PyGILState_Release=released.append))
+    for thread, count in ((threading.get_ident() + 1, 0), (threading.get_ident(), 1)):
+        held._thread = thread
+        held.release()
+        assert len(released) == count
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import math
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,7 +16,9 @@ from rbfmu.simulation import simulate
 from rbfmu_fmu.builder import kernel_sources
 from rbfmu_fmu.demo import ROUND_OFF
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.python.slave_access import Access
+from rbfmu_fmu.python.slave import Slave
+from rbfmu_fmu.python.slave_access import TO_VARY, Access
+from rbfmu_kernels.buffer import CHANGED
 from tests.support.covering import some_of
 from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
 from tests.support.fmu.fmu_importer import DISCARD, FATAL, OK
@@ -209,14 +212,16 @@ def test_huge_finite_inputs_are_taken_though_their_sum_is_not_finite():
 
 
 def test_status_tells_a_refused_step_and_times_past_stop():
-    instance, stop = opened("class").started(), scene("class").run.stop
+    instance, stop, half = opened("class").started(), scene("class").run.stop, 0.5 * scene("class").run.last_time
     assert instance.status() == 0
-    assert instance.step(stop - 0.1, 0.1) == OK
+    assert instance.step(half, half) == OK
     assert instance.status() == 0  # round-off in the importer's clock
     assert instance.step(stop, 0.1) == OK
     assert instance.status() == 2
     assert instance.step(stop + 0.1, math.nan) == DISCARD
     assert instance.status() == 1
+    assert instance.step(stop + 0.1, 1e-300) == DISCARD
+    assert "the step is too small for this time" in instance.log[-1][-1].decode()
     assert instance.step(stop - 0.2, 0.1) == OK
     assert instance.status() == 0
 
@@ -285,3 +290,21 @@ def test_a_parameter_that_the_model_has_no_place_for_is_told_with_its_value():
     said = instance.log[-1][-1].decode()
     assert "omega_b_0[2] = 0.25: expected no rate" in said
     assert 'list "omega_b_0" under parameters' in said
+
+
+def test_each_event_has_its_own_count():
+    unit = SimpleNamespace(
+        access=SimpleNamespace(offsets=[0, 1, 2], counts=[3, 4]), _status=1, _z=[0.0] * 3 + [7.0, 8.0]
+    )
+    assert Slave.get_integer(unit, [5, 3, 4]) == [8, 1, 7]
+
+
+def test_of_what_was_changed_parameters_alone_are_at_fault():
+    """Inputs are there to be changed."""
+    variables = [
+        {"name": name, "block": name, "causality": causality, "offset": k, "start": 0.0}
+        for k, (name, causality) in enumerate([("force", "input"), ("mass", "parameter"), ("c", "parameter")])
+    ]
+    known = SimpleNamespace(description={"variables": variables, "changed": CHANGED})
+    said = Slave._said_of(SimpleNamespace(access=known, _z=[1.0, 2.0, 0.0]), CHANGED, "expected others")
+    assert said == f"mass = 2.0: expected others; {TO_VARY % 'mass'}"

@@ -295,6 +295,7 @@ def fresh_folders(path):
             instance = imported(folder).started()
             found.append(_rows(instance))
             instance.free()
+            assert str(Path(folder, "resources")) not in sys.path_importer_cache
     assert sys.path == paths
     return found
 
