@@ -11,7 +11,7 @@ from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import QUANTITIES, Scene
 from rbfmu.studies.dop853 import LOADED_DOP853, Dop853Plan
 from rbfmu_kernels.body import memory, outputs
-from rbfmu_kernels.buffer import OK
+from rbfmu_kernels.buffer import NO_OUTPUTS, OK
 from rbfmu_kernels.models.loaded import LOADED_TAYLOR
 from rbfmu_kernels.models.prescribed_rates import OUTPUTS, PRESCRIBED_RATES
 from rbfmu_kernels.quantities import OUTPUT
@@ -55,6 +55,13 @@ def test_output_rates_are_the_outputs_differences():
             rate = block(rates, f"d_{name}")
             np.testing.assert_allclose(rate, block(differences, name), rtol=1e-9, atol=1e-9, err_msg=f"{name} {pivot}")
             assert np.any(rate != 0.0) or (pivot and name in ("position", "velocity", "acceleration"))
+
+
+def test_a_start_whose_outputs_alone_are_not_finite_is_told_so():
+    z = body_at(False)
+    z[LOADED_DOP853.BLOCKS["omega_b_0"]] = 1e200
+    with np.errstate(all="ignore"):
+        assert LOADED_DOP853.initialize(z) == NO_OUTPUTS
 
 
 @pytest.mark.skipif(bool(config.DISABLE_JIT), reason="fits by pilot runs")
