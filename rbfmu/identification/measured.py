@@ -144,7 +144,7 @@ def _unit(rows: Array) -> Array:
 def _of_an_fmu(scene: Scene) -> list[str]:
     """Return the outputs of its FMU, which importers write, that a scene does not show: status, events, own states."""
     events = [f"{name}_{what}" for name in scene.events for what in ("count", "time")]
-    return [name for name in ("status", *events, *scene.states) if name not in scene.outputs.own]
+    return ["status", *events, *scene.states]
 
 
 def _faults_of_names(scene: Scene, names: Sequence[str]) -> Iterator[tuple[str, str]]:
