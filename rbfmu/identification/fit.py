@@ -18,6 +18,7 @@ from rbfmu.identification import noise
 from rbfmu.identification.charts import INERTIA, MASS, OWN, Chart, by_chart, changes, chart_of, value_of
 from rbfmu.identification.measured import QUATERNION, Data, Measured, read_measured, residuals
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables, with_times
+from rbfmu.runs.motion import FLOORS
 from rbfmu.scene.ensemble import RANDOM
 from rbfmu.scene.scene import SECTIONS, Scene, of_scene_or_path
 from rbfmu.sensitivities import ATTITUDE, Varied, by_key, keys_of
@@ -333,7 +334,7 @@ class _Search:
         covariance[lost, :] = covariance[:, lost] = np.nan
         ended = [] if self._ended else [f"the search came to no end in {MOST_LAST} runs: expected one begun nearer"]
         accuracy, measured = self._scene.run.accuracy, self._data.values.items()
-        own = {name: accuracy * noise.largest(name, rows) for name, rows in measured}
+        own = {name: accuracy * max(noise.largest(name, rows), FLOORS.get(name, 0.0)) for name, rows in measured}
         doubts = (*ended, *noise.trends(left, own), *noise.too_large(f, self._given))
         return Fit(scene, self._names, np.where(lost, np.nan, values), errors, covariance, said, left, dict(sigma),
                    doubts, self._data)  # fmt: skip

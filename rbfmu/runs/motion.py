@@ -11,7 +11,7 @@ import numpy as np
 
 from rbfmu import arrays
 from rbfmu.models.question import Question
-from rbfmu.scene.scene import Scene
+from rbfmu.scene.scene import Body, Scene
 from rbfmu.types import Array, Buffer, Motion
 from rbfmu_kernels.buffer_access import quaternion_at
 from rbfmu_kernels.compile.decorator import kernel
@@ -110,7 +110,7 @@ def _parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
 def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     """Return the size of each quantity that the scene's loads and rates make where they are not in balance."""
     body, size = asked.body, asked.scene.loads.sizes
-    force = body.mass * size["gravity_a"] if body.pivot else sum(size[name] for name in sorted(FORCES))
+    force, linear = _pull(body, size)
     arm, (low, middle, high) = math.hypot(*body.r_oc_b), asked.start.principal_axes[0].tolist()
     least = low if low > INERTIA_TOLERANCE * high else middle
     torque = sum(size[name] for name in sorted(TORQUES - DISSIPATIVE))
@@ -118,7 +118,6 @@ def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     turning = largest_size(motion.get("omega_b", np.array(asked.scene.initial.omega_b)))
     rate = math.sqrt(angular) + turning
     angular += turning * turning
-    linear = size["gravity_a"] + force / body.mass
     speed = 0.0 if body.pivot else linear * asked.span
     by_unit = {
         "rad/s": rate, "rad/s2": angular, "kg m2/s": high * rate, "m/s2": arm * angular + linear,
@@ -127,16 +126,22 @@ def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     return {row.name: by_unit[row.unit] for row in OUTPUTS if row.unit in by_unit}
 
 
+def _pull(body: Body, loads: Mapping[str, float]) -> tuple[float, float]:
+    """Return how large force, N, and acceleration, m/s2, are that loads of such sizes make, not in balance."""
+    force = body.mass * loads["gravity_a"] if body.pivot else sum(loads[name] for name in sorted(FORCES))
+    return force, loads["gravity_a"] + force / body.mass
+
+
 def doubts_of_sizes(scene: Scene, motion: Motion) -> Iterator[str]:
     """Yield the doubts that positions and velocities raise which are less than the error that the accuracy allows.
 
     Round-off, which loads in balance and a turn about o leave, raises none.
     """
-    loads, span = scene.loads.sizes, scene.run.stop - scene.run.start
-    forces = sum(loads[name] for name in sorted(FORCES))
-    pull = loads["gravity_a"] + (forces / scene.body.mass if scene.body else 0.0)
-    arm = math.hypot(*scene.body.r_oc_b) if scene.body else 0.0
-    at_rest = NOISE * max(pull * span * span, pull * span, arm, arm * math.hypot(*scene.initial.omega_b))
+    if scene.body is None:
+        return
+    (_, linear), span = _pull(scene.body, scene.loads.sizes), scene.run.stop - scene.run.start
+    arm, rate = math.hypot(*scene.body.r_oc_b), math.hypot(*scene.initial.omega_b)
+    at_rest = NOISE * max(linear * span * max(span, 1.0), arm * max(rate, 1.0))
     for name, floor in FLOORS.items():
         size = largest_size(motion[name]) if name in motion else 0.0
         if at_rest < size < scene.run.accuracy * floor:

@@ -137,10 +137,10 @@ class Scene(Section):
         new = self._values()
         for name, value in _merged(_merged({}, changes), tables).items():
             table = as_lists(new.get(name))
-            if name == "outputs" and isinstance(value, Mapping):
+            if name == "outputs" and "quantities" not in self.outputs._given:
+                del table["quantities"]
+            elif name == "outputs" and isinstance(value, Mapping):
                 table["quantities"] = [one for one in table["quantities"] if value.get(one, one) is not None]
-                if "quantities" not in self.outputs._given:
-                    del table["quantities"]
             if name == "ensemble" and table and isinstance(value, Mapping) and (table | value)["design"] == "grid":
                 del table["runs"]  # which is that of the grid's points
             new[name] = _with_changes(table, value, SECTIONS.get(name))

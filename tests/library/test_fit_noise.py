@@ -59,6 +59,17 @@ def test_residuals_within_the_scenes_accuracy_are_no_sign_of_a_wrong_model():
         assert len(rbfmu.fit(guess, data, ["initial.omega_b"]).doubts) == said
 
 
+def test_errors_of_positions_are_relative_to_a_metre_at_least():
+    """As the accuracy counts them, so that a vibration of 1e-5 m may be off by 1e-6 m at 1e-6."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "outputs": {"quantities": ["position"]}}
+    still = {"loads": {"gravity_a": [0.0, 0.0, 0.0]}, "initial": {"velocity": [1e-5, 0.0, 0.0]}}
+    scene = rbfmu.Scene.from_dict(tables | still | {"run": {"stop": 1.0, "step": 0.02}})
+    t = np.linspace(0.0, 1.0, 51)
+    for off, said in ((5e-7, 0), (5e-6, 1)):
+        data = {"time": t, "position": np.outer(1e-5 * t + off * (2.0 * t - 1.0) ** 3, [1.0, 0.0, 0.0])}
+        assert len(rbfmu.fit(scene, data, ["initial.velocity[1]"]).doubts) == said
+
+
 @pytest.mark.thorough
 def test_the_noise_of_few_numbers_of_an_output_is_what_the_fit_leaves_of_them():
     """One attitude, which the fit follows, told a noise of 1e-15 rad, and the attitude up to 50 standard errors off."""
