@@ -49,7 +49,7 @@ interop:
 # Native FMUs for all platforms; those that an emulator here runs give the kernels' bits (apt: qemu-user libc6-arm64-cross wine64).
 platforms:
 	$(BIN)/pip install --quiet --editable ".[native]"
-	$(BIN)/pytest -m slow tests/fmu/native/test_native_fmu_build.py tests/fmu/native/test_native_fmu_platforms.py
+	$(BIN)/pytest -m slow $(addprefix tests/fmu/native/test_native_fmu_,build.py compilers.py platforms.py)
 
 # The lowest and the newest of all dependencies with every Python found here, in fresh environments, some minutes each.
 ranges:

@@ -23,8 +23,6 @@ from rbfmu.models.formulas import equations_of
 from rbfmu_fmu.description import describe, sizes
 from rbfmu_fmu.native.headers import slopes_header
 from rbfmu_kernels.buffer import OK
-from rbfmu_kernels.compile.tiered import tiered
-from tests.support.fmu.conformance.model import IN_C, Facts
 from tests.support.paths import ROOT
 
 SCENE = {
@@ -355,25 +353,6 @@ def test_derivatives_refusals_and_what_is_not_finite(fmus: Built, tmp_path: Path
     one.freeInstance()
 
 
-@pytest.mark.thorough
-def test_a_body_at_rest_has_derivatives_by_inputs_at_the_start_beside_a_norm_that_has_none(tmp_path: Path) -> None:
-    """In Initialization Mode they were refused, as if a parameter changed the norm of the rates, which is zero."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "loads": {"torque_b": "-0.2*norm(omega_b)*omega_b"}}
-    more = {"inputs": {"ports": ["torque_b"]}, "outputs": {"quantities": ["alpha_b"]}, "run": {"stop": 1.0}}
-    path = str(rbfmu_fmu.build(rbfmu.Scene.from_dict(tables | more), tmp_path / "drag.fmu", kind="native"))
-    model = fmpy.read_model_description(path)
-    at = {v.name: v.valueReference for v in model.modelVariables}
-    log = lambda *_: None  # noqa: E731
-    one = instantiate_fmu(fmpy.extract(path, str(tmp_path)), model, "CoSimulation", logger=log)
-    shown = [at[f"alpha_b[{k}]"] for k in (1, 2, 3)]
-    one.setupExperiment(startTime=0.0)
-    one.enterInitializationMode()
-    assert one.getDirectionalDerivative(shown, [at["torque_b[2]"]], [1.0]) == [0.0, 0.5, 0.0]
-    with pytest.raises(FMICallException):
-        one.getDirectionalDerivative(shown, [at["omega_b_0[2]"]], [1.0])
-    one.freeInstance()
-
-
 def test_a_state_may_have_the_name_of_a_block_of_the_body() -> None:
     """Its derivatives at the start were looked for there, and building ended with a traceback."""
     tables = {
@@ -388,20 +367,3 @@ def test_a_state_may_have_the_name_of_a_block_of_the_body() -> None:
     for k in (1, 2, 3):
         at_q, of_start = f"change[{at[f'q[{k}]']}] += ", f"change[{at[f'q_0[{k}]']}]);"
         assert any(at_q in line and of_start in line for line in lines)
-
-
-def test_what_an_output_does_not_depend_on_does_not_change_it_where_it_has_no_derivative() -> None:
-    """The angle between two axes has none by the attitude where they are one, and was refused by all else as well."""
-    tables = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "constants": {"c": 0.3}}
-    more = {"loads": {"torque_b": "c*[1, t, 0]"}, "run": {"stop": 1.0, "accuracy": 1e-3}}
-    shown = {"quantities": ["alpha_b"], "tilt": "acos(R_ab[3,3])"}
-    scene = rbfmu.Scene.from_dict(tables | more | {"outputs": shown})
-    facts = Facts(scene, rbfmu.plan(scene), "native")
-    at, z = {v.name: v.offset for v in facts.description.variables}, facts.start.copy()
-    assert tiered(facts.unit.initialize)(z) == OK
-    for name, expected in (("c", [1.0, 0.0]), ("quaternion_0[2]", [0.0, np.nan])):
-        change = np.zeros(len(z))
-        change[at[name]] = 1.0
-        with np.errstate(all="ignore"):
-            exec(facts.changes, {**IN_C, "sqrt": np.sqrt, "z": z, "change": change})
-        np.testing.assert_array_equal(change[[at["alpha_b[1]"], at["tilt"]]], expected)

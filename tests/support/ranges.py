@@ -34,6 +34,7 @@ TESTS = (
     "tests/fmu/python/test_fmu_traps.py",
     "tests/fmu/native/test_native_fmu.py",
     "tests/fmu/native/test_native_fmu_build.py",
+    "tests/fmu/native/test_native_fmu_compilers.py",
     "tests/fmu/test_verification.py",
     "tests/project/command_line/test_cli.py",
 )

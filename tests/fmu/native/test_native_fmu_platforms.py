@@ -1,7 +1,7 @@
 """One result everywhere: native FMUs of other platforms, run by an emulator, give the kernels' bits (`make platforms`).
 
 Linux on aarch64 under qemu-aarch64 (Debian: qemu-user, libc6-arm64-cross), Windows under Wine (wine64). Each scene has
-another of the kernels' units. macOS: only built, see test_native_fmu_build.py.
+another of the kernels' units. macOS: only built, see test_native_fmu_compilers.py.
 """
 
 import os
