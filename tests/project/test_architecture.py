@@ -30,9 +30,15 @@ def exists(name):
     """A folder, a file, a module, or a function or class in a module."""
     if (ROOT / name).exists() or found_as(name):
         return True
-    module, _, member = name.partition(".")
-    found = found_as(module) + found_as(f"{module}.py")
-    return any(not member or member == "py" or re.search(rf"\b{member.split('.')[0]}\b", _text(p)) for p in found)
+    module, *members = name.split(".")
+    texts = [_text(path) for path in found_as(f"{module}.py")]
+    return not members or any(_defines(text, *members) for text in texts)
+
+
+def _defines(text, name, *members):
+    """Whether a module's own line begins with a name, or defines several; members need only stand in it."""
+    own = re.search(rf"^(?:class |def )?(?:\w+, )*{name}\b", text, re.MULTILINE)
+    return bool(own) and all(re.search(rf"\b{member}\b", text) for member in members)
 
 
 @cache
