@@ -23,7 +23,7 @@ from tests.support.paths import C_SOURCES, SCENES
 
 pytestmark = [pytest.mark.slow, needs_ziglang]
 STEPS, SIZE = 500, 0.01
-NAMES = ["driven", "prescribed", "default", *sorted(path.stem for path in SCENES.glob("*.toml"))]
+NAMES = ["driven", "prescribed", "default", *sorted(path.stem for path in SCENES.rglob("*.toml"))]
 ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
 
 

@@ -99,7 +99,7 @@ def scene(name):
     """One of the tables above, or of the shipped scenes by its file's name."""
     if name in TABLES:
         return Scene.from_dict({"name": name} | TABLES[name])
-    return load_scene(BRICK if name == "brick" else SCENES / f"{name}.toml")
+    return load_scene(BRICK if name == "brick" else next(SCENES.rglob(f"{name}.toml")))
 
 
 @cache
