@@ -11,12 +11,12 @@ import numpy as np
 
 from rbfmu.models import registry
 from rbfmu.models.question import GROWING, Question
-from rbfmu.planning.judge import Judge, too_long
+from rbfmu.planning.judge import Judge, refuse_below
 from rbfmu.planning.methods import EXACT
 from rbfmu.runs.motion import largest_error, least_sizes, lost_to_cancellation
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.steps import motion_of
-from rbfmu.scene.scene import Scene, SceneError
+from rbfmu.scene.scene import Scene
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.integrators.substeps import ROUND_OFF
@@ -47,14 +47,6 @@ with which one is not run at all of them. Sizes that errors are relative to may 
 PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for rates held over a step"
 
 
-def _refuse_below(asked: Question, error: float) -> None:
-    if error == math.inf:
-        raise too_long(asked.scene, "the square of its rate comes to leave the range of numbers")
-    if not asked.accuracy >= error:  # nor where the error is NaN
-        expected = f"at least {error:.1e}, what double precision keeps"
-        raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", asked.scene.name)
-
-
 # Rates that are prescribed
 
 
@@ -70,7 +62,7 @@ def prescribed_rates_error(scene: Scene) -> float:
 def prescribed_plan(asked: Question) -> Plan:
     """Return the plan of rates that a port prescribes."""
     spec, error = registry.PRESCRIBED_RATES, prescribed_rates_error(asked.scene)
-    _refuse_below(asked, error)
+    refuse_below(asked, error)
     return Plan(spec.key, spec.method, spec.states, error=error, reasons=(PRESCRIBED,))
 
 
@@ -98,7 +90,7 @@ def exact_plan(asked: Question, judge: Judge) -> Plan | None:
         error = max(error, judge.error_if_soon(found, otherwise=lost if lost > LITTLE * asked.accuracy else 0.0))
     if delicate and "alpha_b" in delicate:
         found = replace(found, pinned=asked.pinned)
-    _refuse_below(asked, error)
+    refuse_below(asked, error)
     return replace(found, error=error, reasons=why_exact(asked, spec))
 
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import FREE_BODY_FORCE, FREE_TRIAXIAL, LOADED_TAYLOR, ONE_AXIS_TAYLOR
 from rbfmu.planning import methods
-from rbfmu.planning.judge import Judge, magnified_round_off
+from rbfmu.planning.judge import Judge, least_accuracy, magnified_round_off, refuse_below
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError
 from rbfmu_kernels.compile.tiered import evaluated
@@ -82,8 +82,7 @@ def cheapest_fit(asked: Question, judge: Judge, full: bool = False) -> Plan:
 
     full: by series alone, which integrate all that is judged. Raises SceneError where none is accurate enough.
     """
-    if asked.accuracy < SMALLEST:
-        raise refuse_accuracy(asked, REACHED * SMALLEST)
+    refuse_below(asked, SMALLEST)
     search = _Search(asked, judge)
     return search.plan_of_varying() if asked.varying else search.plan(() if full else methods.splittings(asked))
 
@@ -117,10 +116,8 @@ def of_path_alone(asked: Question, judge: Judge) -> Plan | None:
 def refuse_accuracy(asked: Question, error: float, why: str = "") -> SceneError:
     """Return the error for an accuracy below what methods reach; why: of which quantities, where that is known."""
     reached = error / REACHED
-    expected = f"expected one that this scene can meet; the methods here reach {reached:.1e} here"
-    if why:
-        expected += why
-    elif 1e-3 < reached < math.inf:
+    expected = f"expected one that this scene can meet; the methods here reach {least_accuracy(reached)} here{why}"
+    if not why and 1e-3 < reached < math.inf:
         expected += "; the motion magnifies round-off: see `rbfmu stability`, or ask for a shorter run"
         expected += "; or a formula has a pulse: give it edges by where(...)" if asked.scene.loads.formulas else ""
     return SceneError(f"run.accuracy = {asked.accuracy!r}: {expected}", asked.scene.name)
@@ -183,6 +180,9 @@ class _Search:
             other = self._tighten_for_other_steps(tried)
             best = other if best is None or other.plan.cost < best.plan.cost else best
         assert best
+        if best.plan.error > self.accuracy:  # round-off of the shorter substeps for other steps, which are told of then
+            best = min(self.met, key=lambda tried: tried.plan.cost)
+            best = best._replace(other=max(self._errors_in_other_steps(best)))
         found = replace(best.plan, error=self.judge.try_all_steps(best.plan))
         if found.error > self.accuracy:
             raise refuse_accuracy(self.asked, found.error)

@@ -313,3 +313,18 @@ def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, subste
 def too_long(scene: Scene, why: str) -> SceneError:
     """Return the error for a run that is too long to be planned."""
     return SceneError(f"run.stop = {scene.run.stop!r}: expected a shorter run, as {why}", scene.name)
+
+
+def least_accuracy(error: float) -> str:
+    """Return an error with two digits as no less than it is, so that the accuracy so told can be met."""
+    text = f"{error:.1e}"
+    return text if not float(text) < error else f"{1.05 * error:.1e}"
+
+
+def refuse_below(asked: Question, error: float) -> None:
+    """Raise SceneError for an accuracy below an error that round-off makes."""
+    if error == math.inf:
+        raise too_long(asked.scene, "the square of its rate comes to leave the range of numbers")
+    if not asked.accuracy >= error:  # nor where the error is NaN
+        expected = f"at least {least_accuracy(error)}, what double precision keeps"
+        raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", asked.scene.name)

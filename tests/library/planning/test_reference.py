@@ -15,7 +15,7 @@ from rbfmu import Scene, SceneError, on_disk
 from rbfmu.exceptions import PlanningWarning
 from rbfmu.models.question import Question
 from rbfmu.planning import fitting, judge as judge_module, reference as reference_module, select
-from rbfmu.planning.judge import Judge
+from rbfmu.planning.judge import Judge, least_accuracy
 from rbfmu.planning.reference import ReferenceTooLongError, reference_motion
 from rbfmu.planning.select import plan
 from rbfmu.runs.inputs import drive_of, input_tables
@@ -96,6 +96,11 @@ def test_the_judge_sees_an_error_in_every_quantity_and_none_in_a_tight_plan():
         loose = Plan("body under loads, by series", "", 13, tolerance=1e-4, order=6)
         assert judge.try_out(tight)[0] <= 1e-13, quantity
         assert judge.try_out(loose, at_once=16)[0] >= 1e-10, quantity
+
+
+@pytest.mark.parametrize("error", [1e-14, 5.54e-13, 9.96e-13, 1.04e-7, 2.949])
+def test_an_accuracy_that_is_told_is_no_less_than_the_error(error):
+    assert error <= float(least_accuracy(error)) <= 1.1 * error
 
 
 @compiled
