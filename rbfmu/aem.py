@@ -76,7 +76,7 @@ def read_aem(path: Path) -> dict[str, Array]:
                 origin = _seconds(found[1])
             elif line == "META_START":
                 meta = {}
-            elif equals and not line.startswith("COMMENT"):
+            elif equals:
                 meta[key] = value.upper()
             elif line and line.split()[0] not in ("COMMENT", "META_STOP", "DATA_START", "DATA_STOP"):
                 rows.append(_row(line.split(), meta))

@@ -101,6 +101,8 @@ X_OF_BODY = [0.0, 1.0, 0.0]
     (short(ABOUT_Z, a="SC_BODY_1", b="ICRF"), [0.0, -1.0, 0.0]),
     (short(ABOUT_Z, a="sc_body_1", b="icrf", ATTITUDE_DIR="B2A"), X_OF_BODY),
     (short(ABOUT_Z, a="SC_BODY_1", b="INSTRUMENT_A"), X_OF_BODY),
+    (short(ABOUT_Z, a="SC_BODY_1", b="SC_BODY_2"), X_OF_BODY),
+    (short(ABOUT_Z).replace("VERS = 1.0", "VERS = 0.2"), X_OF_BODY),
     (short(ABOUT_Z + " 1 2 3", kind="QUATERNION/RATE"), X_OF_BODY),
     (short(ABOUT_Z + " 1 2 3 4", kind="QUATERNION/DERIVATIVE"), X_OF_BODY),
 ])  # fmt: skip
@@ -134,6 +136,20 @@ def test_rates_that_are_not_of_one_frame_are_left_out(tmp_path: Path) -> None:
              for line, frame in ((ABOUT_Z, "EME2000"), (later, "SC_BODY_1"))]  # fmt: skip
     assert [*read(parts[0], tmp_path).quantities] == ["quaternion", "omega_a"]
     assert [*read("\n".join([parts[0], *parts[1].split("\n")[1:]]), tmp_path).quantities] == ["quaternion"]
+
+
+def test_a_segment_has_keys_of_its_own_and_days_are_those_of_a_year_too(tmp_path: Path) -> None:
+    first = short(f"2000-02-29T12:00:00 {QUARTER} 0 0 {QUARTER}", QUATERNION_TYPE="FIRST")
+    later = short(ABOUT_Z.replace("2000-01-01", "2000-061")).partition("\n")[2]  # 61 days are January, February and one
+    found = read(f"{first}\n{later}", tmp_path)
+    assert found.time.tolist() == [0.0, 86400.0]
+    assert found.quaternion[0].tolist() == found.quaternion[1].tolist()
+
+
+def test_a_comment_may_have_another_encoding(tmp_path: Path) -> None:
+    path = tmp_path / "it.aem"
+    path.write_bytes(short(ABOUT_Z).replace("META_STOP", "COMMENT Andr\xe9\nMETA_STOP").encode("latin-1"))
+    assert len(Result.load(path).time) == 1
 
 
 def some_result(time: list[float]) -> Result:
@@ -198,6 +214,7 @@ def changed(old: str, new: str) -> str:
     (changed("0.45689 0.68427", "0.45689 none"), "line 22: could not convert string to float: 'none'"),
     (changed("0.45689 0.68427", "0.45689 nan"), "line 22: quaternion 0.56748 0.03146 0.45689 nan: expected one of l"),
     (changed("0.45689 0.68427", "0.45689 0.9"), "line 22: quaternion 0.56748 0.03146 0.45689 0.9: expected one of l"),
+    (changed("0.45689 0.68427", "0.45689 0.69"), "line 22: quaternion 0.56748 0.03146 0.45689 0.69: expected one of "),
     (changed("1996-11-28T22:08:03.5555", "1996-11-28"), "line 23: '1996-11-28': expected a time such as 2000-01-01T"),
     (changed("1996-11-28T22:08:03.5555", "1996-13-28T22:08:03"), "line 23: month must be in 1..12"),
     (changed("1996-11-28T22:08:03.5555", "1996-11-28T20:08:03"), "in row 2: expected times that increase"),
