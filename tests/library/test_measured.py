@@ -8,6 +8,7 @@ import pytest
 import rbfmu
 from rbfmu.identification.measured import QUATERNION, read_measured, residuals
 from rbfmu.identification.noise import scatter
+from rbfmu.result import quaternion_lengths
 
 
 def csv_of(tmp_path, text):
@@ -161,3 +162,10 @@ def test_the_covariance_of_each_loss_is_that_of_its_function_of_residuals(loss, 
     few = 1.0 + 3 / 40 * np.var(follows) / np.mean(follows) ** 2
     expected = few**2 * np.sum(psi**2) / 37 / np.mean(follows) ** 2
     assert scatter(f, loss, 3, False) == pytest.approx(expected, rel=1e-4)
+
+
+def test_quaternions_a_tenth_off_a_unit_are_refused_and_gaps_have_no_length() -> None:
+    rows = np.array([[1.05, 0.0, 0.0, 0.0], [np.nan] * 4, [0.0, 0.85, 0.0, 0.0]])
+    assert quaternion_lengths(rows[:2]) == pytest.approx([1.05, np.nan], nan_ok=True)
+    with pytest.raises(ValueError, match=r"quaternion in row 3 has length 0\.85: expected 1, scalar first"):
+        quaternion_lengths(rows)

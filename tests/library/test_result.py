@@ -3,6 +3,7 @@
 import csv
 import math
 import tracemalloc
+import zipfile
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -137,7 +138,7 @@ def test_a_result_without_rows_is_shown_and_cut_and_no_ephemeris(tmp_path: Path)
     """Each was a bare IndexError."""
     empty = Result([], {"quaternion": np.zeros((0, 4))})
     assert "<td>quaternion</td><td>1</td>" in empty._repr_html_()
-    assert len(empty.until(1.0).time) == 0
+    assert len(empty.until(1.0).time) == len(empty.until(-1.0).time) == 0
     assert len(empty.plot().axes) == 1
     with pytest.raises(ValueError, match=r"it\.aem': expected at least one point in time"):
         empty.save(tmp_path / "it.aem")
@@ -146,10 +147,10 @@ def test_a_result_without_rows_is_shown_and_cut_and_no_ephemeris(tmp_path: Path)
 
 
 def test_the_part_up_to_a_time_has_what_happens_at_that_time() -> None:
-    part = Result([0.0, 0.5, 1.0], {"kinetic_energy": [1.0, 2.0, 3.0]}, None, {"e": [0.5, 0.75]}, {"e": [0.5]})
-    found = part.until(0.5)
+    energy, touches = {"kinetic_energy": [1.0, 2.0, 3.0]}, {"e": [0.25, 0.5, 0.6]}
+    found = Result([0.0, 0.5, 1.0], energy, None, {"e": [0.5, 0.75]}, touches).until(0.5)
     assert (found.time.tolist(), found.kinetic_energy.tolist()) == ([0.0, 0.5], [1.0, 2.0])
-    assert found.events["e"].tolist() == found.touches["e"].tolist() == [0.5]
+    assert (found.events["e"].tolist(), found.touches["e"].tolist()) == ([0.5], [0.25, 0.5])
 
 
 @pytest.mark.thorough
@@ -273,11 +274,21 @@ def test_arrays_that_are_no_result_are_refused(tmp_path: Path) -> None:
         np.savez(path, time=time, kinetic_energy=np.ones(2))
         with pytest.raises(ValueError, match=r"it\.npz: time must be real numbers, got an array of (datetime|complex)"):
             Result.load(path)
+    np.savez(path, **{"time": np.arange(3.0), "resume/head": np.zeros(1)})
+    with pytest.raises(ValueError, match=r"it\.npz: an ensemble's: .*; EnsembleResult\.load takes it"):
+        Result.load(path)
     path.write_text("no arrays")
     with pytest.raises(ValueError, match=r"cannot be read as arrays of NumPy \(File is not a zip file\)"):
         Result.load(path)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("time.npy", b"\x93NUMPY\x01\x00" + (1000).to_bytes(2, "little") + b"x" * 1000)
+    with pytest.raises(ValueError, match="expected the result of a run") as refused:  # NumPy says all of the header
+        Result.load(path)
+    assert len(str(refused.value)) < 200 + len(str(path))
     with pytest.raises(ValueError, match=r"expected a name that ends in \.csv, \.npz or \.aem"):
         Result.load(tmp_path / "it.txt")
+    with pytest.raises(FileNotFoundError):
+        Result.load(tmp_path / "none.npz")
 
 
 NAMES = {
