@@ -54,12 +54,12 @@ def read(text: str) -> ast.expr:
         raise FormulaError(text, column, "a formula") from None
     except (ValueError, MemoryError, RecursionError):  # zero bytes; thousands of signs in a row
         raise FormulaError(text, 0, "a formula") from None
-    for node, level in _walk(found):
+    for node, placed, level in _walk(found):
         if level > 2 * DEEPEST:
-            raise FormulaError(text, column_of(text, node), f"at most {2 * DEEPEST} operations inside each other")
+            raise FormulaError(text, column_of(text, placed), f"at most {2 * DEEPEST} operations inside each other")
         if not isinstance(node, _ALLOWED):
             instead = _INSTEAD.get(type(node), "numbers, names, operators, functions, [ , ]")
-            raise FormulaError(text, column_of(text, node), instead)
+            raise FormulaError(text, column_of(text, placed), instead)
     return found
 
 
@@ -69,21 +69,22 @@ def column_of(text: str, node: ast.AST) -> int:
     return len(before.decode(errors="ignore"))
 
 
-def _walk(root: ast.expr) -> Iterator[tuple[ast.AST, int]]:
-    """Yield all parts, and how deep they stand; an operator comes with the place of its operation."""
-    left: list[tuple[ast.AST, int]] = [(root, 0)]
+def _walk(root: ast.expr) -> Iterator[tuple[ast.AST, ast.AST, int]]:
+    """Yield all parts, each with what says its place, and how deep they stand; an operator's is its operation's.
+
+    All texts have the same object for an operator, so that no place can stand in it.
+    """
+    left: list[tuple[ast.AST, ast.AST, int]] = [(root, root, 0)]
     while left:
-        node, level = left.pop()
-        yield node, level
+        node, placed, level = left.pop()
+        yield node, placed, level
         for part in ast.iter_child_nodes(node):
-            if not hasattr(part, "col_offset"):
-                part.col_offset = getattr(node, "col_offset", 1)  # type: ignore[attr-defined]
-            left.append((part, level + 1))
+            left.append((part, part if hasattr(part, "col_offset") else placed, level + 1))
 
 
 def names_in(text: str) -> set[str]:
     """Return the names that a formula reads. Raises FormulaError."""
-    return {node.id for node, _ in _walk(read(text)) if isinstance(node, ast.Name)}
+    return {node.id for node, *_ in _walk(read(text)) if isinstance(node, ast.Name)}
 
 
 # What it means

@@ -75,6 +75,9 @@ def test_formulas_mean_what_they_say(text, expected):
         ("(lambda: 1)()", 1, "numbers, names"),
         ("__import__('os')", 0, "__import__()"),
         ("x +", 3, "a formula"),
+        ("x + * 2", 4, "a formula"),
+        ("é + (x ^ 2)", 5, "** for a power"),
+        ("(-x)**0.5", 0, "a finite number"),
         ("1/0", 0, "a finite number"),
         ("sqrt(-1)", 0, "a finite number"),
         ("10.0**400", 0, "a finite number"),
@@ -92,6 +95,30 @@ def test_mistakes_are_shown_with_a_caret(text, column, said):
     assert len(shown) <= 104
     if column is not None and len(text) < 100:
         assert caret.index("^") == 4 + column
+
+
+@pytest.mark.parametrize(("text", "column"), [("1 + 2*(x ^ 3)", 7), ("x ^ 3", 0), ("1 + x // 3", 4), ("x // 3", 0)])
+def test_an_operator_is_shown_where_it_stands_in_this_text(text, column):
+    """2026-11-30: it was shown where it stood in the first text with it: Python has one object for an operator."""
+    for shown in (text, f"{text} + 10"):
+        with pytest.raises(FormulaError) as caught:
+            read(shown)
+        assert str(caught.value).split("\n")[2].index("^") == 4 + column
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "column"), [("", "+x" * 70, 0), ("x+" * 35, "+x" * 35, 50), ("x+" * 70, "", 99)]
+)
+def test_of_a_long_text_a_hundred_characters_about_a_mistake_are_shown(before, after, column):
+    with pytest.raises(FormulaError) as caught:
+        value_of(f"{before}u{after}", NAMES)
+    _, shown, caret = str(caught.value).split("\n")
+    assert (len(shown), caret.index("^")) == (4 + 100, 4 + column)
+    assert shown[4 + column] == "u"
+
+
+def test_a_text_may_be_as_long_as_is_said():
+    assert value_of(" " * (LONGEST - 1) + "1", NAMES) == 1.0
 
 
 def test_a_quotient_of_what_is_not_known_yet_by_zero_is_shown():
