@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 import rbfmu
+from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.mechanics import inertia, newton_euler
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 from rbfmu_kernels.rotations.quaternion import normalize, rotate
@@ -323,3 +324,22 @@ def _depth(name):
 
 def _tuples(a):
     return tuple(map(_tuples, a)) if np.ndim(a) else float(a)
+
+
+def test_jerk_of_a_body_point_is_the_derivative_of_its_acceleration_in_space():
+    """Of a rate that is a quadratic in time: differences of five points are exact for powers to the fourth."""
+    for omega, alpha, alpha_rate, r in np.random.default_rng(4).integers(-9, 10, (20, 4, 3)).astype(float).tolist():
+
+        def acceleration(t, omega=omega, alpha=alpha, alpha_rate=alpha_rate, r=r):
+            turning = add(omega, scaled(t, alpha), scaled(Fraction(t * t, 2), alpha_rate))
+            return add(cross(add(alpha, scaled(t, alpha_rate)), r), cross(turning, cross(turning, r)))
+
+        in_body = add(*(scaled(Fraction(k, 12), acceleration(t)) for t, k in ((-2, 1), (-1, -8), (1, 8), (2, -1))))
+        truth = add(in_body, cross(omega, acceleration(0)))
+        assert interpreted(newton_euler.relative_jerk)(omega, alpha, alpha_rate, r) == pytest.approx(truth, rel=1e-13)
+
+
+def test_of_one_kilogram_the_acceleration_is_the_force_and_of_none_it_is_infinite():
+    sphere, still, force = inertia.diagonal((2.0, 2.0, 2.0)), (0.0, 0.0, 0.0), (1.0, -2.0, 3.0)
+    for mass, expected in ((1.0, force), (0.0, (np.inf, -np.inf, np.inf))):
+        assert newton_euler.newton_euler_c(mass, sphere, still, force, still)[0] == expected

@@ -166,8 +166,8 @@ def test_at_half_a_turn_a_gibbs_vector_is_nan_and_warns():
         g = rbfmu.gibbs_from_quaternion(q)
     assert np.isnan(g).all(axis=1).tolist() == [True, False, False]
     for size in (1e-300, 1.0, 1e300):
-        assert rodrigues.gibbs_is_singular((4e-16 * size, 0.0, 0.0, size))
-        assert not rodrigues.gibbs_is_singular((2e-15 * size, 0.0, 0.0, size))
+        assert rodrigues.gibbs_is_singular((3.9 * EPS * size, 0.0, 0.0, size))
+        assert not rodrigues.gibbs_is_singular((4.1 * EPS * size, 0.0, 0.0, size))
 
 
 def test_no_rotation_has_no_shadow_and_half_a_turn_is_no_trouble():
