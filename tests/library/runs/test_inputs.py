@@ -118,6 +118,32 @@ def test_a_row_a_step_is_held_over_it_and_ports_that_are_not_named_are_zero():
         np.testing.assert_array_equal(values, other.quantities[name], err_msg=name)
 
 
+def pieces_with(times, run, *others):
+    """How many pieces a run has under a table with rows at these times, and maybe others."""
+    one = scene(inputs={"ports": list(PORTS)}, run=run)
+    tables = {port: (at, np.zeros((len(at), 3))) for port, at in zip(PORTS, (times, *others), strict=False)}
+    return len(drive_of(one, input_tables(one, tables), "hold").lengths)
+
+
+def test_a_row_is_at_a_communication_point_or_at_another_within_a_billionth_of_a_step():
+    run = {"stop": 4.0, "step": 1.0}
+    assert pieces_with([0.0, 1.0 + 5e-10, 2.0 - 5e-10, 3.0, 4.0], run) == 4
+    assert pieces_with([0.0, 1.0 + 1e-8, 2.0 - 1e-8, 3.0, 4.0], run) == 6
+    assert pieces_with([0.0, 0.25, 3.0, 4.0], run, [0.0, 0.25 + 5e-10, 3.0, 4.0]) == 5
+    assert pieces_with([0.0, 0.25, 3.0, 4.0], run, [0.0, 0.25 + 1e-8, 3.0, 4.0]) == 6
+    coarse = {"start": 1e15, "stop": 1e15 + 2.0, "step": 0.5}  # where times are an eighth of a second apart
+    assert pieces_with([1e15, 1e15 + 0.625, 1e15 + 1.5, 1e15 + 2.0], coarse) == 5
+
+
+@pytest.mark.parametrize("rows", [4, 5])
+def test_an_array_has_a_row_a_step_or_a_row_a_point(rows):
+    one = scene()
+    assert len(input_tables(one, {"force_a": np.zeros((rows, 3))})["force_a"].times) == rows
+    if rows == 4:
+        with pytest.raises(rbfmu.SceneError, match=r"shape \(4, 3\): .* 5 rows, one a communication point, of 3 numb"):
+            input_tables(one, {"force_a": np.zeros((4, 3))}, "linear")
+
+
 @pytest.mark.parametrize(
     ("start", "stop", "step"), [(1e5, 1e5 + 1.0, 1e-3), (1e6, 1e6 + 1.0, 1e-3), (0.0, 1000.0, 0.3333333333)]
 )
@@ -180,6 +206,7 @@ BAD = {
     "no port": ({"weight": (T, ZEROS)}, "inputs 'weight': expected one of the scene's ports, force_a"),
     "shape": ({"force_a": (T, np.zeros((3, 2)))}, r"shapes \(3,\) and \(3, 2\): expected times \(m,\) and values"),
     "rows": ({"force_a": np.zeros((7, 3))}, r"shape \(7, 3\): expected \(times, values\), or 4 rows, one a step"),
+    "three numbers": ({"force_a": [1.0, 2.0, 3.0]}, r"shape \(3,\): expected \(times, values\), or 4 rows, one a step"),
     "text": ({"force_a": "abc"}, r"inputs 'force_a': values must be real numbers, got 'abc': expected \(times"),
     "ragged": ({"force_a": (T, [[0, 0, 0], [0, 0], [0]])}, r"'force_a': values must be a regular array .*: expected"),
     "dates": ({"force_a": (np.array([0, 1, 2], "datetime64[s]"), ZEROS)},
@@ -218,6 +245,11 @@ def test_a_table_is_doubted_where_its_last_row_is_held_longer_than_the_one_befor
         warnings.simplefilter("always")
         input_tables(scene(), {"force_a": (times, np.zeros((len(times), 3)))})
     assert [warning.category for warning in told] == [rbfmu.SceneWarning] * is_doubted
+
+
+def test_ports_that_are_held_alike_are_doubted_together():
+    with pytest.warns(rbfmu.SceneWarning, match=r"the last inputs of force_a, torque_b are held for 1\.3 s"):
+        input_tables(scene(), {port: ([0.0, 0.1, 0.2], ZEROS) for port in ("force_a", "torque_b")})
 
 
 def test_a_table_is_doubted_also_beside_one_that_was_read_before():

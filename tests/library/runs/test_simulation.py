@@ -69,6 +69,28 @@ def test_round_off_in_the_stop_makes_no_step_of_its_own():
     assert Run(stop=1.0 - EPS, step=0.1).count == 10
 
 
+@pytest.mark.parametrize(("start", "stop", "step", "slack"), [
+    (0.0, 100.0, 1.0, 1e-7), (-10.0, 0.0, 1.0, 1e-9), (-100.0, -99.0, 1.0, 9.9e-8), (1e9, 1e9 + 10.0, 1.0, 0.1),
+])  # fmt: skip
+def test_an_importer_s_round_off_beyond_the_stop_is_a_tenth_of_a_step_at_most(start, stop, step, slack):
+    assert Run(start=start, stop=stop, step=step).last_time - stop == pytest.approx(slack, rel=2e-6)
+
+
+def test_steps_end_within_a_tenth_of_them_also_where_the_clock_is_coarse():
+    run = Run(start=1e15, stop=1e15 + 10.0, step=0.5)
+    assert [run.steps_until(1e15 + t) for t in (0.25, 0.5, 0.875, 10.0)] == [0, 1, 1, 20]
+    assert [Run().steps_until(t) for t in (0.03 - 1e-12, math.inf)] == [3, 2**62]
+    for start in (1e9, 1.7e9 + 0.3):
+        run = Run(start=start, stop=start + 1.0, step=0.1)
+        assert [run.steps_until(start + 0.1 * k) for k in range(11)] == [*range(11)]
+
+
+def test_steps_of_a_thinned_run_end_where_it_does():
+    run = Run(stop=1.0, step=0.1)
+    assert run.thinned_steps(4) == pytest.approx([0.3, 0.3, 0.3, 0.1])
+    assert run.thinned_steps(10) == pytest.approx([0.1] * 10)
+
+
 # The result
 
 
