@@ -5,7 +5,7 @@ import multiprocessing
 from functools import partial
 from pathlib import Path
 from threading import Lock
-from types import ModuleType
+from types import MethodType, ModuleType
 
 import numpy as np
 import pytest
@@ -284,6 +284,7 @@ def test_a_digest_knows_all_that_a_function_computes_by():
     others = [
         made(source, **same | {"gain": 2.5}), made(source, **same | {"helper": other}),
         made(source, **same | {"gain": np.array([2.0])}), made(source.replace("a=1", "a=2"), **same),
+        made(source.replace("a=1", "*, a=1"), **same), made(source.replace("a=1", "*, a=2"), **same),
         made(source.replace("+", "-"), **same), made(source.replace("for y", "+ 1.0 for y"), **same),
     ]  # fmt: skip
     assert len({known, *map(digest, others)}) == 1 + len(others)
@@ -300,6 +301,11 @@ def test_a_digest_knows_all_that_a_function_computes_by():
 
     assert digest(within(1.0)) == digest(within(1.0)) != digest(within(2.0))
     assert digest(partial(within(1.0), 3)) == digest(partial(within(1.0), 3)) != digest(partial(within(2.0), 3))
+    assert len({digest(partial(within(1.0), *x, **named)) for x, named in (((), {}), ((3,), {}), ((), {"x": 3}))}) == 3
+    assert (
+        digest(MethodType(within(1.0), 3)) == digest(MethodType(within(1.0), 3)) != digest(MethodType(within(1.0), 4))
+    )
+    assert digest(made("def f(x):\n    return f(x - 1)")) != digest(made("def f(x):\n    return f(x - 2)"))
 
 
 def test_what_cannot_be_pickled_drives_members_without_a_store(scene, planned, tmp_path):

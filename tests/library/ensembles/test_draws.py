@@ -15,6 +15,7 @@ from rbfmu.ensembles.draws import normal_scores
 from rbfmu.ensembles.members import draw, refusals
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError
+from rbfmu.scene.variations import LOGNORMAL, NORMAL, RELATIVE, TRIANGULAR, UNIFORM, Marginal
 
 BODY = {"mass": 50.0, "inertia": [10.0, 12.0, 15.0]}
 EVERYTHING = {
@@ -150,6 +151,31 @@ def test_normal_scores_are_those_of_scipy():
     u = np.concatenate([draws.uniform(1, "x", 0, 5000), [2.0**-54, 1e-300, 0.5, 1.0 - 2.0**-53]])
     expected = stats.norm.ppf(u)
     assert np.max(np.abs(normal_scores(u) - expected) / np.maximum(np.abs(expected), 1e-3)) < 4e-15
+
+
+def test_probabilities_are_inside_the_unit_interval_however_far_off():
+    found = draws.probabilities(np.array([-60.0, -8.0, 0.0, 8.0, 60.0]))
+    assert (found > 0.0).all()
+    assert (found < 1.0).all()
+    assert found[2] == 0.5
+
+
+@pytest.mark.parametrize(("kind", "arguments", "value"), [
+    (NORMAL, (2.0, 3.0), 5.0), (RELATIVE, (0.1,), 1.1), (LOGNORMAL, (2.0, 0.5), 2.0 * math.exp(0.5)),
+])  # fmt: skip
+def test_a_normal_score_is_so_many_deviations_above_the_middle(kind, arguments, value):
+    """By which numbers that depend on each other go the same way."""
+    assert draws.values_of(Marginal("x", kind, arguments), np.empty(1), np.ones(1)) == pytest.approx([value])
+
+
+@pytest.mark.parametrize(("kind", "arguments"), [
+    (UNIFORM, (1.0, 1.0 + 2.0**-52)), (UNIFORM, (-1.7e308, 1.7e308)), (TRIANGULAR, (0.1, 0.1, 0.1 + 2.0**-56)),
+    (TRIANGULAR, (-0.1 - 2.0**-56, -0.1, -0.1)),
+])  # fmt: skip
+def test_bounded_numbers_stay_within_their_bounds(kind, arguments):
+    u = np.random.default_rng(1).random(1000)
+    found = draws.values_of(Marginal("x", kind, arguments), np.concatenate([u, [0.0, 1.0]]))
+    assert arguments[0] <= found.min() <= found.max() <= arguments[-1]
 
 
 def test_mean_and_covariance_are_those_of_a_linear_map_of_normals():

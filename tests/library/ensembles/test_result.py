@@ -10,7 +10,7 @@ from scipy import stats
 
 import rbfmu
 from rbfmu import run_ensemble
-from rbfmu.ensembles import store
+from rbfmu.ensembles import store, variables as names
 from rbfmu.ensembles.result import Drivers, EnsembleResult
 from tests.support.covering import some_of
 from tests.support.ensembles.satellite import FILE, assert_same, run, satellite
@@ -42,6 +42,18 @@ def test_a_result_says_what_it_has(found):
     html = found._repr_html_()
     assert "<caption>satellite: 100 runs, 1 failed; at t = 2 s</caption>" in html
     assert f"<td>{found.mean['kinetic_energy'][-1]:.5g}</td>" in html
+
+
+def test_numbers_without_a_unit_have_squares_without_one():
+    scene = satellite().replace({"outputs.share": "omega_b[1]/norm(omega_b)", "ensemble.keep": ["statistics"]})
+    known = {variable.name: variable.attributes for variable in names.variables(scene, {})}
+    assert known["share_std"]["units"] == known["share_covariance"]["units"] == "1"
+
+
+def test_numbers_differ_that_round_off_cannot_make_differ():
+    off = np.array([[1.0, 1.0, 0.0], [1.0 + 5e-13, 1.0 + 2e-12, 0.0]])
+    assert names.differ(off).tolist() == [False, True, False]
+    assert not names.differ(np.empty((2, 0))).any()
 
 
 def test_failed_runs_are_numbers_nowhere(found):
@@ -121,6 +133,7 @@ def test_xarray_has_units_frames_and_names_of_components(found):
     assert data["omega_b_covariance"].dims == ("time", "axis", "axis_2")
     assert data["quaternion_mean"].attrs["frame"] == "ab (from body to inertial)"
     assert data["quaternion_covariance"].attrs["units"] == "(rad)2"
+    assert data["quaternion_std"].attrs["frame"] == "b (body)"
     assert data["quaternion_covariance"].dims == ("time", "axis", "axis_2")
     assert data["quaternion_quantiles"].dims == ("probability", "time")
     assert data["initial.attitude"].attrs["units"] == "1"

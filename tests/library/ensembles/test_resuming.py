@@ -10,12 +10,12 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+import zarr
 
 from rbfmu import EnsembleResult, run_ensemble
-from rbfmu.ensembles import lock, planning, running, store as stores
+from rbfmu.ensembles import lock, planning, running, store as stores, zarr_store
 from rbfmu.ensembles.chunks import origin, run_chunk
 from rbfmu.ensembles.lock import store_lock
-from rbfmu.ensembles.zarr_store import ZarrStore
 from rbfmu.runs.plan import Plan
 from tests.support.covering import some_of
 from tests.support.ensembles.satellite import PLAN, assert_same, run, satellite
@@ -59,6 +59,17 @@ def test_what_was_stopped_goes_on_with_the_same_bits(scene, whole, tmp_path, mon
     assert sorted(done) == [12]  # nothing that is in the store is run again
     assert_same(whole, found)
     assert_same(whole, EnsembleResult.load(tmp_path / store))
+
+
+def test_a_folder_has_the_rows_of_more_runs_than_one_of_its_chunks(scene, whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(zarr_store, "ROWS", 16)  # two of the ensemble's
+    with monkeypatch.context() as patch:
+        stopped_after(patch, 5)
+        with pytest.raises(StopError):
+            run(scene, tmp_path / "store.zarr", executor=1)
+    assert_same(whole, run(scene, tmp_path / "store.zarr", resume=True))
+    zarr.open_group(tmp_path / "store.zarr", mode="a")["redrawn"].attrs["note"] = "mine"  # anybody may add some
+    assert_same(whole, EnsembleResult.load(tmp_path / "store.zarr"))
 
 
 @pytest.mark.parametrize("store", STORES)
@@ -113,7 +124,7 @@ def test_a_store_that_is_made_longer_is_no_result_until_it_is_done(scene, tmp_pa
     """A program that is killed right after that leaves rows of runs that were not done."""
     run(scene, tmp_path / "store.zarr")
     longer = scene.replace({"ensemble.runs": 163})
-    ZarrStore(running.Work(longer, PLAN, 8), tmp_path / "store.zarr").begin(resume=True)
+    zarr_store.ZarrStore(running.Work(longer, PLAN, 8), tmp_path / "store.zarr").begin(resume=True)
     with pytest.raises(ValueError, match="has 96 of 163 runs"):
         EnsembleResult.load(tmp_path / "store.zarr")
     assert_same(run(longer), run(longer, tmp_path / "store.zarr", resume=True))
