@@ -229,6 +229,7 @@ def test_rpy_has_no_derivative_at_its_pole():
     (-1.0, {}, "t = -1.0: expected a time from run.start = 0.0 to run.stop"),
     (math.nan, {}, "t = nan"),
     (1e9, {}, "t = 1000000000.0"),
+    (True, {}, "t = True"),
     (0.0, {"omega_b": [1, 2, 3]}, "input 'omega_b': expected one of force_a"),
     (0.0, {"torque_b": [1, 2]}, "torque_b = .*expected 3 finite numbers"),
     (1.0, {"torque_b": [1, 2, math.inf]}, "torque_b = .*expected 3 finite numbers"),
@@ -236,6 +237,11 @@ def test_rpy_has_no_derivative_at_its_pole():
 def test_what_is_wrong_is_refused(t, ports, message):
     with pytest.raises(ValueError, match=message):
         rbfmu.linearize(rbfmu.Scene.from_dict(FREE), t, **ports)
+
+
+def test_the_end_of_the_run_is_a_time_of_it():
+    scene = rbfmu.Scene.from_dict(UNLOADED | {"run": {"stop": 0.5}})
+    assert rbfmu.linearize(scene, 0.5).time == 0.5
 
 
 def test_a_linear_system_says_what_it_is():
@@ -302,6 +308,14 @@ def test_events_on_the_way_are_none_of_its_business():
     watched = rbfmu.Scene.from_dict(scene.to_dict() | {"events": {"often": "sin(3e4*t)"}})
     for found, expected in zip(rbfmu.linearize(watched, 0.5), rbfmu.linearize(scene, 0.5), strict=True):
         np.testing.assert_array_equal(found, expected)
+
+
+def test_a_path_that_loads_read_is_in_the_system_though_no_output_shows_it():
+    own = {"loads": {"torque_b": "[0, 0, -3*position[1]]"}, "outputs": {"quantities": ["omega_b"]}}
+    body = {"body": {"mass": 2.0, "inertia": [1.0, 2.0, 2.5]}, "inputs": {}}
+    near = rbfmu.linearize(rbfmu.Scene.from_dict(FREE_BODY | body | own))
+    assert near.states[:2] == ("r_c[1]", "v_c[1]")
+    assert near.A[near.states.index("omega_b[3]"), 0] == pytest.approx(-3.0 / 2.5)
 
 
 def test_a_formula_without_a_derivative_is_refused():

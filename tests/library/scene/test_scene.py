@@ -181,6 +181,10 @@ def test_a_step_may_be_the_whole_run_to_round_off(start, stop, step):
     assert whole.run.grid().tolist() == pytest.approx([start, stop], rel=1e-15)
 
 
+def test_an_accuracy_may_be_as_bad_as_one():
+    assert Run(accuracy=1).accuracy == 1.0
+
+
 def test_loads_are_the_same_in_any_order():
     """Those that are formulas were written in the order of all loads, and so read back as another scene."""
     loads = {"torque_b": "[t, 0, 0]", "force_a": "[0, t, 0]"}
