@@ -143,9 +143,10 @@ def _without_effect(scene: Scene, plan: Plan) -> dict[str, frozenset[str]]:
     body = scene.body
     if body is None:
         return {}
+    if body.pivot:
+        return {"alpha_b": FORCES, "acceleration": FORCES | TORQUES}
     fixed = "r_oc_b" in plan.pinned or "r_oc_b" not in _needed_parameters(scene, plan)
-    central = fixed and not any(body.r_oc_b)
-    return ({"alpha_b": FORCES} if central or body.pivot else {}) | ({"acceleration": TORQUES} if central else {})
+    return {"alpha_b": FORCES, "acceleration": TORQUES} if fixed and not any(body.r_oc_b) else {}
 
 
 def _needed_parameters(scene: Scene, plan: Plan) -> set[str]:

@@ -1,5 +1,6 @@
 """What tools show of an FMU: who made it and what it is, types, display units, usual sizes, words for components."""
 
+import math
 from functools import cache
 from xml.etree import ElementTree
 
@@ -9,8 +10,8 @@ import pytest
 import rbfmu
 from rbfmu.scene.scene import Scene
 from rbfmu_fmu.description import describe
-from rbfmu_fmu.model_description import FMI2, FMI3, depends_on, model_description
-from rbfmu_kernels.quantities import UNITS
+from rbfmu_fmu.model_description import FMI2, FMI3, depends_on, model_description, version_of
+from rbfmu_kernels.quantities import BY_NAME, UNITS
 from tests.support.fmu.fmus import TABLES, built, planned, scene, unzipped
 
 NAMES = ("brick", *TABLES)
@@ -147,16 +148,23 @@ def test_a_scene_whose_variables_have_no_quantity_declares_no_types():
     assert model_description(FMI2, d, {}).find("TypeDefinitions") is None
 
 
-@pytest.mark.parametrize(("pivot", "followed"), [(True, {"torque_b"}), (False, {"torque_b", "force_a", "force_b"})])
-def test_forces_at_a_pivot_turn_nothing_at_once(pivot, followed):
-    """2026-11-29: no test found a pivot whose rates follow forces, an algebraic loop that is not there."""
+EVERY = {"torque_b", "force_a", "force_b"}
+
+
+@pytest.mark.parametrize(("pivot", "followed"), [
+    (True, {"alpha_b": {"torque_b"}, "acceleration": set()}), (False, {"alpha_b": EVERY, "acceleration": EVERY}),
+])  # fmt: skip
+def test_forces_at_a_pivot_turn_nothing_at_once_and_nothing_moves_it(pivot, followed):
+    """2026-11-29: no test found a pivot whose rates follow forces, an algebraic loop that is not there.
+
+    2026-11-30: its acceleration, which is zero, was said to follow all loads.
+    """
     one = Scene(
         body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.0, 0.1, -0.4], "pivot": pivot},
-        inputs={"ports": ["force_a", "force_b", "torque_b"]}, outputs={"quantities": ["omega_b", "alpha_b"]},
+        inputs={"ports": ["force_a", "force_b", "torque_b"]}, outputs={"quantities": ["acceleration", "alpha_b"]},
     )  # fmt: skip
     d = describe(one, rbfmu.plan(one))
-    output = next(v for v in d.outputs if v.block == "alpha_b")
-    assert {d.variables[k].block for k in depends_on(d, output)} == followed
+    assert {v.block: {d.variables[k].block for k in depends_on(d, v)} for v in d.outputs} == followed
 
 
 @pytest.mark.parametrize("listed", [[], ["r_oc_b"]])
@@ -178,3 +186,65 @@ def test_a_torque_s_usual_size_is_of_the_largest_moment_about_whichever_axis(mom
         body={"mass": 1.0, "inertia": moments}, inputs={"ports": ["torque_b"]}, outputs={"quantities": ["omega_b"]}
     )
     assert {v.nominal for v in describe(one, rbfmu.plan(one)).inputs} == {7.0}
+
+
+# Of FMI 3, whose variables are arrays: as the file is made, without an FMU
+
+
+@cache
+def of_fmi_3():
+    """A model description, and its variables by name: of a body on a pivot whose load reads the time, with an event."""
+    one = Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.0, 0.1, -0.4], "pivot": True},
+        loads={"torque_b": "[0, 0, 0.1*sin(t)]"}, inputs={"ports": ["torque_a"], "parameters": ["inertia"]},
+        outputs={"quantities": ["rpy", "alpha_b"], "clock": "2*t"}, events={"trip": "omega_b[3] - 1"},
+    )  # fmt: skip
+    d = describe(one, rbfmu.plan(one))
+    root = model_description(FMI3, d, {})
+    return d, root, {v.get("name"): v for v in root.find("ModelVariables")}
+
+
+def test_arrays_have_bounds_that_hold_for_each_number_and_matrices_no_words_for_them():
+    _, root, named = of_fmi_3()
+    assert (named["rpy"].get("min"), named["rpy"].get("max")) == (repr(-math.pi), repr(math.pi))
+    assert named["rpy"].get("description").endswith(": roll, pitch, yaw")
+    assert named["inertia"].get("description") == BY_NAME["inertia"].meaning
+    assert named["trip_count"].get("min") == "0"
+    degrees = next(unit for unit in root.iter("DisplayUnit") if unit.get("name") == "deg")
+    assert float(degrees.get("factor")) == pytest.approx(180.0 / math.pi)
+
+
+def test_what_outputs_follow_is_listed_in_order_with_the_time_and_counts_too():
+    _, root, named = of_fmi_3()
+    outputs = {one.get("valueReference"): one for one in root.find("ModelStructure").iter("Output")}
+    assert set(outputs) == {v.get("valueReference") for v in named.values() if v.get("causality") == "output"}
+    follows = {name: outputs[named[name].get("valueReference")].get("dependencies").split() for name in
+               ("rpy", "alpha_b", "clock", "trip_count")}  # fmt: skip
+    time, torque = (named[name].get("valueReference") for name in ("time", "torque_a"))
+    expected = {"rpy": [], "clock": [time], "alpha_b": sorted([torque, time], key=int), "trip_count": []}
+    assert follows == expected
+    for one in root.find("ModelStructure"):
+        references = [*map(int, one.get("dependencies").split())]
+        assert references == sorted(references)
+
+
+def test_the_time_has_its_unit_where_nothing_else_is_in_seconds():
+    still = scene("fixed_camera").replace({"outputs.quantities": ["quaternion"]})
+    root = model_description(FMI3, describe(still, rbfmu.plan(still)), {})
+    assert "s" in {unit.get("name") for unit in root.iter("Unit")}
+
+
+def test_parameters_take_no_part_in_intermediate_updates_and_say_which_cannot_be_changed():
+    d = describe(scene("two_ports"), planned("two_ports"))
+    named = {v.get("name"): v for v in model_description(FMI3, d, {}).find("ModelVariables")}
+    updated = {v.get("causality") for v in named.values() if v.get("intermediateUpdate") == "true"}
+    assert updated == {"input", "output"}
+    pinned = {v.block for v in d.variables if v.pinned}
+    assert pinned
+    assert {name for name, v in named.items() if "cannot be changed here" in (v.get("description") or "")} == pinned
+
+
+@pytest.mark.parametrize("fmi", [2.0, "3", True, 4])
+def test_versions_of_fmi_are_2_and_3(fmi):
+    with pytest.raises(ValueError, match="expected 2 or 3"):
+        version_of(fmi, False)
