@@ -200,6 +200,20 @@ def test_only_ends_are_kept_where_nothing_else_is_asked_for():
     assert ends.summary is None
 
 
+def test_events_that_did_not_happen_have_no_first_time():
+    watched = Scene(body=DISC, events={"a": "t - 1", "b": "t - 2"})
+    found = chunks._events(watched, np.array([[0.0, 2.0, 0.0, 1.5], [1.0, 0.0, 0.0, 9.0]]))  # counts, and first times
+    assert (found["a.count"].tolist(), found["b.count"].tolist()) == ([0, 1], [2, 0])
+    np.testing.assert_array_equal(found["a.first"], [np.nan, 0.0])
+    np.testing.assert_array_equal(found["b.first"], [1.5, np.nan])
+
+
+@pytest.mark.parametrize(("runs", "count"), [(1, 1), (8, 1), (9, 2), (16, 2)])
+def test_there_are_no_more_chunks_than_members_need(runs, count):
+    one = Scene(body=DISC, ensemble={"runs": runs, "vary": MASS})
+    assert Work(one, plan_by_hand("torque-free body"), 8).chunks == count
+
+
 def test_chunks_have_the_size_of_their_cost():
     scene = ensemble_scene(*CASES["torque-free body"])
 

@@ -14,7 +14,7 @@ from numba import config, njit
 import rbfmu
 from rbfmu import Controller, SceneError, simulation
 from rbfmu.ensembles import running
-from rbfmu.ensembles.control import NONE, digest
+from rbfmu.ensembles.control import NONE, Control, digest
 from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.runs.inputs import size_of
@@ -268,6 +268,20 @@ def test_what_was_stopped_goes_on_under_the_same_control_alone(scene, planned, t
         with pytest.raises(ValueError, match=rf"of another ensemble: {named} = .*: expected .*, with which the store"):
             run(scene, planned, store=store, resume=True, **options | wrong)
     assert_same(run(scene, planned, **options), run(scene, planned, store=store, resume=True, **options))
+
+
+def test_members_have_no_noise_in_common():
+    """As they would where a member's began a number of words after that of the one before."""
+    one = Controller(damp, [0.0] * 3, 3)
+    each = [one.noise_of(seed, number, 50) for seed in (SEED, SEED + 1) for number in range(4)]
+    assert len(np.unique(each)) == 8 * 50 * 3
+    np.testing.assert_array_equal(one.noise_of(SEED, 2, 20), each[2][:20])
+
+
+def test_a_store_knows_how_tables_are_interpolated():
+    tables = {"torque_b": TIMED["torque_b"]}
+    known = [Control(tables, None, way).identity["inputs"] for way in ("hold", "linear", "hold")]
+    assert known[0] == known[2] != known[1]
 
 
 def test_a_digest_knows_all_that_a_function_computes_by():
