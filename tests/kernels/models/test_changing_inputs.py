@@ -11,6 +11,8 @@ from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu.studies.dop853 import Dop853Plan
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
+from rbfmu_kernels.compile.tiered import interpreted
+from rbfmu_kernels.mechanics.equations_of_motion import LoadPolynomial, Loads, polynomial_after
 from rbfmu_kernels.models.prescribed_rates import PRESCRIBED_RATES
 from tests.support.references.driven_motion_mp import gragg, true_motion
 from tests.support.scenes import model_cases
@@ -193,3 +195,13 @@ def test_a_closed_loop_s_order_in_the_communication_step_is_one_above_the_deriva
     truth = math.exp(-2.0) * (math.cos(4.0 * nu) + 0.5 / nu * math.sin(4.0 * nu))
     errors = [abs(closed_loop(H, degree) - truth) for H in (0.02, 0.01)]
     assert math.log2(errors[0] / errors[1]) == pytest.approx(degree + 1.0, abs=0.1)
+
+
+def test_loads_after_a_time_are_the_values_and_rates_of_their_polynomial():
+    value, rate, rate_2 = np.random.default_rng(2).integers(-9, 10, (3, 5, 3)).astype(float)
+    given = LoadPolynomial(*(Loads(*map(tuple, rows.tolist())) for rows in (value, rate, rate_2)))
+    for t in (0.0, 0.5, 4.0):
+        found = interpreted(polynomial_after)(given, t)
+        np.testing.assert_array_equal(found.value, value + t * rate + 0.5 * t * t * rate_2)
+        np.testing.assert_array_equal(found.rate, rate + t * rate_2)
+        np.testing.assert_array_equal(found.rate_2, rate_2)
