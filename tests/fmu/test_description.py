@@ -68,7 +68,7 @@ def test_the_last_time_is_within_a_tenth_of_a_step_of_the_stop(start, span, step
 
 def test_how_large_an_fmu_and_the_full_model_are_is_counted():
     """Of a body with a pivot the full model has no place and no velocity among its states."""
-    for name, expected in (("default", (53, (13, 53))), ("pendulum", (47, (7, 47)))):
+    for name, expected in (("default", (53, (13, 53))), ("pendulum", (47, (7, 47))), ("prescribed", (18, (4, 18)))):
         assert sizes(scene(name), planned(name)) == expected
 
 

@@ -295,3 +295,8 @@ def test_the_textbook_with_elliptic_functions_of_scipy_tells_the_same(rates):
     signs = np.sign(np.sum(theirs[0] * ours[0], axis=1))[:, None]
     np.testing.assert_allclose(signs * theirs[0], ours[0], atol=1e-12)
     np.testing.assert_allclose(theirs[1], ours[1], atol=1e-12)
+
+
+def test_arrays_have_no_other_names():
+    with pytest.raises(AttributeError, match=r"module 'rbfmu\.arrays' has no attribute 'roatte'"):
+        getattr(rbfmu.arrays, "roatte")  # noqa: B009 - by its dot it is a useless expression
