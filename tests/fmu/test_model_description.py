@@ -232,6 +232,8 @@ def test_the_time_has_its_unit_where_nothing_else_is_in_seconds():
     still = scene("fixed_camera").replace({"outputs.quantities": ["quaternion"]})
     root = model_description(FMI3, describe(still, rbfmu.plan(still)), {})
     assert "s" in {unit.get("name") for unit in root.iter("Unit")}
+    time = next(v for v in root.find("ModelVariables") if v.get("name") == "time")
+    assert (time.get("unit"), time.get("variability"), time.get("causality")) == ("s", "continuous", "independent")
 
 
 def test_parameters_take_no_part_in_intermediate_updates_and_say_which_cannot_be_changed():

@@ -91,6 +91,11 @@ def test_steps_of_a_thinned_run_end_where_it_does():
     assert run.thinned_steps(10) == pytest.approx([0.1] * 10)
 
 
+@pytest.mark.parametrize(("substep", "kept"), [(0.25, 0.25), (math.inf, 0.0)])
+def test_a_model_is_told_a_substep_of_zero_where_it_chooses_its_own(substep, kept):
+    assert rbfmu.Plan("symmetric top", "", 7, substep=substep).settings["substep"] == kept
+
+
 # The result
 
 
