@@ -180,6 +180,17 @@ def test_a_centre_that_may_be_moved_couples_forces_and_torques(listed):
     assert found == {"acceleration": {"force_a"} | both, "alpha_b": {"torque_b"} | both}
 
 
+@pytest.mark.parametrize(("arm", "listed"), [(0.0, []), (0.1, []), (0.0, ["r_oc_b"])])
+def test_what_turns_a_body_is_a_parameter_where_its_point_o_is_off_the_centre_or_may_be(arm, listed):
+    one = Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5], "r_oc_b": [0.0, arm, 0.0]}, inputs={"parameters": listed},
+        loads={"force_a": [1, 0, 0], "torque_b": [0, 0, 1]}, outputs={"quantities": ["acceleration"]},
+    )  # fmt: skip
+    found = {v.block for v in describe(one, rbfmu.plan(one)).variables if v.causality == "parameter"}
+    turning = {"inertia", "torque_b", "omega_b_0", "quaternion_0", "r_oc_b"} if arm or listed else set()
+    assert found == {"mass", "force_a", "gravity_a"} | turning
+
+
 @pytest.mark.parametrize("moments", [[7.0, 4.0, 4.0], [4.0, 7.0, 4.0], [4.0, 4.0, 7.0]])
 def test_a_torque_s_usual_size_is_of_the_largest_moment_about_whichever_axis(moments):
     one = Scene(

@@ -135,6 +135,13 @@ def test_a_row_is_at_a_communication_point_or_at_another_within_a_billionth_of_a
     assert pieces_with([1e15, 1e15 + 0.625, 1e15 + 1.5, 1e15 + 2.0], coarse) == 5
 
 
+def test_a_scalar_s_numbers_may_stand_in_a_row_or_in_a_column():
+    one = scene(inputs={"ports": [{"name": "u", "size": 1}]})
+    for given in ([1.0, 2.0, 3.0, 4.0], [[1.0], [2.0], [3.0], [4.0]]):
+        for table in (given, ([0.0, 0.5, 1.0, 1.25], given)):
+            assert input_tables(one, {"u": table})["u"].values.tolist() == [[1.0], [2.0], [3.0], [4.0]]
+
+
 @pytest.mark.parametrize("rows", [4, 5])
 def test_an_array_has_a_row_a_step_or_a_row_a_point(rows):
     one = scene()
