@@ -208,10 +208,10 @@ def test_events_that_did_not_happen_have_no_first_time():
     np.testing.assert_array_equal(found["b.first"], [1.5, np.nan])
 
 
-@pytest.mark.parametrize(("runs", "count"), [(1, 1), (8, 1), (9, 2), (16, 2)])
-def test_there_are_no_more_chunks_than_members_need(runs, count):
-    one = Scene(body=DISC, ensemble={"runs": runs, "vary": MASS})
-    assert Work(one, plan_by_hand("torque-free body"), 8).chunks == count
+def test_there_are_no_more_chunks_than_members_need():
+    for runs, count in ((1, 1), (8, 1), (9, 2), (16, 2)):
+        one = Scene(body=DISC, ensemble={"runs": runs, "vary": MASS})
+        assert Work(one, plan_by_hand("torque-free body"), 8).chunks == count
 
 
 def test_chunks_have_the_size_of_their_cost():
