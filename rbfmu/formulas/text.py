@@ -118,7 +118,7 @@ class _Reader:
         except (ArithmeticError, ValueError):  # a root of -1, a division by zero, 10.0 ** 400
             raise self._fault(node, "a finite number") from None
         numbers: Any = [] if isinstance(found, NO_NUMBER) else np.asarray(found, object).flat
-        if any(isinstance(x, complex) or (isinstance(x, float) and not math.isfinite(x)) for x in numbers):
+        if any(isinstance(x, float) and not math.isfinite(x) for x in numbers):
             raise self._fault(node, "a finite number")
         return found
 
