@@ -1,5 +1,6 @@
 """Tables of CSV files: what stands in cells and between them, and what is said of it."""
 
+import math
 import os
 from pathlib import Path
 
@@ -24,7 +25,7 @@ def test_empty_lines_and_spaces_say_nothing(tmp_path, text):
 
 
 def test_gaps_are_nan_in_any_case(tmp_path):
-    found = read(tmp_path, "time,x,y\n0, NaN ,1\n1,,2\n", gaps=("", "nan"))
+    found = read(tmp_path, "time,x,y\n0, NaN ,1\n1,,2\n", gaps=("", "nan"), holds=math.isfinite)
     assert found["y"] == [1.0, 2.0]
     assert np.isnan(found["x"]).all()
 

@@ -146,11 +146,15 @@ def test_a_result_without_rows_is_shown_and_cut_and_no_ephemeris(tmp_path: Path)
         empty.until(np.nan)
 
 
-def test_the_part_up_to_a_time_has_what_happens_at_that_time() -> None:
+def test_the_part_up_to_a_time_has_what_happens_at_that_time(tmp_path: Path) -> None:
     energy, touches = {"kinetic_energy": [1.0, 2.0, 3.0]}, {"e": [0.25, 0.5, 0.6]}
     found = Result([0.0, 0.5, 1.0], energy, None, {"e": [0.5, 0.75]}, touches).until(0.5)
     assert (found.time.tolist(), found.kinetic_energy.tolist()) == ([0.0, 0.5], [1.0, 2.0])
     assert (found.events["e"].tolist(), found.touches["e"].tolist()) == ([0.5], [0.25, 0.5])
+    for ending in (".npz", ".csv"):
+        found.save(tmp_path / f"it{ending}")
+        kept = Result.load(tmp_path / f"it{ending}")
+        assert (kept.events["e"].tolist(), kept.touches["e"].tolist()) == ([0.5], [0.25, 0.5])
 
 
 @pytest.mark.thorough
@@ -281,8 +285,9 @@ def test_arrays_that_are_no_result_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"cannot be read as arrays of NumPy \(File is not a zip file\)"):
         Result.load(path)
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("time.npy", b"\x93NUMPY\x01\x00" + (1000).to_bytes(2, "little") + b"x" * 1000)
-    with pytest.raises(ValueError, match="expected the result of a run") as refused:  # NumPy says all of the header
+        header = f"{{'descr': '{'y' * 900}', 'fortran_order': False, 'shape': (3,)}}".ljust(1000).encode()
+        archive.writestr("time.npy", b"\x93NUMPY\x01\x00" + (1000).to_bytes(2, "little") + header)
+    with pytest.raises(ValueError, match="expected the result of a run") as refused:  # NumPy says all of the type
         Result.load(path)
     assert len(str(refused.value)) < 200 + len(str(path))
     with pytest.raises(ValueError, match=r"expected a name that ends in \.csv, \.npz or \.aem"):

@@ -42,6 +42,8 @@ WRONG = [
     (lambda: rbfmu.Result.of_rows([{}]), ValueError, "rows[0]: expected time and the same quantities in each"),
     (lambda: rbfmu.Result.of_rows([{"time": 0, "rpy": [1, 2, 3]}, {"time": 1, "rpy": [1]}]), ValueError,
      "rpy must be a"),
+    (lambda: rbfmu.Result.of_rows([{"time": 0.0, "rpy": [0] * 3}, {"time": 1.0, "omega_b": [0] * 3}]), ValueError,
+     "rows[1]: expected time and the same quantities in each"),
     (lambda: rbfmu.Result.of_rows([{"time": 0.0}, {"x": 1}]), ValueError, "rows[1]: expected time and the same"),
     (lambda: RESULT.until("x"), ValueError, "stop = 'x': expected a time from 0.0 s on"),
     (lambda: rbfmu.run_ensemble(SCENE, 4), TypeError, "store = 4: expected a path"),

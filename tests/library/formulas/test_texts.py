@@ -77,7 +77,7 @@ def test_formulas_mean_what_they_say(text, expected):
         ("x +", 3, "a formula"),
         ("x + * 2", 4, "a formula"),
         ("é + (x ^ 2)", 5, "** for a power"),
-        ("(-x)**0.5", 0, "a finite number"),
+        ("(-x)**0.3", 0, "a finite number"),
         ("1/0", 0, "a finite number"),
         ("sqrt(-1)", 0, "a finite number"),
         ("10.0**400", 0, "a finite number"),

@@ -66,3 +66,5 @@ def test_what_round_off_leaves_counts_by_its_terms():
         motion = {"omega_b": np.array([[0.0, size * part, 0.0]])}
         assert ("omega_b" in least_sizes(asked, motion)) is counted
         assert lost_to_cancellation(asked, motion) == pytest.approx(0.0 if counted else 64.0 * EPS / part)
+    energy = {"kinetic_energy": np.array([natural_sizes(asked, {})["kinetic_energy"] * 1e-24])[:, None]}
+    assert lost_to_cancellation(asked, energy) == pytest.approx(64.0 * EPS / 1e-12)  # as of its rate
