@@ -164,7 +164,7 @@ def print_end(scene: "rbfmu.Scene", planned: "rbfmu.Plan", result: "rbfmu.Result
 
 def print_fit(found: "rbfmu.Fit") -> None:
     """Print the numbers with their standard errors, what the data do not tell, and how residuals look."""
-    from rbfmu.identification.noise import trends
+    from rbfmu.identification.noise import are_too_few, trends
 
     numbers = zip(found.names, found.values, found.standard_errors, strict=True)
     rows = [(n, f"{x: .8g}", f"{error:.2g}") if error < math.inf else (n, " not told", "") for n, x, error in numbers]
@@ -173,6 +173,8 @@ def print_fit(found: "rbfmu.Fit") -> None:
     click.echo(f"noise: {', '.join(noise)}")
     small = "residuals follow each other, but are within the scene's accuracy"
     well = small if trends(found.residuals) else "residuals look like noise"
+    if are_too_few(found.residuals):
+        well = "rows are too few to tell whether residuals are noise"
     click.echo("\n".join([*found.unknown, *(found.doubts or (well,))]))
 
 

@@ -335,9 +335,11 @@ class _Search:
         ended = [] if self._ended else [f"the search came to no end in {MOST_LAST} runs: expected one begun nearer"]
         accuracy, measured = self._scene.run.accuracy, self._data.values.items()
         own = {name: accuracy * max(noise.largest(name, rows), FLOORS.get(name, 0.0)) for name, rows in measured}
-        doubts = (*ended, *noise.trends(left, own), *noise.too_large(f, self._given))
+        doubts = [*ended, *noise.trends(left, own), *noise.too_large(f, self._given)]
+        if doubts and any(chart.whole == INERTIA and chart.count == 3 for chart in self._charts):
+            doubts.append(f"{INERTIA} has no products, which stay zero: with a small one in the scene they vary too")
         return Fit(scene, self._names, np.where(lost, np.nan, values), errors, covariance, said, left, dict(sigma),
-                   doubts, self._data)  # fmt: skip
+                   tuple(doubts), self._data)  # fmt: skip
 
     def _tell_apart(self, J: Array, scatter: float) -> tuple[Array, list[Array]]:
         """Return the covariance of numbers in what the data tell, and the directions that they do not."""

@@ -16,6 +16,8 @@ FOLLOWS = 4.0
 Of a hundred thousand columns of normal noise with 20 to 1,000 rows none came to 4; one in a thousand came to 3, so that
 one fit in a hundred to seven columns would be doubted for nothing.
 """
+TOO_FEW = int(FOLLOWS**2)
+"""The number of rows up to which no correlation is that far."""
 OF_DEVIATION = 1.17
 """The standard deviation of `deviation` of n normal numbers, times the root of n."""
 STILL = 1e-9
@@ -102,7 +104,7 @@ def trends(left: Mapping[str, Array], own: Mapping[str, float] = {}) -> list[str
         shown = "attitude" if name == QUATERNION else name  # whose residuals are turns
         for element, column in zip(elements(shown, rows.shape[1]), rows.T, strict=True):
             x = column[np.isfinite(column)]
-            if len(x) <= 10 or np.max(np.abs(x)) <= own.get(name, 0.0):
+            if len(x) <= TOO_FEW or np.max(np.abs(x)) <= own.get(name, 0.0):
                 continue
             far = 3.0 * deviation(x)
             x = np.clip(x - np.median(x), -far, far)
@@ -110,6 +112,11 @@ def trends(left: Mapping[str, Array], own: Mapping[str, float] = {}) -> list[str
             if r > FOLLOWS / math.sqrt(len(x)):
                 found.append(f"residuals of {element} follow each other (correlation {r:.2f}): not noise alone")
     return found
+
+
+def are_too_few(left: Mapping[str, Array]) -> bool:
+    """Return whether no column of residuals has as many rows as tell that they follow each other."""
+    return all(np.max(np.isfinite(rows).sum(axis=0)) <= TOO_FEW for rows in left.values())
 
 
 def too_large(f: Array, given: Mapping[str, float]) -> list[str]:

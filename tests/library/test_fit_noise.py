@@ -8,7 +8,7 @@ from scipy import stats
 
 import rbfmu
 from rbfmu.identification.measured import sigma_of
-from rbfmu.identification.noise import estimated, too_large, trends
+from rbfmu.identification.noise import are_too_few, estimated, too_large, trends
 
 RNG_SEED = 20261123
 
@@ -38,7 +38,7 @@ def test_successive_residuals_that_follow_each_other_are_doubted_and_a_few_far_o
     noise = 0.01 * np.random.default_rng(RNG_SEED + 8).normal(size=(200, 1))
     drift, outliers = 0.01 * np.sin(np.arange(200.0) / 20.0)[:, None], np.zeros((200, 1))
     outliers[90:93] = 1.0
-    assert trends({"spin": noise}) == trends({"spin": noise + outliers}) == trends({"spin": (noise + drift)[:10]}) == []
+    assert trends({"spin": noise}) == trends({"spin": noise + outliers}) == trends({"spin": (noise + drift)[:16]}) == []
     assert "residuals of spin follow each other" in trends({"spin": noise + drift})[0]
     names = [said.split()[2] for said in trends({"quaternion": np.tile(noise + drift, 3)})]
     assert names == ["attitude[1]", "attitude[2]", "attitude[3]"]
@@ -122,3 +122,24 @@ def test_noise_is_as_much_larger_than_residuals_as_a_fit_follows_numbers():
 def test_residuals_of_any_number_may_be_a_tenth_larger_than_the_noise_given():
     f = stats.norm.ppf((np.arange(100_000) + 0.5) / 100_000)
     assert [len(too_large(size * f, {"omega_b": 1.0})) for size in (1.09, 1.11)] == [0, 1]
+
+
+def test_so_many_rows_as_tell_a_trend_tell_noise():
+    """Of 11 to 16 rows residuals were said to look like noise, though no correlation of so few can be doubted."""
+    ramp = np.linspace(-1.0, 1.0, 40)[:, None]
+    assert are_too_few({"spin": ramp[:16], "rate": np.where(np.arange(40)[:, None] < 16, ramp, np.nan)})
+    assert not are_too_few({"spin": ramp[:16], "rate": ramp[:17]})
+    assert trends({"spin": np.tile([[1.0], [1.0], [-1.0], [-1.0]], (4, 1))}) == [] != trends({"spin": ramp})
+
+
+def test_where_products_of_inertia_are_missing_a_doubt_says_how_they_vary():
+    scene = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [[1.0, 0.1, 0.0], [0.1, 2.0, 0.2], [0.0, 0.2, 2.5]]},
+        initial={"omega_b": [0.5, 0.8, -0.3]}, loads={"torque_b": [0.05, 0.0, 0.1]},
+        outputs={"quantities": ["omega_b"]}, run={"stop": 10.0, "step": 0.25},
+    )  # fmt: skip
+    run, keys = rbfmu.simulate(scene), ["body.inertia", "initial.omega_b"]
+    said, without = "body.inertia has no products", scene.replace({"body.inertia": [1.0, 2.0, 2.5]})
+    assert rbfmu.fit(without, run, keys).doubts[-1].startswith(said)
+    assert rbfmu.fit(scene, run, keys).doubts == ()
+    assert not any(said in doubt for doubt in rbfmu.fit(without, run, ["initial.omega_b"]).doubts)

@@ -82,6 +82,7 @@ def test_what_the_data_do_not_tell_has_no_number(scene: Path, capsys: pytest.Cap
 @pytest.mark.parametrize(("left", "said"), [
     (np.sin(np.arange(50.0) / 9.0), "residuals follow each other, but are within the scene's accuracy"),
     (np.random.default_rng(6).normal(size=50), "residuals look like noise"),
+    (np.random.default_rng(6).normal(size=16), "rows are too few to tell whether residuals are noise"),
 ])  # fmt: skip
 def test_residuals_that_are_not_doubted_are_not_said_to_be_noise_unless_they_are(
     left: np.ndarray, said: str, scene: Path, capsys: pytest.CaptureFixture[str]
