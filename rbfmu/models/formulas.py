@@ -38,7 +38,8 @@ _READ = {"q": "quaternion", "omega": "omega_b", "r_c": "position", "v_c": "veloc
 """The quantities for which models keep these states."""
 _FIRST_OUTPUT = next(iter(memory.OUTPUTS))
 _MADE: dict[str, shell.Model] = {}
-"""Models by what tells their kernels from others, so that no process compiles one twice."""
+"""The last models by what tells their kernels from others, so that no process compiles one twice."""
+MOST_MADE = 256  # of a megabyte each: a loop that writes its numbers into texts makes one a turn
 
 
 class FormulaModel:
@@ -299,10 +300,15 @@ class FormulaModel:
     @property
     def model(self) -> shell.Model:
         """Return the kernels; their text stands where tracebacks look for it."""
-        if self.key not in _MADE:
+        if not (known := _MADE.pop(self.key, None)):
             made = _module_of(self.key, self.text)
-            _MADE[self.key] = replace(made.MODEL, lanes=None if self._base else cache(lambda: self._lanes(made)))
-        return _MADE[self.key]
+            known = replace(made.MODEL, lanes=None if self._base else cache(lambda: self._lanes(made)))
+        _MADE[self.key] = known  # as the last
+        for key in [*_MADE][:-MOST_MADE]:  # the kernels go with the last who runs them
+            _MADE.pop(key, None)
+            sys.modules.pop(f"{__name__}.formulas_{key}", None)
+            linecache.cache.pop(f"{GENERATED}{key}>", None)
+        return known
 
     def _lanes(self, made: Any) -> shell.Lanes:
         """Return what runs many bodies at once; made: the model's module."""
@@ -366,10 +372,7 @@ def given_of(scene: Scene, varied: Iterable[str] = ()) -> Given:
 
 
 def texts_of(scene: Scene, varied: Iterable[str] = ()) -> Texts:
-    """Return a scene's formulas on a graph; varied: see `given_to`.
-
-    Raises SceneError where the body is refused.
-    """
+    """Return a scene's formulas on a graph; varied: see `given_to`. Raises SceneError where the body is refused."""
     texts = Texts(scene, given_of(scene, varied))
     if texts.faults:  # such as a division by a number of the scene that is zero
         raise SceneError(texts.faults, scene.name)

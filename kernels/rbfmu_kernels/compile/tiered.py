@@ -7,16 +7,15 @@ A call that alone takes longer is given up, and done again by compiled code.
 Code that is kept on disk from an earlier run serves from the first call.
 """
 
-import atexit
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
 from pathlib import Path
 from threading import Lock, local
 from time import process_time
 from types import FunctionType, ModuleType
 from typing import Any, ParamSpec, TypeGuard, TypeVar, cast
+from weakref import finalize
 
 import numpy as np
 from numba import float64, typeof, types
@@ -53,8 +52,17 @@ def _plain(value: Any) -> Any:
     return _plain_function(value) if hasattr(value, "py_func") else value
 
 
-@cache
+def _kept_with(kernel: Any, name: str, make: Callable[[], R]) -> R:
+    """Return what is made of a kernel once, and goes when the kernel goes."""
+    known = vars(kernel)
+    return known[name] if name in known else known.setdefault(name, make())  # type: ignore[no-any-return]
+
+
 def _plain_function(value: Any) -> Any:
+    return _kept_with(value, "_plain", lambda: _made_plain(value))
+
+
+def _made_plain(value: Any) -> Any:
     function = cast(FunctionType, python_function(value))
     names, used = dict(function.__globals__), function.__code__.co_names
     names |= {name: _plain(names[name]) for name in used if name in names}
@@ -145,14 +153,9 @@ def tiered(kernel: Function, calls: int = 1) -> Function:
     """
     if python_function(kernel) is kernel:  # the JIT is disabled
         return kernel
-    tier = _tier(kernel)
+    tier: Tiered = _kept_with(kernel, "_tier", lambda: Tiered(kernel, on_buffer(interpreted(kernel), kernel)))
     tier.calls = calls
     return tier
-
-
-@cache
-def _tier(kernel: Any) -> "Tiered":
-    return Tiered(kernel, on_buffer(interpreted(kernel), kernel))
 
 
 @contextmanager
@@ -207,6 +210,18 @@ def _file_of_time(kernel: Any) -> Path:
     return Path(f"{kernel._cache._cache_file._index_path}.time")
 
 
+class _Taken:
+    """What calls of a kernel in plain Python have taken, s: of this process, and of those before."""
+
+    now, before = 0.0, 0.0
+
+    def keep(self, file: Path, least: float) -> None:
+        """Keep it for later processes, so that who runs scene after scene compiles at last; not what is little."""
+        if self.now > least:
+            with suppress(OSError):
+                file.write_text(str(self.before + self.now), encoding="utf-8")
+
+
 class Tiered:
     """A kernel that is called in plain Python first, and compiled later; calls: how many are known to come."""
 
@@ -216,7 +231,7 @@ class Tiered:
     def __init__(self, kernel: Any, plain: Function) -> None:
         self._kernel, self._plain, self.calls = kernel, plain, 1
         self._patience = PATIENCE + PATIENCE_PER_BYTE * size_of_code(kernel)
-        self._before, self._taken, self._done = 0.0, 0.0, 0
+        self._taken, self._done = _Taken(), 0
         self._call = self._first
 
     def __call__(self, *args: Any) -> Any:
@@ -237,16 +252,11 @@ class Tiered:
         self._call = self._kernel if is_kept(self._kernel, *args) else self._interpreted
         if not self.is_compiled:
             with suppress(OSError, AttributeError, ValueError):  # there is no such file, or no cache at all
-                self._before = float(_file_of_time(self._kernel).read_text(encoding="utf-8"))
-                self._call = self._kernel if self._before > self._bound else self._interpreted
-            atexit.register(self._remember)
+                file = _file_of_time(self._kernel)
+                finalize(self, self._taken.keep, file, TYPICAL * self._patience)  # when it goes, or the process ends
+                self._taken.before = float(file.read_text(encoding="utf-8"))
+                self._call = self._kernel if self._taken.before > self._bound else self._interpreted
         return self._call(*args)
-
-    def _remember(self) -> None:
-        """Keep what calls have taken, so that who runs scene after scene compiles at last; not what is little."""
-        if self._taken > TYPICAL * self._patience and not self.is_compiled:
-            with suppress(OSError, AttributeError):
-                _file_of_time(self._kernel).write_text(str(self._before + self._taken), encoding="utf-8")
 
     def _interpreted(self, *args: Any) -> Any:
         begin = process_time()
@@ -255,10 +265,10 @@ class Tiered:
             found = self._plain(*args)
         finally:
             _LIMIT.at = math.inf
-        taken = process_time() - begin
-        self._taken, self._done, self.calls = self._taken + taken, self._done + 1, max(self.calls - 1, 0)
-        to_come = self.calls * self._taken / self._done if self._taken > TYPICAL * self._bound else 0.0
-        taken = self._before + self._taken + to_come
-        if taken > self._bound or self._kernel.overloads:  # others may have compiled it
-            self._call = self._kernel
+        self._done, self.calls = self._done + 1, max(self.calls - 1, 0)
+        self._taken.now += process_time() - begin
+        now = self._taken.now
+        to_come = self.calls * now / self._done if now > TYPICAL * self._bound else 0.0
+        if self._taken.before + now + to_come > self._bound or self._kernel.overloads:  # others may have compiled it
+            self._call, self._taken.now = self._kernel, 0.0  # which nobody has to know any more
         return found

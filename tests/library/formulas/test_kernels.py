@@ -1,12 +1,15 @@
 """The kernels that are made of a scene's formulas: their text, what is kept of them, and for which scenes they hold."""
 
+import gc
 import inspect
+import weakref
 from importlib import import_module
 
 import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu.models import formulas
 from rbfmu.planning.formulas import ORDERS
 from rbfmu.runs import steps
 from rbfmu_kernels.types import python_function
@@ -83,3 +86,19 @@ def test_outputs_that_come_of_no_state_have_code():
     planned = rbfmu.plan(rbfmu.Scene.from_dict(TABLES | {"outputs": own, "inputs": {"ports": ["torque_b"]}}))
     assert [name for name, place in planned.formulas._places.items() if place == ()] == []  # of no type to Numba
     assert planned.states == 0
+
+
+def test_kernels_of_texts_long_past_go_with_the_last_who_runs_them(monkeypatch):
+    """A loop that wrote its numbers into texts took a megabyte more each turn, which the process never gave back."""
+    monkeypatch.setattr(formulas, "MOST_MADE", 1)
+
+    def scene(gain):
+        return rbfmu.Scene.from_dict(TABLES).replace({"formulas.gain": f"{gain}"})
+
+    stepped, whole = rbfmu.Simulator(scene(0.3)), rbfmu.simulate(scene(0.3))
+    ends = [weakref.ref(rbfmu.plan(scene(gain)).kernels.step) for gain in (0.31, 0.32, 0.33)]
+    gc.collect()
+    assert [end() is None for end in ends] == [True, True, False]
+    for _ in range(4):
+        stepped.step()
+    assert stepped.omega_b.tobytes() == whole.omega_b[-1].tobytes()
