@@ -69,7 +69,7 @@ def build(
     """
     version, path = version_of(fmi, scalars), path_of(path)
     if kind not in ("python", "pythonfmu", "native"):
-        raise ValueError(f'kind = {kind!r}: expected "python" or "native"')
+        raise ValueError(f'kind = {kind!r}: expected "pythonfmu" or "native"')
     if kind == "native":
         return build_native_fmu(scene, given(planned) or plan(scene, full), path, platforms, version, terminals)
     if platforms:

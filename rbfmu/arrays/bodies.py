@@ -46,7 +46,7 @@ def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, A
     r = np.array(np.broadcast_to(r, (*leading, n, 3))).reshape(clouds, n, 3)
     _inertia.inertia_of_clouds(m, r, mass, r_oc, M_c)
     if np.any(mass <= 0.0):
-        raise ValueError("inertia_of_points: masses must have a sum above 0 (kg)")
+        raise ValueError(f"inertia_of_points: masses must have a sum above 0 (kg), got {np.min(mass)}")
     return mass.reshape(leading)[()], r_oc.reshape(*leading, 3), M_c.reshape(*leading, 3, 3)
 
 

@@ -62,8 +62,11 @@ def attitude_spline(times: ArrayLike, q_ab: ArrayLike) -> AttitudeSpline:
     Error: without noise, of attitudes as h^4, of rates as h^3.  Source: C. de Boor, A Practical Guide to Splines, IV.
     """
     t, q = _numbers("times", times), _numbers("q_ab", q_ab)
-    if t.ndim != 1 or len(t) < FEWEST or np.any(np.diff(t) <= 0.0):
-        raise ValueError(f"attitude_spline: times must be {FEWEST} or more in one row that increase")
+    expected = f"attitude_spline: times must be {FEWEST} or more in one row that increase"
+    if t.ndim != 1 or len(t) < FEWEST:
+        raise ValueError(f"{expected}, got shape {t.shape}")
+    if back := np.flatnonzero(np.diff(t) <= 0.0).tolist():
+        raise ValueError(f"{expected}, got times[{back[0] + 1}] = {t[back[0] + 1]} after {t[back[0]]}")
     if q.shape != (len(t), 4):
         raise ValueError(f"attitude_spline: q_ab must have shape ({len(t)}, 4), one for each time, got {q.shape}")
     q = normalize(q)
@@ -75,6 +78,7 @@ def attitude_spline(times: ArrayLike, q_ab: ArrayLike) -> AttitudeSpline:
 
 def _numbers(argument: str, value: ArrayLike) -> Array:
     array = from_kernel.as_floats("attitude_spline", argument, value)
-    if not np.all(np.isfinite(array)):
-        raise ValueError(f"attitude_spline: {argument} must be finite numbers")
+    if bad := np.argwhere(~np.isfinite(array)).tolist():
+        place = ", ".join(map(str, bad[0]))
+        raise ValueError(f"attitude_spline: {argument} must be finite numbers, got {array[*bad[0]]} at [{place}]")
     return array

@@ -88,6 +88,7 @@ def test_builds_are_the_same_bytes(tmp_path):
     ({"scalars": True, "kind": "native"}, "scalars = True: expected fmi = 3 with it"),
     ({"scalars": "no", "kind": "native", "fmi": 3}, "scalars = 'no': expected True or False"),
     ({"platforms": ["win64"]}, r"platforms = \['win64'\]: expected kind = \"native\" with them"),
+    ({"kind": "C"}, "kind = 'C': expected \"pythonfmu\" or \"native\""),
 ])  # fmt: skip
 def test_versions_that_there_are_not_are_refused(options, message, tmp_path):
     with pytest.raises(ValueError, match=message):

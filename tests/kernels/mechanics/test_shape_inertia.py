@@ -183,6 +183,7 @@ def test_inertia_of_points_broadcasts_and_keeps_to_one_cloud_at_a_time():
     ([1.0], [[0, 0]], r"positions must have trailing shape \(n, 3\), got \(1, 2\)"),
     (["x"], [[0, 0, 0]], "masses must be real numbers"),
     ([0.0, 0.0], [[0, 0, 0], [1, 1, 1]], "masses must have a sum above 0"),
+    ([1.0, -2.5], [[0, 0, 0], [1, 1, 1]], r"masses must have a sum above 0 \(kg\), got -1.5"),
     (np.zeros(0), np.zeros((0, 3)), "masses must have a sum above 0"),
 ])  # fmt: skip
 def test_inertia_of_points_names_a_wrong_argument(masses, positions, message):

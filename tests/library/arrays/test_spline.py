@@ -86,11 +86,13 @@ def test_one_time_and_any_shape_of_times():
 
 
 @pytest.mark.parametrize(("times", "q_ab", "said"), [
-    ([0.0, 1.0, 2.0], np.ones((3, 4)), "times must be 4 or more in one row that increase"),
-    ([0.0, 1.0, 1.0, 2.0], np.ones((4, 4)), "times must be 4 or more in one row that increase"),
+    ([0.0, 1.0, 2.0], np.ones((3, 4)), r"times must be 4 or more in one row that increase, got shape \(3,\)"),
+    ([0.0, 1.0, 1.0, 2.0], np.ones((4, 4)),
+     r"times must be 4 or more in one row that increase, got times\[2\] = 1.0 after 1.0"),
     ([0.0, 1.0, 2.0, 3.0], np.ones((4, 3)), r"q_ab must have shape \(4, 4\), one for each time, got \(4, 3\)"),
     ([0.0, 1.0, 2.0, 3.0], np.diag([1.0, 1.0, 0.0, 1.0]), r"q_ab\[2\] must be finite and not zero"),
-    ([0.0, 1.0, 2.0, np.nan], np.ones((4, 4)), "times must be finite numbers"),
+    ([0.0, 1.0, 2.0, np.nan], np.ones((4, 4)), r"times must be finite numbers, got nan at \[3\]"),
+    ([0.0, 1.0, 2.0, 3.0], np.diag([1.0, np.inf, 1.0, 1.0]), r"q_ab must be finite numbers, got inf at \[1, 1\]"),
     (["now", 1.0, 2.0, 3.0], np.ones((4, 4)), "times must be real numbers"),
 ])  # fmt: skip
 def test_a_wrong_argument_is_named(times, q_ab, said):
