@@ -7,7 +7,7 @@ side by side, where their model knows how, with the same bits.
 
 import math
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from threading import Thread
 from typing import Any
 
@@ -226,6 +226,8 @@ AT_ONCE = 64
 """Members whose buffers are filled at a time: their part that is used lies in a processor's own cache."""
 _CACHE_LINE = 8
 """The numbers in a cache line."""
+MOST_MODELS = 16
+"""Models whose lanes are remembered: a loop that writes its numbers into texts makes one a turn."""
 
 
 def run_alone(kernels: Any, members: Members, control: Any, driving: Driving) -> None:
@@ -255,7 +257,7 @@ def run_in_lanes(kernels: Any, members: Members, control: Any, driving: Driving,
     return True
 
 
-@cache
+@lru_cache(MOST_MODELS)
 def _lanes_of(kernels: Any) -> tuple[Any, tuple[Any, ...]]:
     """Return the function that runs members side by side, and its arguments' types."""
     return kernels.lanes().run, (*_GIVEN, *map(typeof, _room_of_lanes(kernels, 2, 0)))
@@ -269,11 +271,15 @@ def _room_of_lanes(kernels: Any, count: int, states: int) -> tuple[Array, ...]:
 
 
 def _compile(run: Any, signature: tuple[Any, ...]) -> None:
-    if not has_code(run, signature):
-        run.compile(signature)
+    try:
+        if not has_code(run, signature):
+            run.compile(signature)
+    except RuntimeError:  # others found code on disk while this waited, so that none is to be compiled
+        if not has_code(run, signature):
+            raise
 
 
-@cache
+@lru_cache(MOST_MODELS)
 def compile_lanes(kernels: Any) -> Thread | None:
     """Compile lanes beside what else is done, once in a process; return the thread that does, None without lanes.
 

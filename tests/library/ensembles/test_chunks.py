@@ -1,6 +1,7 @@
 """A chunk's members have the bits of single runs, whatever the model, and say what a single run says."""
 
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -183,6 +184,21 @@ def test_lanes_are_compiled_beside_the_first_members_where_that_pays(monkeypatch
     chunk = run_chunk(Work(scene, plan, 32), 0)
     assert np.isfinite(chunk.rows).all()
     assert begun == ([] if worth else [LOADED_TAYLOR])
+
+
+@pytest.mark.parametrize("found", [True, False], ids=["found on disk meanwhile", "none"])
+def test_lanes_that_others_have_found_on_disk_need_no_compiler(found):
+    """Who runs by them lets none be compiled, at which a thread that waits for the compiler would end in an error."""
+
+    class Waiting:
+        overloads = ()
+
+        def compile(self, signature):
+            self.overloads = (signature,) * found
+            raise RuntimeError("compilation disabled")
+
+    with nullcontext() if found else pytest.raises(RuntimeError, match="compilation disabled"):
+        loops._compile(Waiting(), ("float64",))
 
 
 @pytest.mark.parametrize(("cost", "runs", "pay"), [(1e4, 10**6, True), (1e4, 1000, False), (90.0, 10**6, False)])
