@@ -300,14 +300,14 @@ class FormulaModel:
     @property
     def model(self) -> shell.Model:
         """Return the kernels; their text stands where tracebacks look for it."""
-        if not (known := _MADE.pop(self.key, None)):
+        if not (known := _MADE.get(self.key)):
             made = _module_of(self.key, self.text)
             known = replace(made.MODEL, lanes=None if self._base else cache(lambda: self._lanes(made)))
-        _MADE[self.key] = known  # as the last
-        for key in [*_MADE][:-MOST_MADE]:  # the kernels go with the last who runs them
-            _MADE.pop(key, None)
-            sys.modules.pop(f"{__name__}.formulas_{key}", None)
-            linecache.cache.pop(f"{GENERATED}{key}>", None)
+            _MADE[self.key] = known
+            for key in [*_MADE][:-MOST_MADE]:  # the kernels go with the last who runs them
+                _MADE.pop(key, None)
+                sys.modules.pop(f"{__name__}.formulas_{key}", None)
+                linecache.cache.pop(f"{GENERATED}{key}>", None)
         return known
 
     def _lanes(self, made: Any) -> shell.Lanes:

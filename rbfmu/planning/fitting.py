@@ -174,15 +174,15 @@ class _Search:
     def whatever_the_step(self) -> Plan:
         """Return the cheapest of the plans that meet the accuracy whatever the communication step."""
         best: Tried | None = None
-        for tried in sorted(self.met, key=lambda tried: tried.plan.cost):
+        self.met.sort(key=lambda tried: tried.plan.cost)
+        for tried in self.met:
             if best and tried.plan.cost >= best.plan.cost:
                 break
             other = self._tighten_for_other_steps(tried)
             best = other if best is None or other.plan.cost < best.plan.cost else best
         assert best
         if best.plan.error > self.accuracy:  # round-off of the shorter substeps for other steps, which are told of then
-            best = min(self.met, key=lambda tried: tried.plan.cost)
-            best = best._replace(other=max(self._errors_in_other_steps(best)))
+            best = self.met[0]._replace(other=max(self._errors_in_other_steps(self.met[0])))
         found = replace(best.plan, error=self.judge.try_all_steps(best.plan))
         if found.error > self.accuracy:
             raise refuse_accuracy(self.asked, found.error)
