@@ -67,6 +67,14 @@ def test_refusals_are_weighed():
     assert verdict_of(SCENE, Setting(), Outcome("status 1 at step 1 of 10"))[0] == REFUSED
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize(("accuracy", "verdict"), [(4.13e-10, HONEST), (1e-8, REFUSED)])
+def test_what_the_rounding_of_a_scene_s_own_numbers_leaves_open_is_refused_truly(accuracy, verdict):
+    """A pendulum that magnifies errors five million times: plain series reach 9e-11 by luck, others 8e-9."""
+    _, one = hard_scene(1936)
+    assert verdict_of_refusal(one.replace({"run.accuracy": accuracy}), "run.accuracy = ")[0] == verdict
+
+
 @pytest.mark.parametrize("seed", range(0, 21))
 def test_scenes_come_from_their_seeds_and_can_be_pasted(seed):
     kind, one = random_scene(seed)

@@ -119,8 +119,25 @@ def outcome(scene: Scene, plan: Plan, setting: Setting = AS_PLANNED, most=refere
 def plainly_met(scene: Scene, setting: Setting = AS_PLANNED, most=reference.MAX_SERIES) -> float:
     """The largest error of plain Taylor series in double precision, in the quantities asked for."""
     plain = true_motion(scene, setting, "double", 100 * most)
-    rows = {name: plain.high[name] for name in scene.outputs.quantities}
-    return max(errors(rows, true_motion(scene, setting, most=most)).values())
+    return _apart(scene, plain, true_motion(scene, setting, most=most))
+
+
+def blur(scene: Scene, most=reference.MAX_SERIES) -> float:
+    """How far the true motion may lie as the scene's numbers are rounded to doubles: by half a last place each.
+
+    To a smaller accuracy the scene itself does not say how the body moves.
+    """
+    truth, total = true_motion(scene, AS_PLANNED, most=most), 0.0
+    for name, values in reference.parameters_of(scene).items():
+        for i in np.flatnonzero(values) if name != "pivot" else ():
+            changed = np.array(values, float)
+            changed[i] = np.nextafter(changed[i], np.inf)
+            total += 0.5 * _apart(scene, true_motion(scene, Setting(changes={name: changed}), most=most), truth)
+    return total
+
+
+def _apart(scene: Scene, motion, truth) -> float:
+    return max(errors({name: motion.high[name] for name in scene.outputs.quantities}, truth).values())
 
 
 def pasted(scene: Scene, setting: Setting, note: str = "") -> str:
