@@ -137,7 +137,7 @@ def run(asked: common.Asked, output: Path | None, plot: Path | None) -> None:
 @main.command()
 @click.argument("scenes", metavar="SCENE...", nargs=-1, required=True, type=common.PATH)
 def warm(scenes: tuple[Path, ...]) -> None:
-    """Keep plans and compiled code of scenes, so that processes that share the cache plan and compile nothing."""
+    """Plan and compile scenes beforehand, for all processes that share the cache."""
     from rbfmu.ensembles.running import warm as warm_scene
     from rbfmu_kernels.compile.tiered import in_haste
 
@@ -151,11 +151,11 @@ def warm(scenes: tuple[Path, ...]) -> None:
 
 
 @main.command(cls=common.SceneCommand, shared=[*common.INPUTS, *common.RUN_OPTIONS])
-@common.file_option("Keep in STORE (.npz or .zarr).", (".npz", ".zarr"), metavar="STORE", type=common.PATH)
-@click.option("--runs", type=click.IntRange(1), help="In place of the scene's ensemble.runs.")
-@click.option("--workers", type=click.IntRange(1), help="Threads.  [one for each processor]")
-@click.option("--scheduler", metavar="ADDRESS", help="Of Dask, at HOST:PORT, in place of threads.")
-@click.option("--resume", is_flag=True, help="Go on with a STORE that is there.")
+@common.file_option("Store the runs in STORE (.npz or .zarr).", (".npz", ".zarr"), metavar="STORE", type=common.PATH)
+@click.option("--runs", type=click.IntRange(1), help="Replaces the scene's ensemble.runs.")
+@click.option("--workers", type=click.IntRange(1), help="Number of threads.  [one for each processor]")
+@click.option("--scheduler", metavar="ADDRESS", help="Run on Dask, whose scheduler is at HOST:PORT, not on threads.")
+@click.option("--resume", is_flag=True, help="Continue an existing STORE.")
 @common.plot_option("Draw")
 def ensemble(
     asked: common.Asked, output: Path | None, runs: int | None, workers: int | None, scheduler: str | None,
@@ -192,14 +192,14 @@ def ensemble(
 
 
 @main.command("sensitivity", cls=common.SceneCommand, shared=[*common.INPUTS, *common.RUN_OPTIONS])
-@common.keys_option("--by", "Such as initial.omega_b; several stand one after another.")
+@common.keys_option("--by", "Key to vary, such as initial.omega_b; more keys may follow.")
 @common.more_keys
 @common.file_option("Save to FILE (.csv or .npz).", (".csv", ".npz"))
 @common.plot_option("Draw what matters when")
 def show_sensitivity(
     asked: common.Asked, by: tuple[str, ...], more: tuple[str, ...], output: Path | None, plot: Path | None
 ) -> None:
-    """Print, save or draw how a scene's outputs hang on its numbers: derivatives along the motion."""
+    """Print, save or draw how a scene's outputs depend on its numbers: derivatives along the motion."""
     with asked.opened() as scene, common.usage_errors():
         found = rbfmu.sensitivity(scene, (*by, *more), **asked.driven)
         common.write(found, output, plot, scene.name)
@@ -214,13 +214,13 @@ def show_sensitivity(
 
 @main.command("fit", cls=common.SceneCommand, shared=common.INPUTS)
 @click.argument("data", metavar="DATA", type=common.PATH)
-@common.keys_option("--free", "What is fitted, such as body.inertia; several stand one after another.")
+@common.keys_option("--free", "Key to fit, such as body.inertia; more keys may follow.")
 @common.more_keys
 @click.option(
     "--sigma", metavar="NUMBER|FILE",
-    help="Noise: a number, or a CSV file with a column for each output; of quaternion that of a small turn (rad).",
+    help="Noise: a number, or a CSV file with a column for each output; for quaternion, that of a small turn (rad).",
 )  # fmt: skip
-@common.one_of("--loss", ["linear", "soft_l1", "huber", "cauchy"], "Other than linear: where data may be far off.")
+@common.one_of("--loss", ["linear", "soft_l1", "huber", "cauchy"], "Loss function; all but linear tolerate outliers.")
 @common.file_option("Write the fitted scene to FILE.toml.", (".toml",))
 @common.plot_option("Draw residuals")
 def fit_scene(
@@ -247,8 +247,8 @@ def fit_scene(
 
 @main.command()
 @click.argument("source", metavar="SCENE|RESULT", type=common.PATH)
-@common.file_option("Page to write, also over one that is there.  [motion.html, if there is none]", (".html",))
-@click.option("--scene", type=common.PATH, help="Whose body a RESULT (.csv, .npz, .aem) moves.")
+@common.file_option("Page to write; replaces an existing one.  [motion.html, if there is none]", (".html",))
+@click.option("--scene", type=common.PATH, help="Scene whose body a RESULT (.csv, .npz, .aem) moves.")
 @click.option("--stop", type=float, help="End of what is shown (s).")
 @click.option("--ghosts", type=click.IntRange(0), default=0, metavar="N",
               help="Show N runs of the scene's ensemble as pale bodies.")  # fmt: skip
@@ -275,10 +275,10 @@ view.params += common.INPUTS  # for a SCENE, after its own
 @common.file_option("FMU to write.  [NAME.fmu]", (".fmu",))
 @click.option("--native", is_flag=True, help="Compiled: the importer needs no Python.")
 @click.option("--platform", default="", metavar="NAME,...",
-              help="Of a native FMU: linux64, win64, darwin64, linux-aarch64, darwin-aarch64; all.")  # fmt: skip
-@common.one_of("--fmi", ["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 with --native.")
-@click.option("--scalars", is_flag=True, help="Of FMI 3.0: no arrays, as importers that cannot take them need it.")
-@click.option("--terminals", is_flag=True, help="Of FMI 2.0: list terminals, at which some importers fail; 3.0 does.")
+              help="Native platforms: linux64, win64, darwin64, linux-aarch64, darwin-aarch64, or all.")  # fmt: skip
+@common.one_of("--fmi", ["2", "3"], "Version of FMI: 2.0, or 3.0 with arrays as variables; 3 needs --native.")
+@click.option("--scalars", is_flag=True, help="FMI 3.0 without arrays, for importers that cannot take them.")
+@click.option("--terminals", is_flag=True, help="List terminals in FMI 2.0 too, at which some importers fail.")
 def build(
     asked: common.Asked, output: Path | None, native: bool, platform: str, fmi: str, scalars: bool, terminals: bool
 ) -> None:
@@ -302,7 +302,7 @@ def build(
 
 @main.command()
 @click.argument("fmu", metavar="FILE.fmu", type=common.PATH)
-@click.option("--seed", default=1, show_default=True, help="Of the signal that drives the inputs.")
+@click.option("--seed", default=1, show_default=True, help="Seed of the signal that drives the inputs.")
 def verify(fmu: Path, seed: int) -> None:
     """Compare an FMU with direct calls of its kernels, bit by bit, and validate it."""
     common.say_where_nothing_is_kept()
@@ -319,12 +319,12 @@ def verify(fmu: Path, seed: int) -> None:
 @main.command()
 @click.argument("scene", metavar="[SCENE]", required=False, type=common.PATH)
 @common.folder_option("rbfmu_chart", "Folder for the tables and pictures.")
-@click.option("--quick", is_flag=True, help="Few cases and methods: to see that it runs.")
+@click.option("--quick", is_flag=True, help="Only a few cases and methods, to see that it runs.")
 @common.method_option
 def chart(scene: Path | None, folder: Path, quick: bool, method: Path | None) -> None:
     """Chart accuracy against cost: which method to use, here and with the peers that are installed.
 
-    Of SCENE, with its ports at zero; or, if none is given, of eight motions and a loop closed through an FMU.
+    Charts SCENE with its ports at zero or, without SCENE, eight motions and a loop closed through an FMU.
     """
     from rbfmu.studies.chart import run_charts
     from rbfmu_fmu.cosimulation_chart import run_cosimulation_chart
@@ -340,7 +340,7 @@ def chart(scene: Path | None, folder: Path, quick: bool, method: Path | None) ->
 
 @main.command()
 @common.folder_option("rbfmu_stability", "Folder for the tables and pictures.")
-@click.option("--quick", is_flag=True, help="Coarse and fast: to see that it runs.")
+@click.option("--quick", is_flag=True, help="Coarse and fast, to see that it runs.")
 @common.method_option
 def stability(folder: Path, quick: bool, method: Path | None) -> None:
     """Measure where methods fail, against the laws that predict it; draw it."""

@@ -231,7 +231,7 @@ more_keys: Option = click.argument("more", metavar="[KEY]...", nargs=-1)
 """Keys behind an option that has the first of them."""
 method_option: Option = click.option(
     "--method", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="FILE.py",
-    help="Besides, a method of your own: step(q, omega, h, body, loads) in FILE.",
+    help="Add your own method: step(q, omega, h, body, loads) in FILE.",
 )  # fmt: skip
 
 
@@ -245,18 +245,17 @@ def one_of(option: str, known: Sequence[str], text: str) -> Option:
     return click.option(option, **choice(known, text))
 
 
-_INPUTS = "Drive the ports: columns time, torque_b[1], ...  [ports at zero]"
-_MODELS = choice(["planned", "full"], "The smallest that serves the scene, or all degrees of freedom.")
+_INPUTS = "File that drives the ports: columns time, torque_b[1], ...  [ports at zero]"
+_MODELS = choice(["planned", "full"], "The smallest model that serves the scene, or all degrees of freedom.")
 INPUTS = [
     click.Option(["--inputs"], type=PATH, metavar="FILE.csv", help=_INPUTS),
-    click.Option(["--interpolate"], **choice(["hold", "linear"], "Between the rows of --inputs.")),
+    click.Option(["--interpolate"], **choice(["hold", "linear"], "What inputs do between the rows of --inputs.")),
 ]
 MODEL = click.Option(["--model"], **_MODELS)
 RUN = {"accuracy": "", "stop": " (s)", "step": " (s)"}
 """Keys of a scene's table [run] with their units."""
 RUN_OPTIONS = [
-    click.Option([f"--{key}"], type=float, help=f"In place of the scene's run.{key}{unit}.")
-    for key, unit in RUN.items()
+    click.Option([f"--{key}"], type=float, help=f"Replaces the scene's run.{key}{unit}.") for key, unit in RUN.items()
 ]
 
 

@@ -48,7 +48,7 @@ def check_attitude(path: Path | None, quantities: Iterable[str]) -> None:
 
 
 class Row(dict[str, Any]):
-    """Time and quantities at it, as `Simulator.values` gives them; own: what is known of outputs of one's own."""
+    """Time and quantities at it, as `Simulator.values` gives them; own: what is known of outputs of your own."""
 
     def __init__(self, values: Mapping[str, Any], own: Mapping[str, Output]) -> None:
         super().__init__(values)
@@ -69,7 +69,7 @@ class Result:
         events: Mapping[str, ArrayLike] | None = None,
         touches: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        """own: the rows of quantities of one's own, by name; events, touches: their times (n,) by name, s.
+        """own: the rows of quantities of your own, by name; events, touches: their times (n,) by name, s.
 
         An event is where a formula came to zero and went on; where it went back, that is a touch.
         """
@@ -126,7 +126,7 @@ class Result:
         coordinates: dict[str, object] = {"time": ("time", self.time, {"units": TIME.unit, "long_name": TIME.meaning})}
         for name, values in self.quantities.items():
             row, axis = self.rows[name], AXES.get(name, "axis")
-            axis += "_" * (axis in self.quantities)  # an output of one's own may be called so
+            axis += "_" * (axis in self.quantities)  # an output of your own may be called so
             attributes = {"units": row.unit, "long_name": row.meaning}
             variables[name] = ("time" if values.ndim == 1 else ("time", axis), values, attributes)
             if values.ndim == 2:

@@ -39,7 +39,7 @@ AT_ZERO = 1e-6
 """The part of its size below which what an event watches is zero: round-off of larger terms is, jumps are not."""
 ATTITUDE = "initial.attitude"
 TAKEN = ("attitude", "errors", "slopes", "numbers")
-"""What derivatives call something else than an output of one's own: in `Sensitivity.of`, in a run, in files."""
+"""What derivatives call something else than an output of your own: in `Sensitivity.of`, in a run, in files."""
 PERCENT, ENDINGS = 0.01, (".csv", ".npz")
 
 

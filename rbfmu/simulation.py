@@ -71,7 +71,7 @@ def simulate(
 
     inputs: what drives the ports: a mapping from a port's name to `(times (m,), values (m, 3))` or to an array (n, 3)
     with a row for each communication step, or the path of a CSV file in FMPy's format (`time`, then FMU variables such
-    as `torque_b[1]`). Ports that are not named stay at zero, those of one's own at their start.
+    as `torque_b[1]`). Ports that are not named stay at zero, those of your own at their start.
     interpolate: "hold", a value from its time on, or "linear" between times. Communication steps are cut where a time
     lies inside. Of linear inputs a model that takes no input derivatives sees the mean over each step.
     planned: a plan, whose model and method are used as they are; without one, a plan that meets the accuracy under the
@@ -184,7 +184,7 @@ class Simulator:
         return tuple(at_once)
 
     def __getattr__(self, name: str) -> Any:
-        """Return an output of one's own; raise AttributeError for what is none, and for quantities not asked for."""
+        """Return an output of your own; raise AttributeError for what is none, and for quantities not asked for."""
         known = {} if name in self.__slots__ else self._quantities  # without some it is not set up, or being copied
         if name not in known:
             whose = f"{self.scene.name}; it has {', '.join(known)}" if known else "it"
@@ -207,7 +207,7 @@ class Simulator:
     def step(self, /, h: float | None = None, **ports: Any) -> None:
         """Step by h, s (without one to the scene's next communication point), with inputs that are held over it.
 
-        ports: three finite numbers each, one for a scalar of one's own; what is not given keeps its last value. Raises
+        ports: three finite numbers each, one for a scalar of your own; what is not given keeps its last value. Raises
         ValueError for a wrong input, TypeError where h is no number, SimulationError where the step is refused: then
         nothing has changed, and no input either.
         """

@@ -193,7 +193,7 @@ def kernel_hash() -> str:
 def scene_inside(d: Description) -> bytes:
     """Return what `verify` reads in an FMU: resources/scene.json."""
     data = {"kernels": kernel_hash(), "plan": d.plan.to_dict(), "scene": d.scene.to_dict()}
-    return json_bytes(data, sort_keys=False)  # outputs of one's own follow each other as in the scene
+    return json_bytes(data, sort_keys=False)  # outputs of your own follow each other as in the scene
 
 
 def json_bytes(data: object, sort_keys: bool = True) -> bytes:

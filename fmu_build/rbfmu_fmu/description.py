@@ -274,7 +274,7 @@ def components(row: Quantity) -> tuple[str, ...]:
 def input_sizes(scene: Scene) -> dict[str, float]:
     """Return by port what moves the body well: 1 m/s2 by a force, 1 rad/s2 by a torque; 1 rad/s of prescribed rates.
 
-    Of ports of one's own nothing is known: 1.
+    Of ports of your own nothing is known: 1.
     """
     sizes = {"omega_b": 1.0}
     if scene.body is not None:

@@ -171,7 +171,7 @@ def _with_dependencies(path: Path, model: fmpy.model_description.ModelDescriptio
 def _signal(d: Description, steps: int, random: np.random.Generator) -> Array:
     """Return piecewise-constant inputs (steps, n): about 1 m/s2 for forces, 1 rad/s2 for torques, 1 rad/s for rates.
 
-    Those of one's own are about their start, beside which formulas may have no value.
+    Those of your own are about their start, beside which formulas may have no value.
     """
     sizes = input_sizes(d.scene)
     levels = random.normal(size=(steps // HELD_STEPS + 1, len(d.inputs))) * [sizes[v.block] for v in d.inputs]

@@ -239,7 +239,7 @@ PORTS = (*_LOAD_PORTS, *_RATE_PORTS)
 
 
 def own_output(name: str, size: int, unit: str, meaning: str) -> Output:
-    """Return the row of an output of one's own."""
+    """Return the row of an output of your own."""
     components = ("x", "y", "z") if size > 1 else ("",)
     return Output(name, size, unit or "1", meaning or name, name, (), (), components=components)
 

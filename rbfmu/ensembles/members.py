@@ -181,7 +181,7 @@ def _doubtful(scene: Scene, samples: Samples) -> list[Indices]:
 
 
 def _in_si(key: str) -> str:
-    """Return the key under which numbers are applied in SI units; a name of one's own may end in `_deg` too."""
+    """Return the key under which numbers are applied in SI units; a name of your own may end in `_deg` too."""
     return "initial.omega_b" if key == DEGREES else key
 
 

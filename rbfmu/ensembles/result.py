@@ -132,7 +132,7 @@ class EnsembleResult:
         self.rank_error = float(np.asarray(arrays.get(names.RANK_ERROR, 0.0))) if names.STATISTICS in keep else 0.0
         applied = {name: arrays[name] for name in names.varied_rows(scene) if name in arrays}
         self.samples = Arrays(applied, "no key that varies")
-        # what is not kept is not looked for: an output of one's own may have its name
+        # what is not kept is not looked for: an output of your own may have its name
         ends, every, over_time = (
             scene.outputs.names if what in keep else () for what in (names.FINAL, names.ALL, names.STATISTICS)
         )

@@ -175,7 +175,7 @@ def variables(scene: Scene, sampled: Mapping[str, int]) -> Iterator[Variable]:
 
 
 def check_names(scene: Scene) -> None:
-    """Raise SceneError for an output of one's own with the name of another variable, a dimension or a group."""
+    """Raise SceneError for an output of your own with the name of another variable, a dimension or a group."""
     known = list(variables(scene, {}))
     dims = {PROBABILITY, RESUME}.union(*(variable.dims for variable in known))
     counts = Counter([*dims, *(variable.name for variable in known)])

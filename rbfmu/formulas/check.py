@@ -59,12 +59,12 @@ class Texts:
 
     @property
     def rates(self) -> dict[str, Any]:
-        """Return the rates of the states of the body and of one's own, by their elements' names."""
+        """Return the rates of the states of the body and of your own, by their elements' names."""
         own = {f"{STATE}{name}": rate for name, rate in self.states.items()}
         return {**self.motion.rates(self.loads), **dict(by_element(own))}
 
     def _shown(self, own: Mapping[str, Any], which: Callable[[str], bool]) -> dict[str, Any]:
-        """Return the values of outputs of one's own, by name."""
+        """Return the values of outputs of your own, by name."""
         return {name: self._shaped(f"outputs.{name}.value", own[name].value, None) for name in own if which(name)}
 
     def _changing(self, key: str, text: str) -> Any:

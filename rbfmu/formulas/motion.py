@@ -22,7 +22,7 @@ from rbfmu_kernels.quantities import elements
 
 LOADS = ("force_a", "force_b", "torque_a", "torque_b")
 CONSTANT, STATE = "constants.", "states."
-"""What the names of constants and states of one's own begin with on the graph, where bodies have names as well."""
+"""What the names of constants and states of your own begin with on the graph, where bodies have names as well."""
 _ZERO = (0.0, 0.0, 0.0)
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 

@@ -25,7 +25,7 @@ THINNEST = 1e-9
 FARTHEST = 15.0
 """How far a logarithm may go: three million times as much, or as little."""
 OWN = {"constants": "value", "states": "start"}
-"""By table of numbers of one's own, which entry of a row varies."""
+"""By table of numbers of your own, which entry of a row varies."""
 FAR = 10.0
 """How many times larger than its unit a number has to be to get a larger one.
 

@@ -67,7 +67,7 @@ def read_measured(scene: Scene, data: Data) -> Measured:
 def _read(scene: Scene, path: Path) -> Result | Mapping[str, ArrayLike]:
     if path.suffix == ".csv":
         return _outputs(scene, _columns(path, faults_of_names=lambda names: _faults_of_names(scene, names)))
-    if path.suffix == ".npz":  # with outputs of one's own, which only the scene knows, and gaps
+    if path.suffix == ".npz":  # with outputs of your own, which only the scene knows, and gaps
         wanted = ("time", *OUTPUT, *scene.outputs.own)
         return {name: rows for name, rows in arrays_of_npz(path).items() if name in wanted}
     return Result.load(path)

@@ -90,7 +90,7 @@ class FormulaModel:
 
     @property
     def own_rows(self) -> dict[str, Output]:
-        """Return the rows of the outputs of one's own by name, each with its formula in its meaning."""
+        """Return the rows of the outputs of your own by name, each with its formula in its meaning."""
         own = self.scene.outputs.own.items()
         meanings = {name: " = ".join(filter(None, (one.about, one.value))) for name, one in own}
         return {name: own_output(name, self.own_outputs[name], one.unit, meanings[name]) for name, one in own}

@@ -65,7 +65,7 @@ class Question:
 
     @cached_property
     def judged(self) -> tuple[str, ...]:
-        """Return blocks that show every quantity asked for, and what states of one's own these come of.
+        """Return blocks that show every quantity asked for, and what states of your own these come of.
 
         Roll, pitch and yaw count as the attitude that they describe.
         """

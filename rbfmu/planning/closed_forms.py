@@ -144,8 +144,8 @@ def plan_within_accuracy(asked: Question, judge: Judge, exact: Plan | None) -> P
     for spec in smaller:
         error = _error(judge, spec, truth, names)
         if error <= bound:
-            dropped = f"{exact.model if exact else 'the body under loads'} dropped for {spec.key}"
-            why = f"{dropped}: {error:.1e} apart at {len(truth['omega_b']) - 1} times, {asked.accuracy:g} asked"
+            why = f"{spec.key} in place of {exact.model if exact else 'the body under loads'}: "
+            why += f"{error:.1e} apart at {len(truth['omega_b']) - 1} times, {asked.accuracy:g} asked"
             error += exact.error if exact else 0.0
             return replace(_candidate(asked, spec), error=error, reasons=(why,))
     return None

@@ -116,10 +116,10 @@ def of_path_alone(asked: Question, judge: Judge) -> Plan | None:
 def refuse_accuracy(asked: Question, error: float, why: str = "") -> SceneError:
     """Return the error for an accuracy below what methods reach; why: of which quantities, where that is known."""
     reached = error / REACHED
-    expected = f"expected one that this scene can meet; the methods here reach {least_accuracy(reached)} here{why}"
+    expected = f"expected one that this scene can meet; the methods here reach {least_accuracy(reached)}{why}"
     if not why and 1e-3 < reached < math.inf:
-        expected += "; the motion magnifies round-off: see `rbfmu stability`, or ask for a shorter run"
-        expected += "; or a formula has a pulse: give it edges by where(...)" if asked.scene.loads.formulas else ""
+        expected += "; perhaps the motion magnifies round-off (see `rbfmu stability`, or ask for a shorter run)"
+        expected += ", or a formula has a pulse (give it edges by where(...))" if asked.scene.loads.formulas else ""
     return SceneError(f"run.accuracy = {asked.accuracy!r}: {expected}", asked.scene.name)
 
 

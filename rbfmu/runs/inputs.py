@@ -22,7 +22,7 @@ apart, at times so large that it is more: a grid's and a table's, made in anothe
 
 
 class InputTable(NamedTuple):
-    """A port's values (m, n) at times (m,), s, that increase; n: 3, or 1 of a scalar of one's own."""
+    """A port's values (m, n) at times (m,), s, that increase; n: 3, or 1 of a scalar of your own."""
 
     times: Array
     values: Array

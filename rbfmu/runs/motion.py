@@ -147,5 +147,5 @@ def doubts_of_sizes(scene: Scene, motion: Motion) -> Iterator[str]:
         if at_rest < size < scene.run.accuracy * floor:
             unit = OUTPUT[name].unit
             allowed = f"run.accuracy = {scene.run.accuracy:g} is relative to {floor:g} {unit} there"
-            other = "an output of one's own counts by its own size"
-            yield f"{name}: at most {size:.1e} {unit}, of which all may be wrong, as {allowed}; {other}"
+            other = "the accuracy of an output of your own is relative to its own size"
+            yield f"{name}: at most {size:.1e} {unit}, which may be wrong in every digit, as {allowed}; {other}"

@@ -132,7 +132,7 @@ def _read_shape(value: object) -> Shape:
     return SHAPES[Shape._rules["kind"].read(value["kind"], "body.shape.kind")].read(value)
 
 
-_SHAPE = rules.Rule("a table", _read_shape).means("a table in place of inertia: that of a homogeneous body")
+_SHAPE = rules.Rule("a table", _read_shape).means("a table in place of inertia: a homogeneous body of that shape")
 
 
 class Body(rules.Section, path="body"):

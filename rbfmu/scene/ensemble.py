@@ -50,9 +50,11 @@ class Correlation(rules.Section, path="ensemble.correlation"):
     meaning: ClassVar[str] = "which of these numbers depend on each other"
     components: Annotated[tuple[str, ...], _COMPONENTS.means("numbers that depend on each other")]
     matrix: Annotated[
-        Rows | None, _SQUARE.means("their correlations, or of what is not normal those of its scores")
+        Rows | None, _SQUARE.means("their correlations; for numbers that are not normal, of their normal scores")
     ] = None
-    covariance: Annotated[Rows | None, _SQUARE.means("in place of matrix: of normal numbers")] = None
+    covariance: Annotated[Rows | None, _SQUARE.means("covariances in place of matrix, if all numbers are normal")] = (
+        None
+    )
 
     def _contradictions(self) -> Iterator[str]:
         given = [name for name in ("matrix", "covariance") if getattr(self, name) is not None]
@@ -275,7 +277,7 @@ def _with_attitude(vary: dict[str, object], initial: object) -> dict[str, object
 
 
 def _with_own(vary: dict[str, object], tables: Mapping[str, object]) -> dict[str, object]:
-    """Return the table with one number for all three where a vector of one's own varies relative to the scene's."""
+    """Return the table with one number for all three where a vector of your own varies relative to the scene's."""
     for key, item in vary.items():
         name, _, own = str(key).partition(".")
         table = tables.get(name) if named.is_own(str(key)) else None

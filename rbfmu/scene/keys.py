@@ -14,9 +14,9 @@ from rbfmu.scene.section import Section, as_toml, joined
 INSIDE: Mapping[str, type[Section]] = {"initial": tables.Attitude, "ensemble": ensemble.Correlation}
 """The tables that stand inside others."""
 OWN = ("constants", "tables", "formulas", "states", "events")
-"""The tables whose keys are names of one's own."""
+"""The tables whose keys are names of your own."""
 REQUIRED = "required"
-OF_THE_MOTION = "all there are"
+OF_THE_MOTION = "all that the motion has"
 WRITTEN = {"body.mass": "2.0", "body.inertia": "[1.0, 2.0, 2.5]", "initial.omega_b": "[0.1, 2.0, 0.1]"}
 """The values that are set in a new scene: those of a tumbling body."""
 SKETCHED = {
@@ -48,7 +48,7 @@ class Key(NamedTuple):
 
 OF_FORMULAS = (
     Key("loads", "potential", "J", "", "a formula of position and attitude: a force and a torque follow from it"),
-    Key("outputs", "NAME", "", "", "an output of one's own: a formula, or { value, unit, about }"),
+    Key("outputs", "NAME", "", "", "an output of your own: a formula, or { value, unit, about }"),
 )
 """Keys that are no fields of a table; in place of numbers, force_a, force_b, torque_a and torque_b may be formulas."""
 

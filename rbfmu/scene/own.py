@@ -21,7 +21,7 @@ ENERGIES = {
     "potential_energy": "potential energy of gravity, constant force_a and loads.potential",
     "total_energy": "kinetic and potential energy",
 }
-"""Outputs that are made as those of one's own are, by name."""
+"""Outputs that are made as those of your own are, by name."""
 PARAMETER_END = {"constants": "", "states": "_0"}
 """The tables whose names are parameters, by what follows the name: of a state that is its start."""
 DIRECTIONS = {"rising": 1.0, "falling": -1.0, "any": 0.0}
@@ -85,7 +85,7 @@ _ROW = rules.Rule("a list of numbers", _row)
 
 
 class Named(dict[str, T]):
-    """A table with names of one's own, which nobody changes; their order counts, as results and FMUs have it too."""
+    """A table with names of your own, which nobody changes; their order counts, as results and FMUs have it too."""
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Mapping) and tuple(self.items()) == tuple(other.items())
@@ -109,7 +109,7 @@ NOTHING: Mapping[str, Any] = Named()
 
 
 class Entry(rules.Section):
-    """What has a name of one's own: a table, or where nothing else is said the value of its first key."""
+    """What has a name of your own: a table, or where nothing else is said the value of its first key."""
 
     about: Annotated[str, _ABOUT] = ""
 
@@ -139,20 +139,20 @@ class WithUnit(Entry):
 
 
 class Constant(WithUnit):
-    """A number or a vector of one's own."""
+    """A number or a vector of your own."""
 
     value: Annotated[tuple[float, ...], NUMBERS]
 
 
 class State(WithUnit):
-    """A state of one's own: its start, and its rate as a formula."""
+    """A state of your own: its start, and its rate as a formula."""
 
     start: Annotated[tuple[float, ...], NUMBERS]
     rate: Annotated[str, TEXT]
 
 
 class Shown(WithUnit):
-    """An output of one's own: its value as a formula."""
+    """An output of your own: its value as a formula."""
 
     value: Annotated[str, TEXT]
 
@@ -166,7 +166,7 @@ class Event(Entry):
 
 
 class Port(WithUnit):
-    """An input of one's own, that formulas read; its size is that of its start, if that is given."""
+    """An input of your own, that formulas read; its size is that of its start, if that is given."""
 
     name: Annotated[str, _NAME]
     start: Annotated[tuple[float, ...], NUMBERS]
@@ -183,7 +183,7 @@ class Port(WithUnit):
 
 
 class Table(Entry):
-    """A table of one's own: y over x, by straight lines or a natural cubic spline."""
+    """A table of your own: y over x, by straight lines or a natural cubic spline."""
 
     x: Annotated[tuple[float, ...], _ROW]
     y: Annotated[tuple[float, ...], _ROW]
@@ -212,7 +212,7 @@ class Table(Entry):
 
 
 class NamedTable(rules.Rule):
-    """The rule of a table with names of one's own, each of which has an entry."""
+    """The rule of a table with names of your own, each of which has an entry."""
 
     def __init__(self, entry: type[rules.Section] | rules.Rule, words: str, meaning: str) -> None:
         super().__init__(words, lambda value: value)
@@ -232,20 +232,20 @@ class NamedTable(rules.Rule):
         return self.entry.read(value, path)
 
 
-CONSTANTS = NamedTable(Constant, "a table of numbers", "numbers of one's own: NAME = value, or { value, unit, about }")
+CONSTANTS = NamedTable(Constant, "a table of numbers", "numbers of your own: NAME = value, or { value, unit, about }")
 TABLES = NamedTable(
     Table,
     "a table of tables",
-    "tables of one's own: NAME = { x, y, method, about }, with method linear or cubic; constant outside",
+    "tables of your own: NAME = { x, y, method, about }, with method linear or cubic; constant outside",
 )
 FORMULAS = NamedTable(TEXT, "a table of formulas", "names for parts of formulas: NAME = text")
 STATES = NamedTable(
-    State, "a table of states", "states of one's own: NAME = { start, rate, unit, about }, the rate as a formula"
+    State, "a table of states", "states of your own: NAME = { start, rate, unit, about }, the rate as a formula"
 )
 OUTPUTS = NamedTable(
     Shown,
     "a table of formulas",
-    "outputs of one's own, which may also stand beside `quantities`: NAME = text, or { value, unit, about }",
+    "outputs of your own, which may also stand beside `quantities`: NAME = text, or { value, unit, about }",
 )
 EVENTS = NamedTable(
     Event,
@@ -253,7 +253,7 @@ EVENTS = NamedTable(
     "when a formula comes to zero: NAME = { when, direction, stop, about }, with direction rising, falling or any; "
     "stop = true ends the run there",
 )
-PORTS = NamedTable(Port, "a table of inputs", "inputs of one's own, as they stand in `ports`")
+PORTS = NamedTable(Port, "a table of inputs", "inputs of your own, as they stand in `ports`")
 _LOAD = Text("a formula in one text, such as [0, 0, 2*k*sin(t)], or a list of those that add up", _text)
 LOAD_FORMULAS = NamedTable(_LOAD, "a table of formulas", "loads that are formulas")
 OF_NUMBERS = "a load of numbers; formulas or a potential make this one, whose constants may vary"

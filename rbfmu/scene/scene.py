@@ -50,7 +50,7 @@ class Scene(Section):
     def has_formulas(self) -> bool:
         """Return whether loads, states, outputs or events are given as formulas, or have numbers that are set for them.
 
-        Those are ports of one's own and listed constants, for which no other model has places.
+        Those are ports of your own and listed constants, for which no other model has places.
         """
         listed = self.constants.keys() & {*self.inputs.parameters}
         return bool(self.loads.formulas or self.states or self.outputs.own or self.events or self.inputs.own or listed)
@@ -66,7 +66,7 @@ class Scene(Section):
 
     @property
     def own_parameters(self) -> dict[str, Parameter]:
-        """Return the parameters of one's own, constants and starts of states, by the keys that set them."""
+        """Return the parameters of your own, constants and starts of states, by the keys that set them."""
         return named.parameters(vars(self))
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
@@ -128,7 +128,7 @@ class Scene(Section):
         """Return a checked scene with other values: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.
 
         The other keys of a table stay; a section (`rbfmu.Body(...)`) replaces the whole table, and None takes it away,
-        or a name of one's own (`"states.s"`). A new key removes the one that it excludes (omega_b_deg removes omega_b,
+        or a name of your own (`"states.s"`). A new key removes the one that it excludes (omega_b_deg removes omega_b,
         shape removes inertia). Outputs that were not requested by name follow from the new motion. A shape was turned
         into its inertia when the scene was made, so a new mass alone does not change the inertia. Raises SceneError.
         """
@@ -164,7 +164,7 @@ def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
     """Return the table with the new keys, and without the keys that these exclude."""
     if not isinstance(value, Mapping) or not isinstance(table, Mapping):
         return value
-    keys = section._keys if section else {}  # others are names of one's own, whose unit and meaning stay
+    keys = section._keys if section else {}  # others are names of your own, whose unit and meaning stay
     fields = {keys[key][0] for key in value if key in keys}
     kept = {key: x for key, x in table.items() if keys.get(key, (key,))[0] not in fields}
     changed = kept | {key: item if key in keys else _in_row(kept.get(key), item) for key, item in value.items()}

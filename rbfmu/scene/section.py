@@ -366,7 +366,7 @@ class Section:
         return found
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
-        """Return the table as keys know it, and fields that are made of what stands by names of one's own."""
+        """Return the table as keys know it, and fields that are made of what stands by names of your own."""
         return data, {}
 
     def _faults_together(self) -> Iterable[str]:

@@ -105,18 +105,18 @@ class Attitude(rules.Section, path="initial.attitude"):
 
 # Other tables
 
-_DEGREES = rules.Numbers((3,), "deg/s", then=lambda rates: tuple(map(math.radians, rates))).means("in place of omega_b")
+_DEGREES = rules.Numbers((3,), "deg/s", then=lambda rates: tuple(map(math.radians, rates))).means("omega_b in deg/s")
 _ATTITUDE = rules.Rule("a table", lambda value: Attitude.read(value).q_ab()).means(
     "a table: initial attitude of the body (b) in space (a)"
 )
 _PORTS = rules.names(PORTS).means(
-    "loads that another unit supplies, added to the known ones; omega_b alone (prescribed rates); inputs of one's own "
-    "that formulas read, { name, size, unit, start }"
+    "loads that another unit supplies, added to the known ones; omega_b alone: prescribed rates; your own inputs, "
+    "read by formulas: { name, size, unit, start }"
 )
 _KNOWN = rules.names(PARAMETERS)
 _PARAMETERS = rules.Rule(_KNOWN.words, rules.texts, _KNOWN.choice).means(
-    "FMU parameters that an importer will change, so that the plan holds for every value, constants and NAME_0 of "
-    "states too"
+    "FMU parameters that an importer may change, so that the plan holds for every value; also your constants, and "
+    "NAME_0 for the start of a state"
 )
 _ACCURACY = rules.Numbers((), "", " in (0, 1]", lambda x: 0.0 < x <= 1.0).means(
     "largest error over the run: attitude in rad, rates relative to their largest, position and velocity relative to "
@@ -222,7 +222,7 @@ class Inputs(rules.Section, path="inputs"):
         return "inputs at their start" if any(any(port.start) for port in self.own.values()) else "inputs at zero"
 
     def _contradictions(self) -> tuple[()]:
-        """Let the ports have those of one's own among them, in the order of the file, which is a controller's."""
+        """Let the ports have those of your own among them, in the order of the file, which is a controller's."""
         if listed := vars(self).pop("_listed", []):
             vars(self)["ports"] = tuple(sorted((*self.ports, *self.own), key=listed.index))
         return ()
@@ -237,15 +237,15 @@ class Inputs(rules.Section, path="inputs"):
 
 
 class Outputs(rules.Section, path="outputs"):
-    """The requested output quantities, and those of one's own, which are always shown."""
+    """The requested output quantities, and those of your own, which are always shown."""
 
     _hidden: ClassVar = ("own",)
     _texts: ClassVar = ("NAME = a formula",)
-    quantities: Annotated[tuple[str, ...], rules.names(QUANTITIES).means("what someone will look at")] = QUANTITIES
+    quantities: Annotated[tuple[str, ...], rules.names(QUANTITIES).means("what is shown")] = QUANTITIES
     own: Annotated[Mapping[str, named.Shown], named.OUTPUTS] = named.NOTHING
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
-        """Return whatever is a table or a text as an output of one's own, and energies that are asked for."""
+        """Return whatever is a table or a text as an output of your own, and energies that are asked for."""
         shown = {name: x for name, x in data.items() if isinstance(x, Mapping | str) and name not in self._keys}
         left = {name: x for name, x in data.items() if name not in shown}
         if isinstance(asked := data.get("quantities"), list | tuple):

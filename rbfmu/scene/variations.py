@@ -244,7 +244,7 @@ _REFUSED = {
 
 
 def _numbers(key: str, value: object, path: str) -> Found:
-    """Return how numbers vary that stand for themselves: of a body, a start or a load, or of one's own."""
+    """Return how numbers vary that stand for themselves: of a body, a start or a load, or of your own."""
     if key in RULES:
         rule = RULES[key]
     elif own.is_own(key):

@@ -5,7 +5,7 @@ most of the time, and is the same work for all bodies: it is done for numbers of
 size, corners, events, and what serves communication points, each has in a buffer of its own, by the code of single
 runs. A lane goes on with its body's run, whatever the others' time, until that needs the next series.
 
-`initialize_over`, `step_over` and `outputs_over` are those of outputs of one's own over a closed form, which are
+`initialize_over`, `step_over` and `outputs_over` are those of outputs of your own over a closed form, which are
 functions of its motion and of the time.
 """
 
@@ -130,7 +130,7 @@ def begin_in_lane(z: Buffer, state: Array, mark: Array, c: Buffer, lane: int, i:
     return i
 
 
-# Outputs of one's own over a closed form
+# Outputs of your own over a closed form
 
 
 def initialize_over(z: Buffer) -> int:

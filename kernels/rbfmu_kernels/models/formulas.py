@@ -74,7 +74,7 @@ KEPT = MEMORY = MEMORY_SIZE = LAST = WORK = ROWS = ROW = OWN = OWN_STARTS = OWN_
 
 
 def set_up_formulas(z: Buffer) -> int:
-    """Set states, time and outputs of one's own."""
+    """Set states, time and outputs of your own."""
     copy_numbers(z, OWN_STARTS, OWN, OWN_SIZE)
     put_pair_at(z, TIME, (z[STARTS], 0.0))
     z[STANDS], z[REACH], z[driven.STEP_SIZE] = 0.0, 0.0, z[LONGEST]

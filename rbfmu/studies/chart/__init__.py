@@ -1,4 +1,4 @@
-"""The study behind `rbfmu chart`: accuracy against cost of every method, on a scene of one's own or on eight motions.
+"""The study behind `rbfmu chart`: accuracy against cost of every method, on a scene of your own or on eight motions.
 
 All methods and installed peers are run on a scene as it is, with its ports at zero, and judged by its true motion.
 Charts of many motions say together which plan to use, beside the best of the others.
@@ -32,7 +32,7 @@ def chart(
     """Chart accuracy against cost of every method and installed peer on a scene, or that of a scene file.
 
     quick: few methods and settings, to see that it runs; progress: called with (done, total, text); method: a
-    file with a method of one's own (`rbfmu.studies.one_step`), which competes.
+    file with a method of your own (`rbfmu.studies.one_step`), which competes.
     A full chart takes one or two minutes. Raises SceneError where the accuracy asked cannot be met.
     """
     what = measure.extent(quick, method)

@@ -170,7 +170,7 @@ def run_stability(
     """Measure all laws and maps, write CSV files and pictures into a folder; return findings and paths.
 
     progress: wraps the sequence of parts, for instance in a progress bar; a part takes a few seconds. method: a file
-    with a method of one's own, which is measured as well (`rbfmu.studies.one_step`).
+    with a method of your own, which is measured as well (`rbfmu.studies.one_step`).
     """
     from rbfmu.studies.stability import method_laws, motions
     from rbfmu.studies.stability.pictures import draw, draw_maps

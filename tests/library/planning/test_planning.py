@@ -187,7 +187,7 @@ def test_rates_whose_squares_leave_the_range_of_numbers_are_refused():
 def test_what_a_scene_reaches_is_an_accuracy_it_can_meet(scene):
     with pytest.raises(SceneError) as refused:
         plan(scene)
-    reached = float(re.search(r"the methods here reach (\S+) here", str(refused.value))[1])
+    reached = float(re.search(r"the methods here reach (\S+)$", str(refused.value))[1])
     assert max(errors_of(scene.replace({"run.accuracy": reached})).values()) <= reached
 
 

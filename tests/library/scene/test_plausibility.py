@@ -54,7 +54,7 @@ def test_positions_below_the_error_allowed_are_doubted_and_round_off_is_not() ->
     with pytest.warns(rbfmu.SceneWarning) as said:
         rbfmu.simulate(made)
     (doubt,) = [str(one.message) for one in said]
-    assert "position: at most 5.0e-09 m, of which all may be wrong, as run.accuracy = 1e-08 is relative to 1 m" in doubt
+    assert "position: at most 5.0e-09 m, which may be wrong in every digit, as run.accuracy = 1e-08 is" in doubt
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         rbfmu.simulate(made.replace({"run.accuracy": 1e-9}))
