@@ -60,7 +60,7 @@ def accuracy_and_cost() -> str:
     titles = ["motion", "outputs", *(f"error {short(float(accuracy))}" for accuracy in accuracies)]
     measured = (
         "An unnamed program is heyoka.py; LSODA and DOP853 are numbalsoda's. "
-        f"Bold is less by a factor of more than {SURE:g}."
+        f"Bold marks a cost lower by more than a factor of {SURE:g}."
     )
     return f"{markdown(titles, table)}\n{measured} {machine(head)}\n"
 

@@ -25,17 +25,17 @@ PAGE, FORMULAS_PAGE = SCENES / "README.md", SCENES / "formulas" / "README.md"
 DRAWN = {**PICTURES, **formulas.PICTURES}
 HEAD = """# Gallery
 
-Scenes from the smallest model to the largest. Each says what one sees and why its model is the smallest that serves;
-then stands what `rbfmu plan` says. This page and its pictures are written by `python -m examples.gallery.page`.
+These scenes go from the smallest model to the largest. Each says what you see, why no smaller model serves, and what
+`rbfmu plan` says. `python -m examples.gallery.page` writes this page and its pictures.
 
 | scene | model | size |
 |---|---|---|
 """
 FORMULAS_HEAD = """# Gallery of formulas
 
-Scenes whose loads, states and outputs are [formulas](../../../rbfmu/README.md#formulas), as text in the scene. Each
-says what one sees and what is integrated for it; then stands what `rbfmu plan` says. This page and its pictures are
-written by `python -m examples.gallery.page`.
+In these scenes, loads, states and outputs are [formulas](../../../rbfmu/README.md#formulas), as text. Each says what
+you see, what is integrated for it, and what `rbfmu plan` says. `python -m examples.gallery.page` writes this page and
+its pictures.
 
 | scene | model | size |
 |---|---|---|
@@ -44,11 +44,14 @@ COSTS = """## What they cost
 
 ![Cost and error of the planned model, the full one and MuJoCo](../pictures/gallery_cost.png)
 
-Processor time per communication step in a compiled loop, ns, of the planned model, of the full one (six degrees of
-freedom, all outputs, the cheapest integrator of a body under any loads) and of MuJoCo (the cheapest integrator and step
-that meet the accuracy), and how many times more than the planned one they take. Rates that are prescribed have no full
-model, nor can MuJoCo take them. Ports are at zero. Errors are the largest in what the scene asks for, against 40
-digits, at five times of the run. {verdict}
+The table gives the processor time of a communication step in a compiled loop, in ns, for three models:
+- the planned one;
+- the full one: six degrees of freedom, all outputs, the cheapest integrator of a body under any loads;
+- MuJoCo's, with the cheapest integrator and step that meet the accuracy.
+
+Ratios ("times") are to the planned model. Errors are the largest in what the scene asks for, against 40 digits, at five
+times of the run. Ports are at zero. Prescribed rates have no full model, and MuJoCo cannot take them.
+{verdict}
 
 | scene | planned | full | MuJoCo | full, times | MuJoCo, times | error | full | MuJoCo | asked |
 |---|---|---|---|---|---|---|---|---|---|
