@@ -309,7 +309,7 @@ def verify(fmu: Path, seed: int) -> None:
     with common.usage_errors(rbfmu_fmu.VerificationError):
         found = rbfmu_fmu.verify(fmu, seed)
     rows = [(name, found.units[name], repr(difference)) for name, difference in found.differences.items()]
-    common.print_columns([("output", "unit", "largest difference to the kernels"), *rows])
+    common.print_columns([("output", "unit", "largest difference from the kernels"), *rows])
     click.echo(f"{found.steps_done} of {found.steps_asked} steps done; inputs from seed {found.seed}")
     click.echo(f"planned and full model differ by {found.to_full:.1e}, accuracy asked {found.accuracy:g}")
     click.echo("\n".join([*(f"problem: {text}" for text in found.problems), "passed" if found.passed else "FAILED"]))

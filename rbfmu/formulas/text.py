@@ -41,11 +41,7 @@ def read(text: str) -> ast.expr:
     """Return the expression of a text, of allowed parts alone. Raises FormulaError."""
     if len(text) > LONGEST:
         raise FormulaError(text, LONGEST, f"at most {LONGEST} characters")
-    depth = 0
-    for column, character in enumerate(text):  # before Python's parser, which gives up on thousands of levels
-        depth += (character in "([{") - (character in ")]}")
-        if depth > DEEPEST:
-            raise FormulaError(text, column, f"at most {DEEPEST} levels")
+    _check_brackets(text)
     flat = " ".join(text.split("\n")) if "\n" in text else text  # a formula may take several lines of a file
     try:
         found = ast.parse(f"({flat})", mode="eval").body
@@ -61,6 +57,24 @@ def read(text: str) -> ast.expr:
             instead = _INSTEAD.get(type(node), "numbers, names, operators, functions, [ , ]")
             raise FormulaError(text, column_of(text, placed), instead)
     return found
+
+
+def _check_brackets(text: str) -> None:
+    """Raise FormulaError for a bracket without its other one, and for levels on which Python's parser gives up."""
+    opened: list[int] = []
+    for column, character in enumerate(text):
+        if character in "([{":
+            opened.append(column)
+        elif character in ")]}":
+            if not opened:
+                raise FormulaError(text, column, "an opening bracket for this one")
+            if text[opened[-1]] + character not in ("()", "[]", "{}"):
+                break
+            opened.pop()
+        if len(opened) > DEEPEST:
+            raise FormulaError(text, column, f"at most {DEEPEST} levels")
+    if opened:
+        raise FormulaError(text, opened[-1], "a closing bracket for this one")
 
 
 def column_of(text: str, node: ast.AST) -> int:

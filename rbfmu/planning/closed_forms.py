@@ -240,9 +240,9 @@ def what_is_left_out(asked: Question, steady: bool) -> tuple[str, ...]:
     """Return what is not modelled, or is in closed form; steady: whether the model's force_b keeps its direction."""
     lines = [_translation(asked, steady)]
     if not asked.rotation:
-        lines.append("rotation: 0 of 7 states, no output shows it and no force depends on it")
+        lines.append("rotation: 0 of 7 states, as no output shows it and no force depends on it")
     elif not asked.attitude:
-        lines.append("attitude: 0 of 4 states, no output shows it and no load depends on it")
+        lines.append("attitude: 0 of 4 states, as no output shows it and no load depends on it")
     return tuple(lines)
 
 
@@ -250,7 +250,7 @@ def _translation(asked: Question, steady: bool) -> str:
     scene, body = asked.scene, asked.body
     loads, initial = scene.loads, scene.initial
     if not asked.translation:
-        return "translation: 0 of 6 states, " + ("the pivot holds o" if body.pivot else "no output shows it")
+        return "translation: 0 of 6 states, as " + ("the pivot holds o" if body.pivot else "no output shows it")
     ports = [p for p in scene.inputs.ports if p in FORCES]
     if not steady and (any(loads.force_b) or "force_b" in ports):
         return f"translation: 6 states, force_b turns with the body of {body.mass:.6g} kg"

@@ -191,12 +191,10 @@ def what_inputs_cost(asked: Question, plan: Plan) -> tuple[str, ...]:
         return ()
     derivatives = all(f"{port}_rate" in plan.kernels.BLOCKS for port in ports)
     remedy = "input derivatives, with which it is of second or third order, or " if derivatives else ""
-    held = (
-        f"inputs are held over each step of {h:g} s: a loop closed through them is of first order in it, whatever the "
-        f"accuracy asked; remedy: {remedy}a shorter step"
-    )
+    why = f"inputs are held over each step of {h:g} s: a loop closed through them is of first order in it"
+    held = f"{why}, whatever the accuracy asked", f"remedy: {remedy}a shorter step"
     if "omega_b" in ports or body is None:
-        return held, f"a feedback of the angle on omega_b is unstable where its gain is beyond {2.0 / h:.3g} 1/s"
+        return *held, f"a feedback of the angle on omega_b is unstable where its gain is beyond {2.0 / h:.3g} 1/s"
     lines: tuple[str, ...] = ()
     moved = shown & {"position", "velocity", "acceleration"}
     pushed, twisted = moved and set(ports) & set(FORCES), shown - moved and set(ports) & set(TORQUES)
@@ -209,7 +207,7 @@ def what_inputs_cost(asked: Question, plan: Plan) -> tuple[str, ...]:
         moments = asked.start.principal_axes[0].tolist()
         least = next(moment for moment in moments if moment > 1e-12 * sum(moments))  # a beam's first is 0
         lines += _held_loop(h, "torques", least, "kg m2", "N m/rad", "N m s/rad")
-    return held, *lines
+    return *held, *lines
 
 
 def _held_loop(h: float, loads: str, m: float, inertia: str, spring: str, damper: str) -> tuple[str, ...]:

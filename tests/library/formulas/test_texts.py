@@ -82,6 +82,9 @@ def test_formulas_mean_what_they_say(text, expected):
         ("sqrt(-1)", 0, "a finite number"),
         ("10.0**400", 0, "a finite number"),
         ("x" * (LONGEST + 1), LONGEST, f"at most {LONGEST} characters"),
+        ("dot(v, [x, x", 7, "a closing bracket for this one"),
+        ("dot(v, [x, x, x)", 7, "a closing bracket for this one"),
+        ("x) + (x", 1, "an opening bracket for this one"),  # it was taken, for (x) + (x)
         ("(" * 50 + "x" + ")" * 50, DEEPEST, f"at most {DEEPEST} levels"),
         ("-" * 500 + "x", None, "operations inside each other"),
         ("x" + "+x" * 300, None, "operations inside each other"),
