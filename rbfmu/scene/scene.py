@@ -356,7 +356,7 @@ def _held(scene: Scene) -> Iterator[str]:
 def _turns(scene: Scene, rate: float, when: str) -> Iterator[str]:
     turns = rate * scene.run.step / (2.0 * math.pi) if scene.run.count > 1 else 0.0  # of one step ends are looked at
     if turns > 1.0 and (shown := [name for name in scene.outputs.quantities if name in PERIODIC]):
-        lost = f"{turns:.3g} turns a communication step {when}, which {' and '.join(shown)} cannot show"
+        lost = f"{turns:.3g} turns per communication step {when}, which {' and '.join(shown)} cannot show"
         yield f"run.step = {scene.run.step!r}: {lost}; a turn takes {scene.run.step / turns:.3g} s"
 
 

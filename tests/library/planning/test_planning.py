@@ -123,7 +123,7 @@ def test_less_accuracy_costs_less(name):
 @pytest.mark.thorough
 @compiled
 def test_a_fast_spin_is_not_mistaken_for_a_slow_one():
-    """1e6 rad/s, 40 thousand turns a communication step; damped: theta = w I / d (1 - exp(-d t / I))."""
+    """1e6 rad/s, 40 thousand turns per communication step; damped: theta = w I / d (1 - exp(-d t / I))."""
     omega, damping = 1e6, 0.3
     loads = NO_GRAVITY | {"damping_b": [0.0, 0.0, damping]}
     scene = made(TRIAXIAL, {"omega_b": [0.0, 0.0, omega]}, loads, stop=0.5, accuracy=1e-6, steps=2)

@@ -85,7 +85,7 @@ def test_more_than_a_turn_a_step(turns: float) -> None:
     found = list(doubts_before(scene(initial=fast, run=SLOW)))
     assert len(found) == (turns > 1.0)
     if found:
-        assert "run.step = 0.1: 1.01 turns a communication step at the start" in found[0]
+        assert "run.step = 0.1: 1.01 turns per communication step at the start" in found[0]
         assert "a turn takes 0.099 s" in found[0]
     assert list(doubts_before(scene(initial=fast, run=SLOW, outputs={"quantities": ["position", "omega_b"]}))) == []
     assert list(doubts_before(scene(initial=fast, run={"stop": 0.1, "step": 0.1}))) == []  # its end is shown
@@ -94,7 +94,7 @@ def test_more_than_a_turn_a_step(turns: float) -> None:
 def test_a_body_that_is_spun_up_during_the_run() -> None:
     made = scene(loads={"torque_b": [0.0, 0.0, 2000.0]}, run=SLOW)
     assert list(doubts_before(made)) == []
-    said = r"run.step = 0.1: 12.7 turns a communication step at the fastest"
+    said = r"run.step = 0.1: 12.7 turns per communication step at the fastest"
     with pytest.warns(rbfmu.SceneWarning, match=said) as caught:
         result = rbfmu.simulate(made)
     assert [w.filename for w in caught] == [__file__]
