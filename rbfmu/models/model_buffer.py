@@ -1,6 +1,6 @@
 """A model's buffer, filled with a scene's numbers, and what the kernels say of a body in one, before any model runs."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from rbfmu.scene.body import principal_axes, six_numbers
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.types import Array, Buffer, Indices
+from rbfmu.types import Array, Buffer, Indices, Motion
 from rbfmu_kernels.body import closed_form, memory, outputs, principal
 from rbfmu_kernels.buffer import CHANGED, FAULTS, NO_OUTPUTS
 from rbfmu_kernels.compile.tiered import interpreted
@@ -40,6 +40,12 @@ def put_scene(scene: Scene, blocks: dict[str, slice], z: Buffer, settings: Mappi
 def places_of(blocks: Mapping[str, slice], names: Iterable[str]) -> Indices:
     """Return the places in a buffer of the blocks named, one after the other."""
     return np.array([place for name in names for place in range(blocks[name].start, blocks[name].stop)], np.int64)
+
+
+def by_block(blocks: Mapping[str, slice], names: Collection[str], rows: Array) -> Motion:
+    """Return rows of the numbers at the places of the blocks named, by block."""
+    ends = np.cumsum([size_of_block(blocks[name]) for name in names])[:-1]
+    return dict(zip(names, np.split(rows, ends, axis=1), strict=True))
 
 
 def refusal(scene: Scene, code: int, blocks: dict[str, slice], z: Buffer) -> SceneError:

@@ -146,9 +146,6 @@ class _Search:
         self._fit_series()
         for candidate in others:  # from the longest step down, where they are cheapest
             self.fit(candidate, candidate.substep)
-        assert self.best
-        if not self.met:
-            raise refuse_accuracy(self.asked, self.best.plan.error)
         return self.whatever_the_step()
 
     def plan_of_varying(self) -> Plan:
@@ -173,14 +170,12 @@ class _Search:
 
     def whatever_the_step(self) -> Plan:
         """Return the cheapest of the plans that meet the accuracy whatever the communication step."""
-        best: Tried | None = None
         self.met.sort(key=lambda tried: tried.plan.cost)
-        for tried in self.met:
-            if best and tried.plan.cost >= best.plan.cost:
+        best = self._tighten_for_other_steps(self.met[0])
+        for tried in self.met[1:]:
+            if tried.plan.cost >= best.plan.cost:
                 break
-            other = self._tighten_for_other_steps(tried)
-            best = other if best is None or other.plan.cost < best.plan.cost else best
-        assert best
+            best = min(best, self._tighten_for_other_steps(tried), key=lambda tried: tried.plan.cost)
         if best.plan.error > self.accuracy:  # round-off of the shorter substeps for other steps, which are told of then
             best = self.met[0]._replace(other=max(self._errors_in_other_steps(self.met[0])))
         found = replace(best.plan, error=self.judge.try_all_steps(best.plan))

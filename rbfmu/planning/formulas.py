@@ -86,13 +86,12 @@ def closed_plan(asked: Question, judge: Judge) -> Plan | None:
     """
     formulas = _known(asked.formulas)
     plain = _without_formulas(asked.scene, formulas)
-    if plain is None or closed_forms.exact_closed_form(plain) is None:
-        return None
     try:
-        found = closed_forms.exact_plan(plain, Judge(plain))
+        found = None if plain is None else closed_forms.exact_plan(plain, Judge(plain))
     except SceneError:  # beyond round-off: series have the same, and say so of what is asked
         return None
-    assert found is not None
+    if plain is None or found is None:
+        return None
     found = methods.with_cost(plain, found)
     over = OverClosedForm(formulas, found.spec.module)
     cost = found.cost + NS_AN_OPERATION * len(over.motion.graph.reached(over.program.wanted.values()))

@@ -13,7 +13,7 @@ import numpy as np
 from numba import float64, int64, types
 
 from rbfmu.exceptions import SimulationError
-from rbfmu.models.model_buffer import places_of
+from rbfmu.models.model_buffer import by_block, places_of
 from rbfmu.runs.inputs import Drive
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene
@@ -127,11 +127,6 @@ class Steps:
         """Return places in the buffer, and what stands there in each piece."""
         return self.places(of), np.hstack([np.empty((len(self._lengths), 0)), *of.values()])
 
-    def by_name(self, rows: Array, names: Collection[str]) -> Motion:
-        """Return the rows of each block."""
-        ends = np.cumsum([len(self.places([name])) for name in names])[:-1]
-        return dict(zip(names, np.split(rows, ends, axis=1), strict=True))
-
 
 def _take_many(
     step: Any, z: Any, lengths: Any, counts: Any, places: Any, values: Any, at: Any, rows: Any, first: int, last: int,
@@ -206,7 +201,7 @@ class Driven(Steps):
                 break
         else:
             time = time[: told + 1]  # who wraps the numbers may stop early
-        return time, self.by_name(rows[: len(time)], names)
+        return time, by_block(self.kernels.BLOCKS, names, rows[: len(time)])
 
     def _refusal(self, taken: int, most: float) -> SimulationError:
         """Return the error for the step that is not taken, after so many that are."""
@@ -229,7 +224,7 @@ def record(run: Steps, names: Sequence[str], most: float = math.inf, progress: T
         before, taken = taken, run.take(taken + 1, at, rows, most)
         if progress is not None:
             progress(taken / run.count)
-    return run.by_name(rows, names)
+    return by_block(run.kernels.BLOCKS, names, rows)
 
 
 def motion_of(scene: Scene, plan: Plan, steps: Sequence[float], names: Sequence[str]) -> Motion:

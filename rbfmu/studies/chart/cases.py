@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.models import formulas, question
+from rbfmu.models import formulas
+from rbfmu.models.question import Question
 from rbfmu.planning import judge, methods, reference
 from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies import tables_of
 from rbfmu.types import Array, Motion
-from rbfmu_kernels.body.memory import body_of, loads_of, motion_of
+from rbfmu_kernels.body.memory import motion_of
 from rbfmu_kernels.compile.tiered import tiered
-from rbfmu_kernels.integrators.splitting import is_symmetric_top
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 from rbfmu_kernels.quantities import OUTPUT, elements
 
@@ -68,7 +68,7 @@ class Case:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Return the blocks by which methods are judged."""
-        return question.Question(self.scene).judged
+        return Question(self.scene).judged
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -114,6 +114,11 @@ class Case:
     def asked(self) -> Scene:
         """Return the scene with its own accuracy, and with the quantities and output times of all methods."""
         return self.asking(self.scene.run.accuracy)
+
+    @cached_property
+    def question(self) -> Question:
+        """Return the question of that."""
+        return Question(self.asked)
 
     # The equations of motion
 
@@ -163,20 +168,20 @@ class Case:
         """Return the times of the start and of all outputs, from 0 on."""
         return np.arange(self.outputs + 1.0) * self.interval
 
-    @cached_property
+    @property
     def body(self) -> Body:
         """Return the constants of the equations of motion."""
-        return body_of(self.buffer)
+        return self.question.start.body
 
-    @cached_property
+    @property
     def loads(self) -> Loads:
         """Return the loads of the equations of motion."""
-        return loads_of(self.buffer)
+        return self.question.start.loads
 
     @cached_property
     def start(self) -> State:
         """Return position and velocity of the centre of mass, q_ab, omega_b; at rest if nothing asked for turns."""
-        start = motion_of(self.buffer)
+        start = motion_of(self.question.start.z)
         return start if self.turns else start._replace(omega_b=(0.0, 0.0, 0.0))
 
     @property
@@ -188,14 +193,12 @@ class Case:
     @property
     def torque_free(self) -> bool:
         """Return whether no load makes a torque."""
-        loads = self.loads
-        pulled = any(self.body.arm_b) and any((*loads.force_a, *loads.force_b))
-        return not pulled and not any((*loads.torque_a, *loads.torque_b, *self.body.damping_b))
+        return not self.question.start.has_torque
 
     @property
     def top(self) -> bool:
         """Return whether splitting with the symmetric free rotation applies."""
-        return not self.torque_free and bool(is_symmetric_top(self.body.inertia)) and not any(self.body.damping_b)
+        return not self.torque_free and self.question.start.is_symmetric and not any(self.body.damping_b)
 
     @property
     def turns_freely(self) -> bool:
@@ -231,7 +234,7 @@ class Case:
     @cached_property
     def floors(self) -> Mapping[str, float]:
         """Return the least sizes that errors are relative to, by name."""
-        return least_sizes(question.Question(self.scene), self.truth) if self.scene.body else {}
+        return least_sizes(self.question, self.truth) if self.scene.body else {}
 
     def error(self, states: Found) -> float:
         """Return the largest error of states, or of quantities, at the checkpoints as the scene's accuracy counts."""
@@ -296,7 +299,7 @@ def state_of(r: Iterable[float], v: Iterable[float], q: Iterable[float], omega: 
 def case_of(scene: Scene) -> Case:
     """Return the case of a scene, of whose run so much is charted as the reference follows in some seconds."""
     if scene.body is not None:
-        question.Question(scene).start.check()
+        Question(scene).start.check()
     steps = scene.run.count
     whole = steps * scene.run.step <= (scene.run.stop - scene.run.start) * (1.0 + 1e-9)
     outputs = min(max(steps if whole else steps - 1, 1), MAX_OUTPUTS)
@@ -318,8 +321,7 @@ def case_of(scene: Scene) -> Case:
 
 def _known_motion(case: Case) -> Motion:
     """Return the true motion of one of the eight at its checkpoints, with its start, and that of the body's origin."""
-    motion, body = json.loads(REFERENCES.read_text(encoding="utf-8"))["motions"][case.key], case.scene.body
-    assert body is not None
+    motion, body = json.loads(REFERENCES.read_text(encoding="utf-8"))["motions"][case.key], case.question.body
     q, omega_b, r_c = (np.array(motion[name], dtype=float) for name in ("quaternion", "omega_b", "r_c"))
     after = {"quaternion": q, "omega_b": omega_b, "position": r_c - arrays.rotate(q, np.array(body.r_oc_b))}
     return {name: np.vstack((getattr(case.scene.initial, name), rows)) for name, rows in after.items()}

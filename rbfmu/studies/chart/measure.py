@@ -13,7 +13,7 @@ from time import thread_time
 from typing import NamedTuple
 
 from rbfmu.extras import remedy
-from rbfmu.models import question, registry
+from rbfmu.models import registry
 from rbfmu.planning.select import plan
 from rbfmu.runs.plan import Plan
 from rbfmu.runs.steps import Steps, record
@@ -270,7 +270,7 @@ def too_small(case: Case, chosen: Plan) -> list[TooSmall]:
 
 def _error_of(case: Case, spec: registry.ModelSpec) -> tuple[float, str]:
     """Return the error of a model that leaves something out, or why it has none."""
-    scene, asked = case.asked, question.Question(case.asked)
+    scene, asked = case.asked, case.question
     hidden = {registry.ANGULAR_MOMENTUM.key: asked.attitude or asked.rotation, registry.SPIN_UP.key: asked.attitude}
     if hidden.get(spec.key) and not spec.accepts(asked):
         return math.inf, "shows no attitude" if asked.attitude else "shows no rates in b"

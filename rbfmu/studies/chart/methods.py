@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbfmu.models import model_buffer, question, registry
+from rbfmu.models import model_buffer, registry
 from rbfmu.planning import methods, select
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.steps import substeps_counted
@@ -199,15 +199,13 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
     kernels, start = chosen.kernels, start_run(scene, chosen)
     scratch = next((kernels.BLOCKS[name].start for name in ("work", "series.work") if name in kernels.BLOCKS), None)
     z, start = model_buffer.aligned_zeros(len(start)), start[:scratch]
-    places = {name: np.arange(len(z))[kernels.BLOCKS[name]] for name in case.quantities}
-    at = np.concatenate([*places.values()])
+    at = model_buffer.places_of(kernels.BLOCKS, case.quantities)
     out = np.zeros((case.outputs, len(at)))
     runs = _around(_steps_repeated, kernels.name, kept, _step=kernels.step)
     solve = partial(runs, z, start, case.interval, at, out)
     if solve(1):
         out[:] = math.nan
-    parts = np.split(out[case.checkpoints], np.cumsum([*map(len, places.values())])[:-1], axis=1)
-    found = dict(zip(places, parts, strict=True))
+    found = model_buffer.by_block(kernels.BLOCKS, case.quantities, out[case.checkpoints])
     return Run(found, timer(solve), per_substep * (fixed or substeps_counted(kernels, z)), chosen.method)
 
 
@@ -240,7 +238,7 @@ def closed_form(spec: registry.ModelSpec) -> Method:
         spec.key, "exact", "outputs",
         lambda case, quick: iter([float(case.outputs)]),
         lambda case, value: run_of_unit(case, case.asked, Plan(spec.key, spec.method, 0)),
-        lambda case: "" if spec.serves(question.Question(case.asked)) else "it is not exact",
+        lambda case: "" if spec.serves(case.question) else "it is not exact",
     )  # fmt: skip
 
 

@@ -42,8 +42,7 @@ def mujoco(integrator: str) -> Method:
 def _run_of_mujoco(integrator: str, case: Case, h: float) -> Run:
     program = module("mujoco")
     program.set_mju_user_warning(lambda text: None)  # else it writes a log to the working folder
-    body, loads, initial = case.scene.body, case.scene.loads, case.scene.initial
-    assert body is not None
+    body, loads, initial = case.question.body, case.scene.loads, case.scene.initial
     ball = body.pivot or any(loads.damping_b)
     if len(set(loads.damping_b)) > 1:
         raise NotFeasibleError("a ball joint's damping is the same about all axes")
@@ -145,9 +144,8 @@ def _basilisk(integrator: str, case: Case, value: float, nanoseconds: int) -> tu
     simulation = base.SimBaseClass()
     simulation.CreateNewProcess("process").addTask(simulation.CreateNewTask("task", nanoseconds))
     hub = craft.Spacecraft()
-    initial, moments, body = case.scene.initial, case.moments, case.scene.body
-    assert body is not None
-    hub.hub.mHub = body.mass
+    initial, moments = case.scene.initial, case.moments
+    hub.hub.mHub = case.question.body.mass
     hub.hub.IHubPntBc_B = [[moments[i] if i == j else 0.0 for j in range(3)] for i in range(3)]
     e, *x = initial.quaternion
     hub.hub.sigma_BNInit = [[a / (1.0 + e)] for a in x]
@@ -228,8 +226,7 @@ def _run_of_drake(scheme: str, case: Case, accuracy: float) -> Run:
 
 def _plant(case: Case) -> tuple[Any, Any, Any]:
     multibody, tree = module("pydrake.multibody.plant"), module("pydrake.multibody.tree")
-    scene_body, loads = case.scene.body, case.scene.loads
-    assert scene_body is not None
+    scene_body, loads = case.question.body, case.scene.loads
     plant = multibody.MultibodyPlant(time_step=0.0)
     M, r, mass = scene_body.M_o, scene_body.r_oc_b, scene_body.mass
     inertia = tree.UnitInertia(*(M[k][k] / mass for k in range(3)))

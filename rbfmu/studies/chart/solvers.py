@@ -5,7 +5,7 @@ compiled; numbalsoda's are called from compiled code themselves; heyoka.py takes
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from itertools import islice
 from typing import Any
@@ -94,7 +94,9 @@ Prepared = tuple[Array, float, Callable[[int], object]]
 """Rows of the numbers integrated, at the start and at all outputs; evaluations; and what solves k times."""
 
 
-def solver(name: str, prepare: Callable[[Case, float], Prepared], unfit: Callable[[Case], str] | None = None) -> Method:
+def solver(
+    name: str, prepare: Callable[[Case, float], Prepared], unfit: Callable[[Case], str] = lambda case: ""
+) -> Method:
     """Return a solver whose tolerance is varied, of any equations: also of those that formulas give.
 
     prepare: solves once at a tolerance; what compiles or looks up is done before.
@@ -104,16 +106,10 @@ def solver(name: str, prepare: Callable[[Case, float], Prepared], unfit: Callabl
         rows, evaluations, repeat = prepare(case, value)
         return Run(case.motion_of(rows), timer(repeat), evaluations)
 
-    def why_not(case: Case) -> str:
-        if not case.states:
-            return "nothing is to be integrated"
-        return unfit(case) if unfit else ""
-
-    return Method(name, "peer", "rtol = atol", _tolerances, run, why_not, takes_formulas=True)
-
-
-def _tolerances(case: Case, quick: bool) -> Iterator[float]:
-    return tolerances(-2, -13, quick)
+    return Method(
+        name, "peer", "rtol = atol", lambda case, quick: tolerances(-2, -13, quick), run,
+        lambda case: unfit(case) if case.states else "nothing is to be integrated", takes_formulas=True,
+    )  # fmt: skip
 
 
 def _solve_ivp(

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from statistics import mean
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure
 
 from rbfmu.plot import COLORS, open_frame
 from rbfmu.studies import tables_of
+from rbfmu.studies.chart.drawing import spread
 from rbfmu.studies.stability import CURVE, LAWS, Study
 from rbfmu.studies.stability.motions import ACCURACY, LARGEST_ERROR, LONG_TURN, OURS, TURN, VERDICTS, Row
 from rbfmu.types import Array
@@ -133,14 +135,11 @@ def _name_ends(axes: Axes, names: Sequence[tuple[float, str, str]]) -> None:
     """Write names at the right edge at the height of (value, name, colour), pushed apart where they would overlap."""
     to_fraction = axes.transData + axes.transAxes.inverted()
     x = axes.get_xlim()[1]
-    height = sorted((min(max(to_fraction.transform((x, v))[1], 0.02), 0.98), name, c) for v, name, c in names)
-    place = -1.0
-    for k, (y, name, color) in enumerate(height):
-        lines = name.count("\n") + 1
-        room = sum(0.052 * (n.count("\n") + 1) for _, n, _ in height[k + 1 :])
-        place = max(min(y, 1.0 - room), place + 0.03 * (lines - 1))
-        axes.text(1.01, place, name, color=_INK.get(color, color), transform=axes.transAxes, va="center", fontsize=9)
-        place += 0.052 + 0.03 * (lines - 1)
+    ends = sorted((to_fraction.transform((x, v))[1], name, color) for v, name, color in names)
+    places = iter(spread([y for y, name, _ in ends for _ in name.split("\n")], 0.052))
+    for _, name, color in ends:
+        y = mean(next(places) for _ in name.split("\n"))
+        axes.text(1.01, y, name, color=_INK.get(color, color), transform=axes.transAxes, va="center", fontsize=9)
 
 
 def _recorded_passages(axes: Axes, study: Study) -> None:
