@@ -12,7 +12,7 @@ import click
 import rbfmu
 import rbfmu.cli_output as common
 import rbfmu_fmu
-from rbfmu.exceptions import SceneWarning, named, warn_caller
+from rbfmu.exceptions import SceneError, SceneWarning, named, warn_caller
 from rbfmu.on_disk import kept_plan
 from rbfmu.progress import bar, progress_bar
 
@@ -82,10 +82,12 @@ def show_plan(asked: common.Asked, as_json: bool, code: bool) -> None:
     if code and as_json:
         raise click.UsageError("--code: expected no --json with it, as it prints Python")
     if code:
-        from rbfmu.planning.select import code_of
+        from rbfmu.planning.select import plan
 
         with asked.opened() as scene:
-            click.echo(code_of(scene))
+            if (formulas := plan(scene).formulas) is None:
+                raise SceneError("--code: expected a scene with formulas in loads, states or outputs", scene.name)
+            click.echo(formulas.text)
         return
     known = _plan_of(asked, asked.opened())
     for doubt in known["doubts"]:

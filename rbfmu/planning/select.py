@@ -57,14 +57,6 @@ def with_all_outputs(scene: Scene) -> Scene:
     return Scene.from_dict(tables, scene.name)
 
 
-def code_of(scene: Scene) -> str:
-    """Return the module that is made from a scene's formulas for its plan. Raises SceneError where there are none."""
-    planned = plan(scene)
-    if planned.formulas is None:
-        raise SceneError("--code: expected a scene with formulas in loads, states or outputs", scene.name)
-    return planned.formulas.text
-
-
 def cheapest(asked: Question, judge: Judge, full: bool = False) -> Plan:
     """Return the cheapest plan that serves; full: of series that integrate all that is judged.
 

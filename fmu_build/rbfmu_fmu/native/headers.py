@@ -52,8 +52,10 @@ def _table(rows: Iterable[str]) -> str:
 def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
     """Return C source of the scene's numbers and names."""
     inputs, parameters = (sum(v.causality == c for v in d.variables) for c in ("input", "parameter"))
-    elements, run, unknown = _elements(d, version), d.scene.run, max(FAULTS) + 1
-    sizes, faults = [*map(len, elements)], FAULTS | {unknown: ("", "initialisation failed")}
+    # the Reals that each value reference stands for; that of the time stands for one more
+    elements = [one.elements for one in version.references(d)] + [(len(d.variables),)] * version.has_time
+    run, unknown, sizes = d.scene.run, max(FAULTS) + 1, [*map(len, elements)]
+    faults = FAULTS | {unknown: ("", "initialisation failed")}
     texts = {"guid": guid, "identity": _IDENTITIES[version.identity], "real": version.real, "integer": version.integer}
     texts |= {"held": slave_access.HELD, "to_vary": slave_access.TO_VARY, "changed": CHANGED}
     return _filled("scene.h", {name: _c(text) for name, text in texts.items()} | {
@@ -78,11 +80,6 @@ def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
 
 _IDENTITIES = {"guid": "guid", "instantiationToken": "instantiation token"}
 """What identifies an FMU, in words."""
-
-
-def _elements(d: Description, version: FmiVersion) -> list[tuple[int, ...]]:
-    """Return the Reals that each value reference stands for; TIME is in place of a Real."""
-    return [one.elements for one in version.references(d)] + [(len(d.variables),)] * version.has_time
 
 
 def _rates(variable: Variable) -> list[object]:

@@ -212,19 +212,14 @@ def draw_maps(rows: Sequence[Row], path: Path) -> Path:
         panel.tick_params(labelbottom=True)
     for panel in panels[len(names) :]:
         panel.set_axis_off()
-    worst = _worst([row for row in rows if row.method in OURS])
-    seen = {row.verdict for row in rows}
+    words, seen = PICTURES["maps"], {row.verdict for row in rows}
     handles = [patches.Patch(color=color, label=verdict) for verdict, color in _COLORS.items() if verdict in seen]
     panels[len(names)].legend(handles=handles, loc="center", frameon=False, fontsize=11)
-    figure.supxlabel("hω: turn in one step (rad)")
-    figure.supylabel("least moment over the largest (0.01: rod, 1: sphere)")
-    figure.suptitle(
-        "Each method of fixed step computes wrong motions, without notice, where the step is too long.\n"
-        f"The largest error of rbfmu (bold) is {worst:.0e} rad at any step, where {ACCURACY:g} rad is asked.\n"
-        f"(Torque-free bodies that turn by {TURN:g} rad, for hω > 1 by {LONG_TURN:g} rad; right: attitude error "
-        f"at most {LARGEST_ERROR:g} rad.)",
-        fontsize=12,
-    )
+    figure.supxlabel(words.x)
+    figure.supylabel(words.y)
+    numbers = {"asked": ACCURACY, "turn": TURN, "long_turn": LONG_TURN, "right": LARGEST_ERROR}
+    worst = _worst([row for row in rows if row.method in OURS])
+    figure.suptitle(words.title.format(worst=worst, **numbers), fontsize=12)
     figure.savefig(path, dpi=110)
     return path
 
