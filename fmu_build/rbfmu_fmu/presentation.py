@@ -168,7 +168,7 @@ def picture(scene: rbfmu.Scene) -> bytes:
     axes = figure.add_axes((0.02, 0.02, 0.96, 0.96))
     axes.set_axis_off()
     axes.set_aspect("equal")
-    shape = shape_of(scene)
+    shape = shape_of(scene, as_box=True)
     R_bp = np.array(evaluated(matrix_from_quaternion, shape.q_bp))
     _draw_box(axes, shape, R_bp)
     _draw_axes(axes, shape, R_bp)

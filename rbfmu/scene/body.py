@@ -174,6 +174,11 @@ class Body(rules.Section, path="body"):
         return self.M_o if self.pivot else self.M_c
 
     @property
+    def given_shape(self) -> Any:
+        """Return the table `shape` that the inertia was made of, or None."""
+        return self._given["inertia"][1]
+
+    @property
     def axis_without_inertia(self) -> Vec3 | None:
         """Return the body axis about which `M` has no moment (a slender beam's own), if there is one."""
         return axis_without_moment(self.M)

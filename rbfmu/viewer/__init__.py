@@ -20,7 +20,7 @@ from rbfmu.on_disk import write_whole
 from rbfmu.result import FORMATS, Result, quaternion_lengths, refuse_gaps
 from rbfmu.runs.inputs import input_tables
 from rbfmu.runs.plan import Plan
-from rbfmu.scene import section, toml_file
+from rbfmu.scene import section
 from rbfmu.scene.scene import QUANTITIES, Scene, default_quantities, doubts_of, faults_of, load_scene, warn
 from rbfmu.simulation import run_of, simulate
 from rbfmu.types import Array
@@ -66,13 +66,13 @@ DRAWN: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
 """By the kind of a scene's table `body.shape`: what is drawn, and its sides."""
 
 
-def shape_of(scene: Scene | None, written: dict[str, Any] | None = None) -> Shape:
-    """Return the shape to draw for a scene; written: the table `body.shape` of its file, where it has one."""
+def shape_of(scene: Scene | None, as_box: bool = False) -> Shape:
+    """Return the shape to draw for a scene; as_box: as a box also where its body was made of another one."""
     if scene is None or scene.body is None:
         return PLAIN
-    if written:
-        (kind, sides_of), what, q_bp = DRAWN[written["kind"]], written["kind"], UNTURNED
-        sides = sides_of(written)
+    if (given := scene.body.given_shape) and not as_box:
+        (kind, sides_of), what, q_bp = DRAWN[given["kind"]], given["kind"], UNTURNED
+        sides = sides_of(given)
     else:
         moments, axes = evaluated(principal_axes, scene.body.inertia)
         kind, what, q_bp = "box", "box with the body's mass and inertia", evaluated(quaternion_from_matrix, axes)
@@ -176,8 +176,6 @@ class Motion:
 
 
 MOST_GHOSTS = 50
-Written = dict[str, Any] | None
-"""The table `body.shape` of a scene's file, where it has one."""
 
 
 def ghosts_of(scene: Scene, count: int) -> tuple[Ghost, ...]:
@@ -223,10 +221,10 @@ NEEDED = ("quaternion", "omega_a", "angular_momentum_a")
 
 
 def motion_of_scene(
-    scene: Scene, written: Written = None, progress: Callable[[float], object] | None = None, ghosts: int = 0,
+    scene: Scene, progress: Callable[[float], object] | None = None, ghosts: int = 0,
     driven: Mapping[str, Any] | None = None,
 ) -> Motion:  # fmt: skip
-    """Simulate a scene, and show it; written: its file's `body.shape`; driven: inputs, and how to interpolate them.
+    """Simulate a scene, and show it; driven: inputs, and how to interpolate them.
 
     Under inputs it is shown as its communication step lets, with ports at zero at the instants of the pictures.
     ghosts: how many members of its ensemble are shown beside it. Raises SceneError, and ValueError for too many ghosts.
@@ -241,13 +239,13 @@ def motion_of_scene(
     shown = {*scene.outputs.quantities, *(name for name in NEEDED if name in possible)}
     wanted = scene.replace({"outputs.quantities": tuple(name for name in QUANTITIES if name in shown)})
     if driven:
-        return motion_of_result(simulate(wanted, **driven), scene.name, scene, written)
+        return motion_of_result(simulate(wanted, **driven), scene.name, scene)
     from rbfmu.planning.select import plan  # a result's motion does without
 
     warn(scene, doubts_of(scene.body) if scene.body else ())  # its steps are not those of the pictures
     chosen = plan(wanted, progress=progress)
     wanted, result = _in_few_pictures(wanted, chosen)
-    coarse = _motion(scene.name, result, scene, written)
+    coarse = _motion(scene.name, result, scene)
     played = pictures(wanted.run.stop - wanted.run.start, coarse.largest_rate).played
     wanted = _at_pictures(wanted, coarse.largest_rate)
     notes = (scene.inputs.at_start,) if scene.inputs.ports else ()
@@ -272,12 +270,12 @@ def _at_pictures(scene: Scene, largest_rate: float, stop: float | None = None) -
     return scene.replace(run={"stop": stop, "step": span / (pictures(span, largest_rate).number - 1)})
 
 
-def motion_of_result(result: Result, title: str, scene: Scene | None = None, written: Written = None) -> Motion:
+def motion_of_result(result: Result, title: str, scene: Scene | None = None) -> Motion:
     """Return the motion of a result; scene: whose body it is. Raises ValueError without an attitude, or of gaps."""
     for name, values in {"time": result.time, **result.quantities}.items():
         refuse_gaps(name, values)
     quaternion_lengths(result.quantities.get("quaternion", np.empty((0, 4))))
-    whole = _motion(title, result, scene, written)
+    whole = _motion(title, result, scene)
     _check_length(len(whole.quaternion))
     shown = pictures(float(result.time[-1] - result.time[0]), whole.largest_rate, len(result.time))
     rows = np.linspace(0.0, len(result.time) - 1.0, shown.number).round().astype(int)
@@ -290,11 +288,11 @@ def _check_length(count: int) -> None:
         raise ValueError(f"time: expected at least two points in time in the result, which has {count}")
 
 
-def _motion(title: str, result: Result, scene: Scene | None, written: Written) -> Motion:
+def _motion(title: str, result: Result, scene: Scene | None) -> Motion:
     pivot = scene is not None and scene.body is not None and scene.body.pivot
     gravity = np.array(scene.loads.gravity_a if scene else ORIGIN)
     up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array(UP)
-    return Motion(title, result, shape_of(scene, written), pivot=pivot, up=tuple(up.tolist()))
+    return Motion(title, result, shape_of(scene), pivot=pivot, up=tuple(up.tolist()))
 
 
 # --- what users call
@@ -335,24 +333,18 @@ def view(
     if isinstance(source, Result):
         if inputs is not None:
             raise ValueError("inputs: expected a scene with them, as a result is shown as it is")
-        motion = motion_of_result(source.until(stop), title, *_scene_and_shape(scene))
+        shown = source.until(stop)
+        motion = motion_of_result(shown, title, load_scene(scene) if isinstance(scene, str | Path) else scene)
     else:
         if scene is not None:
             raise ValueError("scene: expected a result with it, as a scene moves its own body")
-        loaded, shape = _scene_and_shape(source)
+        loaded = source if isinstance(source, Scene) else load_scene(source)
         name = source.name if isinstance(source, Scene) else str(source)
         with faults_of(name if stop is None else f"{name} with stop {stop!r}"):
-            shown = loaded if stop is None else loaded.replace(run={"stop": stop})
-            tables = input_tables(shown, inputs, interpolate)  # read once, and refused before anything is planned
+            played = loaded if stop is None else loaded.replace(run={"stop": stop})
+            tables = input_tables(played, inputs, interpolate)  # read once, and refused before anything is planned
             driven = {"inputs": tables, "interpolate": interpolate} if tables else None
-            motion = motion_of_scene(shown, shape, progress, ghosts, driven)
+            motion = motion_of_scene(played, progress, ghosts, driven)
     if path is not None:
         write_whole(Path(path), motion.page.encode())
     return motion
-
-
-def _scene_and_shape(scene: Scene | str | Path | None) -> tuple[Any, Written]:
-    """Return a scene, and the shape that its file gives to the body."""
-    if scene is None or isinstance(scene, Scene):
-        return scene, None
-    return load_scene(scene), toml_file.read_file(Path(scene))[0].get("body", {}).get("shape")

@@ -129,6 +129,12 @@ def test_a_page_names_frames_units_and_scales(thrown: tuple[Path, Motion]) -> No
     assert "inputs at" not in text  # there are none
 
 
+def test_a_scene_is_drawn_with_its_shape_from_a_file_or_not() -> None:
+    path = SCENES / "flywheel.toml"
+    shapes = [rbfmu.view(source).shape for source in (path, rbfmu.load_scene(path))]
+    assert [shape.kind for shape in shapes] == ["cylinder"] * 2
+
+
 def test_a_result_is_shown_with_or_without_its_body(tmp_path: Path) -> None:
     scene = rbfmu.Scene.from_dict(THROWN)
     rbfmu.simulate(scene).save(tmp_path / "it.npz")
