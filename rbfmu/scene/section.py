@@ -348,22 +348,22 @@ class Section:
         """Return the fields that are not as by default."""
         return {name: value for name, value in self._values().items() if value != getattr(type(self), name, None)}
 
+    def _by_key(self, fields: dict[str, Any]) -> dict[str, Any]:
+        """Return fields by the keys that set them; of a hidden one its value has these."""
+        for name in self._hidden:
+            fields |= as_lists(fields.pop(name, {}))
+        return fields
+
     def _shown(self) -> dict[str, object]:
         """Return the keys and values that make the section again."""
-        found = self._set()
-        for name in self._hidden:
-            found |= as_lists(found.pop(name, {}))
-        return found
+        return self._by_key(self._set())
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self._shown().items())})"
 
     def table(self) -> dict[str, Any]:
         """Return the table from which the section is made again; vectors are lists."""
-        found = {name: as_lists(value) for name, value in self._values().items() if value is not None}
-        for name in self._hidden:
-            found |= found.pop(name)
-        return found
+        return self._by_key({name: as_lists(value) for name, value in self._values().items() if value is not None})
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
         """Return the table as keys know it, and fields that are made of what stands by names of your own."""

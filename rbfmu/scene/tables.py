@@ -149,13 +149,9 @@ class Initial(rules.Section, path="initial"):
             unit = "deg/s" if key.endswith("_deg") else "rad/s"
             yield rules.fault(key, rates, f"3 numbers whose squares have a finite sum ({unit})")
 
-    def _shown(self) -> dict[str, object]:
-        return dict(("attitude", {k: x}) if k == "quaternion" else (k, x) for k, x in self._set().items())
-
-    def table(self) -> dict[str, Any]:
-        """Return the table as a file has it."""
-        found = {name: rules.as_lists(value) for name, value in self._values().items()}
-        return found | {"attitude": {"quaternion": found.pop("quaternion")}}
+    def _by_key(self, fields: dict[str, Any]) -> dict[str, Any]:
+        q = fields.pop("quaternion", None)
+        return fields | ({"attitude": {"quaternion": q}} if q else {})
 
 
 class Loads(rules.Section, path="loads"):
