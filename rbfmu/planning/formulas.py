@@ -12,7 +12,7 @@ from rbfmu.formulas.graph import numbers_of
 from rbfmu.models.formulas import EVENT, FormulaModel, OverClosedForm
 from rbfmu.models.question import Question
 from rbfmu.planning import closed_forms, fitting, methods
-from rbfmu.planning.judge import Judge, magnified_round_off
+from rbfmu.planning.judge import Judge, magnified_round_off, refuse_below
 from rbfmu.runs.motion import largest_error, largest_size
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import PARAMETERS, SECTIONS, Scene, SceneError
@@ -142,6 +142,7 @@ def _tried(asked: Question, judge: Judge, plan: Plan) -> Plan:
 
 def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
     """Return a plan whose tolerance is one of the whole run, as no pilot run has seen what ports supply."""
+    refuse_below(asked, fitting.SMALLEST)
     growth = judge.growth()
     loosest, magnified = fitting.tolerance_of_varying(asked, growth), magnified_round_off(growth)
     for tolerance in (loosest, *methods.ever_tighter(loosest)):

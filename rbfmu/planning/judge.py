@@ -286,16 +286,21 @@ def watched_sizes(scene: Scene, blocks: Mapping[str, slice], z: Array) -> dict[s
     return {f"when.{name}": size for name, size in zip(scene.events, sizes, strict=True)}
 
 
-def refuse_unfinished(scene: Scene, steps: Sequence[float], rates: Array, substeps: float) -> None:
+def refuse_unfinished(
+    scene: Scene, steps: Sequence[float], rates: Array, substeps: float, driven: bool = False
+) -> None:
     """Raise SceneError where a motion was given up, after more than MAX_SUBSTEPS, or as a step was refused.
 
-    rates: a row before and after each step.
+    rates: a row before and after each step; driven: by inputs, which no reference has followed.
     """
     if np.isfinite(rates[-1]).all():
         return
     last = np.flatnonzero(np.isfinite(rates[:, 0]))[-1]
     done = math.fsum(steps[:last])
     reached = scene.run.start + done
+    if driven and scene.has_formulas and substeps <= MAX_SUBSTEPS:
+        why = "where a formula is not finite, or the motion changes too fast"
+        raise SceneError(f"inputs: expected others from t = {reached:.6g} s on, {why}", scene.name)
     own = [*(f"outputs.{name}" for name in scene.outputs.own), *(f"events.{name}" for name in scene.events)]
     if own and substeps <= MAX_SUBSTEPS:  # formulas of loads are named by the reference, which has not come so far
         why = f"{' or '.join(own)} is not finite then, or changes too fast"

@@ -113,7 +113,8 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
     tight = [methods.series_of_all(asked, order, 1e-18) for order in ORDERS]
     (truth, run), (other, again) = (_run_under(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight)
     for motion, one in ((truth, run), (other, again)):
-        refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps_counted(one.kernels, one.z))
+        substeps = substeps_counted(one.kernels, one.z)
+        refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps, driven=True)
     floors = least_sizes(asked, truth) | watched_sizes(scene, run.kernels.BLOCKS, run.z)
     doubt = largest_error(other, truth, names, floors)
     best = math.inf

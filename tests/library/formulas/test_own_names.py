@@ -156,6 +156,13 @@ def test_wrong_ports_are_refused(port, said):
         rbfmu.Scene.from_dict(scene(inputs={"ports": [port]}, loads={"torque_b": "-omega_b"}))
 
 
+def test_no_accuracy_below_round_off_is_promised_beside_ports():
+    """1e-20 was promised, with an error of 1e-15: for round-off, of which a motion makes no more, was its excuse."""
+    one = scene(inputs={"ports": ["torque_b"]}, loads={"torque_b": "-omega_b*norm(omega_b)"})
+    with pytest.raises(rbfmu.SceneError, match=r"accuracy = 1e-20: expected at least 1\.0e-14, what double"):
+        rbfmu.plan(rbfmu.Scene.from_dict(one).replace({"run.accuracy": 1e-20}))
+
+
 def test_no_port_of_ones_own_is_called_as_that_of_the_rates():
     """It was taken for both, and `simulate` said "mass = [0.0]" of a scene without a body."""
     with pytest.raises(rbfmu.SceneError, match=r"^inputs\.ports\.omega_b: expected another name: omega_b means"):

@@ -307,6 +307,16 @@ def test_wrong_files_are_refused_with_their_name_and_row(name, tmp_path):
     assert str(path) in str(caught.value)
 
 
+def test_inputs_under_which_a_load_has_no_value_are_refused_and_no_output_is_blamed():
+    one = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, loads={"torque_b": "[0, 0, sqrt(u)]"},
+        inputs={"ports": [{"name": "u", "size": 1, "start": 1.0}]}, outputs={"spin": "norm(omega_b)"},
+        run={"stop": 1.0, "step": 0.25},
+    )  # fmt: skip
+    with pytest.raises(rbfmu.SceneError, match=r"inputs: expected others from t = 0\.5 s on, where a formula is"):
+        rbfmu.simulate(one, {"u": ([0.0, 0.5], [1.0, -1.0])})
+
+
 def test_a_function_is_no_input():
     for given in (lambda t: ZEROS, (T, lambda t: ZEROS)):
         with pytest.raises(rbfmu.SceneError, match=r"'force_a': a function: expected \(times, values\)"):
