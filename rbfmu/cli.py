@@ -99,7 +99,7 @@ def _plan_of(asked: common.Asked, opened: AbstractContextManager["rbfmu.Scene"])
     """Return what is said of a scene's plan and of doubts: kept, or made now, and kept where no inputs are given."""
     is_driven = asked.driven["inputs"] is not None
 
-    def made() -> dict[str, Any]:
+    def make() -> dict[str, Any]:
         from rbfmu.scene.scene import doubts_before
         from rbfmu_fmu.description import sizes
 
@@ -111,7 +111,7 @@ def _plan_of(asked: common.Asked, opened: AbstractContextManager["rbfmu.Scene"])
             doubts = [f"{scene.name}: {doubt}" for doubt in doubts_before(scene)]
         return {"plan": chosen.to_dict(), "variables": variables, "text": text, "doubts": doubts}
 
-    return made() if is_driven else kept_plan(asked.file, {"model": asked.model, **asked.run}, made)
+    return make() if is_driven else kept_plan(asked.file, {"model": asked.model, **asked.run}, make)
 
 
 @main.command(cls=common.SceneCommand, shared=[*common.INPUTS, common.MODEL, *common.RUN_OPTIONS])

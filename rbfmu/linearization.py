@@ -147,7 +147,7 @@ def _of_body(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs: Se
     each, turn = np.eye(len(errors) + len(inputs)), _turn(errors)
     by_error = np.vstack([each[: turn.start], _by_axes(quaternion_rate_b, q) @ each[turn], each[turn.stop :]])
 
-    def made(numbers: Iterable[Number]) -> Array:
+    def rows_of(numbers: Iterable[Number]) -> Array:
         """Return what errors make of numbers of the graph, a row each."""
         rows = [gradient(x, of) for x in numbers]
         try:
@@ -160,6 +160,6 @@ def _of_body(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs: Se
 
     carried = _by_axes(cross, [known[name] for name in omega]) @ each[turn]
     turning = each[turn.stop : turn.stop + 3] - carried  # to first order: omega - omega_0 - omega_0 x rotvec_b
-    in_space, turned_by = (made([rates[name] for name in names]) for names in (moved, (*omega, *own)))
-    shown = {name: made(np.ravel(equations.shown[name])) for name in scene.outputs.names if name != "rpy"}
+    in_space, turned_by = (rows_of([rates[name] for name in names]) for names in (moved, (*omega, *own)))
+    shown = {name: rows_of(np.ravel(equations.shown[name])) for name in scene.outputs.names if name != "rpy"}
     return errors, np.vstack([in_space, turning, turned_by]), shown

@@ -194,10 +194,10 @@ class Result:
             refuse_gaps(name, values, f"{path}: ")
         _refuse_disorder(time, f"{path}: ")
 
-        def happened(kind: str) -> dict[str, Array]:
+        def read_events(kind: str) -> dict[str, Array]:
             return {name.removeprefix(kind): times for name, times in columns.items() if name.startswith(kind)}
 
-        return cls(time, quantities, None, happened(EVENTS), happened(TOUCHES))
+        return cls(time, quantities, None, read_events(EVENTS), read_events(TOUCHES))
 
     def save(self, path: str | Path) -> None:
         """Write `.csv` (FMU variable names, every digit), `.npz` (arrays by quantity) or `.aem` (CCSDS, the attitude).

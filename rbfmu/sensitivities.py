@@ -17,7 +17,7 @@ from rbfmu.on_disk import replacing
 from rbfmu.planning import judge, methods, reference
 from rbfmu.result import write_npz
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
-from rbfmu.runs.plan import KEYS, Plan, given
+from rbfmu.runs.plan import KEYS, Plan, checked_plan
 from rbfmu.runs.steps import SAME, Driven
 from rbfmu.scene import own
 from rbfmu.scene.body import six_numbers
@@ -134,7 +134,7 @@ def sensitivity(
     if scene.has_formulas and planned is None:  # which may lead nowhere, in ever shorter substeps
         with suppress(reference.ReferenceTooLongError):
             reference.reference_motion(scene, [scene.run.stop - scene.run.start], judge.MAX_REFERENCE_STEPS)
-    return varied.along(scene, drive_of(scene, tables, interpolate), given(planned), covariance)
+    return varied.along(scene, drive_of(scene, tables, interpolate), checked_plan(planned), covariance)
 
 
 class Varied:

@@ -15,7 +15,7 @@ from rbfmu.exceptions import SimulationError as SimulationError
 from rbfmu.result import Result, Row
 from rbfmu.runs.inputs import HOLD, Drive, Inputs, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.motion import doubts_of_sizes
-from rbfmu.runs.plan import Plan, given, start_run, with_parameters
+from rbfmu.runs.plan import Plan, checked_plan, start_run, with_parameters
 from rbfmu.runs.steps import SAME, Driven, Events, Happened
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
 from rbfmu.scene.section import as_toml, fault
@@ -83,7 +83,7 @@ def simulate(
         expected = "a function that wraps step numbers, as rbfmu.progress_bar(name) is"
         raise TypeError(fault("progress", progress, expected))
     tables = input_tables(scene, inputs, interpolate)
-    planned = given(planned) or _plan(scene, tables, interpolate)
+    planned = checked_plan(planned) or _plan(scene, tables, interpolate)
     result = run_of(scene, planned, drive_of(scene, tables, interpolate), progress)
     warn(scene, (*doubts_after(scene, result.quantities), *doubts_of_sizes(scene, result.quantities)))
     return result
@@ -385,7 +385,7 @@ def compiled_step(scene: Scene, planned: Plan | None = None) -> tuple[Callable[[
     status is 0, or 1 for a step that was refused, with nothing changed. What stands where in the buffer say the slices
     `planned.kernels.BLOCKS["torque_b"]` by name, of inputs and of quantities. Raises SceneError.
     """
-    planned = (given(planned) or plan(scene)).of_scene(scene)
+    planned = (checked_plan(planned) or plan(scene)).of_scene(scene)
     return planned.kernels.step, start_run(scene, planned)
 
 

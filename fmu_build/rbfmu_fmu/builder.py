@@ -20,7 +20,7 @@ from rbfmu import Plan, Scene
 from rbfmu.exceptions import path_of
 from rbfmu.on_disk import write_whole
 from rbfmu.planning.select import plan
-from rbfmu.runs.plan import given
+from rbfmu.runs.plan import checked_plan
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe
 from rbfmu_fmu.model_description import FMI2, FmiVersion, model_description, version_of, xml_bytes
@@ -71,12 +71,12 @@ def build(
     if kind not in ("python", "pythonfmu", "native"):
         raise ValueError(f'kind = {kind!r}: expected "pythonfmu" or "native"')
     if kind == "native":
-        return build_native_fmu(scene, given(planned) or plan(scene, full), path, platforms, version, terminals)
+        return build_native_fmu(scene, checked_plan(planned) or plan(scene, full), path, platforms, version, terminals)
     if platforms:
         raise ValueError(f'platforms = {platforms!r}: expected kind = "native" with them')
     if fmi != 2:
         raise ValueError(f'fmi = {fmi}: expected kind = "native" with it, as pythonfmu makes FMUs of FMI 2')
-    return build_python_fmu(scene, given(planned) or plan(scene, full), path, terminals)
+    return build_python_fmu(scene, checked_plan(planned) or plan(scene, full), path, terminals)
 
 
 def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], parts: dict[str, bytes]) -> Element:

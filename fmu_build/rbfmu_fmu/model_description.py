@@ -61,7 +61,7 @@ class FmiVersion:
         """Return the value reference of the integer output `status`, which all Reals come before."""
         return len(self.references(d)) + self.has_time
 
-    def counted(self, d: Description) -> list[tuple[int, Count]]:
+    def counts(self, d: Description) -> list[tuple[int, Count]]:
         """Return the counts of events with their value references, which are the last of all."""
         return [*enumerate(d.counts, self.status_reference(d) + 1)]
 
@@ -104,7 +104,7 @@ UNSET = "{}"
 def model_description(version: FmiVersion, d: Description, co_simulation: dict[str, str]) -> Element:
     """Return modelDescription.xml, without identity; `co_simulation` has attributes in which kinds of FMU differ."""
     about = {"generationTool": f"rbfmu {rbfmu.__version__}", "description": "One rigid body", "license": LICENSE}
-    about |= stated(**d.scene.about.table())
+    about |= without_blanks(**d.scene.about.table())
     root = Element("fmiModelDescription", {
         "fmiVersion": version.name, "modelName": d.scene.name, version.identity: UNSET, **about,
         "variableNamingConvention": "structured",
@@ -124,7 +124,7 @@ def model_description(version: FmiVersion, d: Description, co_simulation: dict[s
     return root
 
 
-def stated(**attributes: str) -> dict[str, str]:
+def without_blanks(**attributes: str) -> dict[str, str]:
     """Return attributes in their order, without those of which nothing is said."""
     return {name: text for name, text in attributes.items() if text}
 
@@ -151,7 +151,7 @@ def _type_definitions(version: FmiVersion, d: Description) -> list[Element]:
 def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
     """Yield all variables in the order of their value references."""
     named = version.references(d)
-    updated = stated(intermediateUpdate="true" if d.interpolates_inputs and not version.nested else "")
+    updated = without_blanks(intermediateUpdate="true" if d.interpolates_inputs and not version.nested else "")
     for reference, one in enumerate(named):
         members = [d.variables[k] for k in one.elements]
         first = members[0]
@@ -161,9 +161,9 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
         if first.pinned:
             about_it += f"; cannot be changed here: {slave_access.TO_VARY % first.block}"
         said = {"name": one.name, "valueReference": str(reference), "causality": first.causality}
-        said |= stated(variability=variability, description=about_it, initial=initial)
+        said |= without_blanks(variability=variability, description=about_it, initial=initial)
         said |= updated if first.causality != "parameter" else {}
-        typed = stated(declaredType=_unit(first.unit).quantity) | _limits_of_all(members)
+        typed = without_blanks(declaredType=_unit(first.unit).quantity) | _limits_of_all(members)
         element = _element(version, "ScalarVariable", version.real, said, typed)
         element.extend(Element("Dimension", start=str(size)) for size in one.dimensions)
         yield element
@@ -171,7 +171,7 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
         time = {"name": TIME.name, "valueReference": str(len(named)), "causality": "independent"}
         time |= {"variability": "continuous", "unit": TIME.unit, "description": TIME.meaning}
         yield Element(version.real, time)
-    counts = [(r, {"name": one.name, "description": one.meaning}, {"min": "0"}) for r, one in version.counted(d)]
+    counts = [(r, {"name": one.name, "description": one.meaning}, {"min": "0"}) for r, one in version.counts(d)]
     for reference, differs, limits in [(version.status_reference(d), {}, STATUS_RANGE), *counts]:
         element = _element(version, "ScalarVariable", version.integer, STATUS | updated | differs, limits)
         element.set("valueReference", str(reference))
@@ -201,7 +201,7 @@ def _model_structure(version: FmiVersion, d: Description) -> Element:
             r: {holder[k] for k in depends(d, one)} | (time if TIME.name in one.follows else set())
             for r, one in outputs.items()
         }
-        known |= dict.fromkeys((version.status_reference(d), *(reference for reference, _ in version.counted(d))), ())
+        known |= dict.fromkeys((version.status_reference(d), *(reference for reference, _ in version.counts(d))), ())
         unknowns = SubElement(structure, f"{name}s") if version.nested else structure
         for reference, others in known.items():
             listed = " ".join(str(k + begin) for k in sorted(others))
@@ -236,7 +236,7 @@ def _of_unit(name: str) -> dict[str, str]:
     """Return the attributes quantity, unit and displayUnit, as far as there are any."""
     unit = _unit(name)
     display = unit.display[0][0] if unit.display else ""
-    return stated(quantity=unit.quantity, unit=fmi_name(name), displayUnit=display)
+    return without_blanks(quantity=unit.quantity, unit=fmi_name(name), displayUnit=display)
 
 
 def fmi_name(unit: str) -> str:

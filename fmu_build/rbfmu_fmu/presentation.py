@@ -23,7 +23,7 @@ import rbfmu
 from rbfmu.types import Array
 from rbfmu.viewer import Shape, shape_of
 from rbfmu_fmu.description import AXES, Description, Variable, blocks, scalars
-from rbfmu_fmu.model_description import STATUS, FmiVersion, fmi_name, stated, xml_bytes
+from rbfmu_fmu.model_description import STATUS, FmiVersion, fmi_name, without_blanks, xml_bytes
 from rbfmu_fmu.native.platforms import FMI_HEADERS
 from rbfmu_kernels.compile.tiered import evaluated
 from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
@@ -268,5 +268,5 @@ def _osp_group(block: str, variables: list[Variable]) -> Element:
     group = Element(KINDS[block], name=block)
     for k, v in enumerate(variables):
         axis = AXES[k] if len(variables) == 3 else ""
-        SubElement(group, "Variable", stated(ref=v.name, unit=fmi_name(v.unit), axis=axis))
+        SubElement(group, "Variable", without_blanks(ref=v.name, unit=fmi_name(v.unit), axis=axis))
     return group

@@ -197,7 +197,7 @@ class Unit:
         self._inputs, self._outputs = ([k for k, c in enumerate(causality) if c == x] for x in ("input", "output"))
         self._old = not version.has_time
         self._counted = () if self._old else (len(d.outputs),)
-        self._integers = [*(reference for reference, _ in version.counted(d)), version.status_reference(d)]
+        self._integers = [*(reference for reference, _ in version.counts(d)), version.status_reference(d)]
         self.messages: list[str] = []
         self.fmu = fmpy.instantiate_fmu(folder, model, "CoSimulation", debug_logging=True, logger=self._log)
         self._get, self._set = (getattr(self.fmu, f"{call}{version.real}") for call in ("get", "set"))

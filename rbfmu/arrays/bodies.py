@@ -65,10 +65,10 @@ def check_inertia(M: ArrayLike) -> None:
         return
     index = np.unravel_index(np.flatnonzero(reasons)[0], reasons.shape)
     where = "M" + (f"[{', '.join(map(str, index))}]" if index else "")
-    raise ValueError(f"check_inertia: {where} {_said(int(reasons[index]), M[index])}")
+    raise ValueError(f"check_inertia: {where} {_words_of(int(reasons[index]), M[index])}")
 
 
-def _said(reason: int, M: Array) -> str:
+def _words_of(reason: int, M: Array) -> str:
     if reason == _inertia.NOT_FINITE:
         return f"is not finite: {M.tolist()}"
     if reason == _inertia.NOT_SYMMETRIC:

@@ -22,7 +22,7 @@ from rbfmu.ensembles.store import Progress, Store, chunk_arrays, refuse_existing
 from rbfmu.exceptions import SimulationError, named, path_of
 from rbfmu.extras import needed
 from rbfmu.progress import bar
-from rbfmu.runs.plan import Plan, given
+from rbfmu.runs.plan import Plan, checked_plan
 from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.simulation import simulate
 
@@ -68,7 +68,7 @@ def run_ensemble(
     check_store(store, resume)
     scene = members.with_runs(scene, runs)
     scene = scene if planned else members.for_ends(scene)
-    plan = (given(planned) or planning.plan_once(scene)).of_scene(scene)
+    plan = (checked_plan(planned) or planning.plan_once(scene)).of_scene(scene)
     control = control_of(scene, plan, inputs, controller, interpolate)
     work = Work(scene, plan, members_of_a_chunk(scene, plan, control), control)
     place = _store(work, store)

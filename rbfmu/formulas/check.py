@@ -41,20 +41,20 @@ class Texts:
             self.motion.names[name] = Table.through(row.x, row.y, row.method == "cubic")
         self._read_formulas(scene.formulas)
         texts = {name: text for name, text in scene.loads.formulas.items() if name != "potential"}
-        self.loads = {name: self._shaped(f"loads.{name}", text, (3,)) for name, text in texts.items()}
+        self.loads = {name: self._value_of(f"loads.{name}", text, (3,)) for name, text in texts.items()}
         self._take_potential(scene.loads.formulas.get("potential"))
         self.states = {
-            name: self._shaped(f"states.{name}.rate", row.rate, () if len(row.start) == 1 else (3,))
+            name: self._value_of(f"states.{name}.rate", row.rate, () if len(row.start) == 1 else (3,))
             for name, row in scene.states.items()
         }
         read = {name for row in scene.events.values() for name in names_in(row.when)}  # outputs among them come first
-        self.own = self._shown(scene.outputs.own, lambda name: name in read)
+        self.own = self._own_values(scene.outputs.own, lambda name: name in read)
         self.motion.names |= self.own
         self._wrong |= {name for name, value in self.own.items() if value is None}
         if unread:
             self._wrong |= read - {*self.motion.names, *self.motion.functions, *CONSTANTS}
         self.events = {name: self._changing(f"events.{name}.when", row.when) for name, row in scene.events.items()}
-        self.own |= self._shown(scene.outputs.own, lambda name: name not in read)
+        self.own |= self._own_values(scene.outputs.own, lambda name: name not in read)
         self.own = {name: self.own[name] for name in scene.outputs.own}
 
     @property
@@ -63,13 +63,13 @@ class Texts:
         own = {f"{STATE}{name}": rate for name, rate in self.states.items()}
         return {**self.motion.rates(self.loads), **dict(by_element(own))}
 
-    def _shown(self, own: Mapping[str, Any], which: Callable[[str], bool]) -> dict[str, Any]:
+    def _own_values(self, own: Mapping[str, Any], which: Callable[[str], bool]) -> dict[str, Any]:
         """Return the values of outputs of your own, by name."""
-        return {name: self._shaped(f"outputs.{name}.value", own[name].value, None) for name in own if which(name)}
+        return {name: self._value_of(f"outputs.{name}.value", own[name].value, None) for name in own if which(name)}
 
     def _changing(self, key: str, text: str) -> Any:
         """Return the value of a scalar formula that changes with the motion, the time or an input, not by jumps."""
-        found = self._shaped(key, text, ())
+        found = self._value_of(key, text, ())
         if found is None or self.motion.graph.reached_of(("state", "input"), [found], "side"):
             return found
         jumps = ", not by jumps alone" if isinstance(found, Symbol) and not found.is_constant else ""
@@ -79,7 +79,7 @@ class Texts:
 
     def _take_potential(self, text: str | None) -> None:
         """Add the force and the torque of a potential, and let outputs read energies."""
-        potential: Any = None if text is None else self._shaped("loads.potential", text, ())
+        potential: Any = None if text is None else self._value_of("loads.potential", text, ())
         if potential is not None and not self._reads_place_alone(potential):
             self.faults.append(f"loads.potential: expected a formula of position and attitude: {text}")
         elif potential is not None:
@@ -154,11 +154,11 @@ class Texts:
                 self.faults.append(f"formulas.{circle[0]}: {said}")
                 return
             for name in ready:
-                found = self._shaped(f"formulas.{name}", left.pop(name), None)
+                found = self._value_of(f"formulas.{name}", left.pop(name), None)
                 self.motion.names[name] = found
                 self._wrong |= {name} if found is None else set()
 
-    def _shaped(self, key: str, text: str, shape: tuple[int, ...] | None) -> Array:
+    def _value_of(self, key: str, text: str, shape: tuple[int, ...] | None) -> Array:
         """Return what a formula gives, of a shape if one is asked for; None where something is wrong."""
         if names_in(text) & self._wrong:
             return None

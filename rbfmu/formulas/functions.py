@@ -54,13 +54,13 @@ class Table(NamedTuple):
         """Return the value at a number; the row is chosen by on which side of each knot it is."""
         total: graph.Number = 0.0
         sides = [graph.side(x - knot) for knot in self.knots]
-        beyond = x - self._chosen(sides, (self.knots[0], *self.knots))
+        beyond = x - self._choose(sides, (self.knots[0], *self.knots))
         for power in (3, 2, 1, 0):
-            total = total * beyond + self._chosen(sides, [row[power] for row in self.rows])
+            total = total * beyond + self._choose(sides, [row[power] for row in self.rows])
         return total
 
     @staticmethod
-    def _chosen(sides: Sequence[graph.Number], values: Sequence[float]) -> graph.Number:
+    def _choose(sides: Sequence[graph.Number], values: Sequence[float]) -> graph.Number:
         found: graph.Number = values[0]
         for side, value in zip(sides, values[1:], strict=True):
             found = graph.select(side, value, found)

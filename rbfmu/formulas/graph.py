@@ -207,7 +207,7 @@ KNOWN: Mapping[str, Callable[..., float]] = {
 """What each operation is of floats."""
 
 
-def _of(kind: str) -> Callable[..., Number]:
+def _operation(kind: str) -> Callable[..., Number]:
     def function(*numbers: Number) -> Number:
         for x in numbers:
             if isinstance(x, Symbol):
@@ -217,12 +217,12 @@ def _of(kind: str) -> Callable[..., Number]:
     return function
 
 
-square_root, sine, cosine, exponential, logarithm, side = map(_of, ("sqrt", "sin", "cos", "exp", "log", "side"))
+square_root, sine, cosine, exponential, logarithm, side = map(_operation, ("sqrt", "sin", "cos", "exp", "log", "side"))
 
 
 def arctangent(y: Number, x: Number) -> Number:
     """Return the angle of (x, y), rad."""
-    return _of("atan2")(y, x, x * x + y * y)
+    return _operation("atan2")(y, x, x * x + y * y)
 
 
 def select(condition: Number, a: Number, b: Number) -> Number:
@@ -246,7 +246,7 @@ def _quotient(x: Number, y: Symbol) -> Number:
 
 def logistic(x: Number, _: object = None) -> Number:
     """Return 1 / (1 + e^-x)."""
-    return _of("logistic")(x, -x)
+    return _operation("logistic")(x, -x)
 
 
 def power(x: Number, exponent: Number) -> Number:
@@ -261,7 +261,7 @@ def power(x: Number, exponent: Number) -> Number:
             return power(square_root(x), 2.0 * exponent)
     if isinstance(exponent, Symbol) and not exponent.is_constant:
         return exponential(exponent * logarithm(x))
-    return _of("power")(x, exponent)
+    return _operation("power")(x, exponent)
 
 
 def _whole_power(x: Number, n: int) -> Number:

@@ -286,36 +286,37 @@ class Start:
         """Let leaves change; those that are 0 in the graph stay so."""
         self.changes |= {x: dx for x, dx in zip(leaves, changes, strict=True) if isinstance(x, Symbol)}
 
-    def of(self, values: Iterable[Number]) -> list[Number]:
+    def change_of(self, values: Iterable[Number]) -> list[Number]:
         """Return how numbers change."""
         return changes_of([*values], self.changes)
 
     def normalize(self, q: Sequence[Symbol]) -> None:
         """Let an attitude change with the quaternion that it is made of, of any length."""
         first = self.leaves("quaternion_0", 4)
-        changes, size = self.of(first), square_root(sum((x * x for x in first), 0.0))
+        changes, size = self.change_of(first), square_root(sum((x * x for x in first), 0.0))
         along = sum((x * dx for x, dx in zip(q, changes, strict=True)), 0.0)
         self.set(q, [(dx - x * along) / size for x, dx in zip(q, changes, strict=True)])
 
     def begin(self, motion: Motion) -> None:
         """Let all else change, once the attitude does, which turns what lies between o and the centre of mass."""
         known, omega, pivot = motion.names, motion.omega, motion.given.pivot
-        self.set(omega, self.of(self.leaves("omega_b_0", 3)))
+        self.set(omega, self.change_of(self.leaves("omega_b_0", 3)))
         mass, arm, M = known["mass"], known["r_oc_b"], inertia_of(motion, about_o=pivot)
         inverse = np.array(self.leaves("M_inverse", 9), object).reshape(3, 3)
-        by_M = np.array(self.of(np.ravel(M)), object)
+        by_M = np.array(self.change_of(np.ravel(M)), object)
         self.set(self.leaves("M", 9), by_M)
         self.set(np.ravel(inverse), np.ravel(-1.0 * (inverse @ by_M.reshape(3, 3) @ inverse)))
-        self.set(self.leaves("arm", 3), self.of(arm if pivot else [-1.0 * x for x in arm]))
+        self.set(self.leaves("arm", 3), self.change_of(arm if pivot else [-1.0 * x for x in arm]))
         if not pivot:
             inverse_mass = self.leaves("inverse_mass", 1)
-            self.set(inverse_mass, [-1.0 * inverse_mass[0] * inverse_mass[0] * self.of([mass])[0]])
+            self.set(inverse_mass, [-1.0 * inverse_mass[0] * inverse_mass[0] * self.change_of([mass])[0]])
             lever = cross(omega, arm)
             for state, first, beside in (("r_c", "position_0", arm), ("v_c", "velocity_0", lever)):
                 values = np.array(self.leaves(first, 3), object) + motion.to_a(np.array(beside, object))
-                self.set(self.leaves(state, 3, "state"), self.of(values))
+                self.set(self.leaves(state, 3, "state"), self.change_of(values))
         for name, size in motion.given.states.items():
-            self.set(self.leaves(f"{STATE}{name}", size, "state"), self.of(self.leaves(f"{STATE}{name}_0", size)))
+            starts = self.leaves(f"{STATE}{name}_0", size)
+            self.set(self.leaves(f"{STATE}{name}", size, "state"), self.change_of(starts))
 
 
 def inertia_of(motion: Motion, about_o: bool) -> Array:

@@ -9,7 +9,6 @@ space has the k-th coefficients of the states and of all factors of the next ord
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from string import Template
 
 from rbfmu.formulas.graph import LEAVES, Graph, Number, Symbol, numbers_of
 from rbfmu.formulas.program import RECURRENCES, WIDTH, Factor, Program
@@ -62,7 +61,7 @@ def module_of(
     maker = f"make_over({constant!r}, model_named({base!r})," if base else f"make_formulas({constant!r},"
     blocks, size = layout
     parts = {"blocks": blocks, "places": places, "size": size, "maker": maker}
-    return source + Template(_MODEL).substitute(parts, kernels=", ".join(f"{name!r}: {name}" for name in kernels))
+    return source + _MODEL.format(**parts, kernels=", ".join(f"{name!r}: {name}" for name in kernels))
 
 
 def _kernel(name: str, takes: str, gives: str, lines: Iterable[str]) -> str:

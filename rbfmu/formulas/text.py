@@ -186,7 +186,7 @@ class _Reader:
             case ast.Mult():
                 return _times(a, b)
         if of_a != of_b:
-            raise MismatchError(f"equal shapes on both sides, not {_said(of_a)} and {_said(of_b)}")
+            raise MismatchError(f"equal shapes on both sides, not {_words(of_a)} and {_words(of_b)}")
         return a + b if isinstance(node.op, ast.Add) else a - b
 
     def _compare(self, node: ast.Compare) -> Condition:
@@ -202,7 +202,7 @@ class _Reader:
         parts = given.elts if isinstance(given, ast.Tuple) else [given]
         shape = shape_of(x)
         if not shape or len(parts) != len(shape):
-            raise MismatchError(f"{len(shape)} index(es) of {_said(shape)}" if shape else "no index of a scalar")
+            raise MismatchError(f"{len(shape)} index(es) of {_words(shape)}" if shape else "no index of a scalar")
         indices = []
         for part, size in zip(parts, shape, strict=True):
             if not isinstance(part, ast.Constant) or type(part.value) is not int or not 1 <= part.value <= size:
@@ -250,9 +250,9 @@ def _all(sides: Sequence[graph.Number]) -> Condition:
 def _matrix_product(a: Array, b: Array) -> Array:
     of_a, of_b = shape_of(a), shape_of(b)
     if len(of_a) != 2 or not of_b or of_a[1] != of_b[0]:
-        raise MismatchError(f"a matrix and what fits it on both sides of @, not {_said(of_a)} and {_said(of_b)}")
+        raise MismatchError(f"a matrix and what fits it on both sides of @, not {_words(of_a)} and {_words(of_b)}")
     return 0.0 + a @ b
 
 
-def _said(shape: tuple[int, ...]) -> str:
+def _words(shape: tuple[int, ...]) -> str:
     return ("a scalar", "a vector of {}", "a {}x{} matrix")[len(shape)].format(*shape)

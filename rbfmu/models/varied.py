@@ -49,7 +49,7 @@ class VariedStart:
         names = [column.element for column in columns]
         motion = formulas.texts_of(scene, (*MADE, *names)).motion
         start = Start(motion.graph, names)
-        turned = np.array(start.of(start.leaves("rotvec_b", 3)), object)
+        turned = np.array(start.change_of(start.leaves("rotvec_b", 3)), object)
         start.set(motion.q, turned @ np.array([*motion.turns()], object))
         start.begin(motion)
         self._graph, self._changes = motion.graph, {repr(leaf): dx for leaf, dx in start.changes.items()}

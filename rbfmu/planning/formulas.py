@@ -29,14 +29,14 @@ a communication step: least squares of measured times of four scenes at five ord
 built-in series take 1.0 to 1.35 of what `methods.MACHINE` does."""
 
 
-def _known(formulas: FormulaModel | None) -> FormulaModel:
+def _needed(formulas: FormulaModel | None) -> FormulaModel:
     assert formulas is not None
     return formulas
 
 
 def _general(asked: Question) -> Plan:
     """Return a plan of the scene's formulas whose order and tolerance are still open."""
-    rates = _known(asked.formulas).rates
+    rates = _needed(asked.formulas).rates
     return replace(methods.series_of_all(asked, 0, asked.accuracy), states=len(rates) - ("t" in rates))
 
 
@@ -47,7 +47,7 @@ def formula_plan(asked: Question, judge: Judge) -> Plan:
     tried = list[Plan]()
 
     def error_at(order: int, tolerance: float) -> float | None:
-        plan = _tried(asked, judge, methods.series_plan(general, order, tolerance))
+        plan = _try_out(asked, judge, methods.series_plan(general, order, tolerance))
         if asked.scene.events and plan.error == math.inf and not any(one.error < math.inf for one in tried):
             step = f"{asked.scene.run.step:g} s"
             expected = f"at most {MOST_LISTED:,} in a communication step of {step}, and a motion that can be followed"
@@ -70,7 +70,7 @@ def formula_plan(asked: Question, judge: Judge) -> Plan:
 
 def _missed_by_own_outputs(asked: Question, judge: Judge, plan: Plan) -> str:
     """Return which own outputs alone miss the accuracy, as those that are zero but for round-off do; or nothing."""
-    found, truth, own = judge.motion_by(plan, judge.names), judge.motion, _known(asked.formulas).own_outputs
+    found, truth, own = judge.motion_by(plan, judge.names), judge.motion, _needed(asked.formulas).own_outputs
     names = [name for name in judge.names if not name.startswith(EVENT)]
     missed = [name for name in names if largest_error(found, truth, (name,), judge.floors) > asked.accuracy]
     if not missed or missed == names or not {*missed} <= {*own}:
@@ -84,7 +84,7 @@ def closed_plan(asked: Question, judge: Judge) -> Plan | None:
 
     What own outputs lose of the motion's digits is measured. The model holds for other parameters, or refuses them.
     """
-    formulas = _known(asked.formulas)
+    formulas = _needed(asked.formulas)
     plain = _without_formulas(asked.scene, formulas)
     try:
         found = None if plain is None else closed_forms.exact_plan(plain, Judge(plain))
@@ -129,10 +129,10 @@ def _without_formulas(scene: Scene, formulas: FormulaModel) -> Question | None:
         return None
 
 
-def _tried(asked: Question, judge: Judge, plan: Plan) -> Plan:
+def _try_out(asked: Question, judge: Judge, plan: Plan) -> Plan:
     """Return a plan with its error in a pilot run, and its cost, ns a communication step."""
     error, substeps = judge.try_out(plan)
-    formulas = _known(plan.formulas)
+    formulas = _needed(plan.formulas)
     n, slots, states = plan.order, 4 * len(formulas.program.groups), len(formulas.rates)
     of_an_order = len(formulas.program.varying) * NS_AN_OPERATION + states * NS_A_STATE
     series = 0.5 * n * n * slots * NS_A_TERM + n * of_an_order
@@ -148,7 +148,7 @@ def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
     for tolerance in (loosest, *methods.ever_tighter(loosest)):
         order = max(methods.likely_order(tolerance), 12)
         plan = replace(methods.series_plan(_general(asked), order, tolerance), span=asked.span, pinned=asked.pinned)
-        plan = _tried(asked, judge, plan)
+        plan = _try_out(asked, judge, plan)
         if plan.error <= asked.accuracy or magnified > asked.accuracy:
             break
     missed = partial(_missed_by_own_outputs, asked, judge, plan)
@@ -158,7 +158,7 @@ def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
 
 def what_formulas_read(asked: Question, plan: Plan) -> tuple[str, ...]:
     """Return what is integrated for the formulas and outputs of a scene, and what is not."""
-    kept = {name.partition("[")[0] for name in _known(plan.formulas).rates}
+    kept = {name.partition("[")[0] for name in _needed(plan.formulas).rates}
     parts = {"attitude": ("q", 4), "rates": ("omega", 3), "position": ("r_c", 3), "velocity": ("v_c", 3)}
     sizes = [f"{what} {size}" for what, (name, size) in parts.items() if name in kept]
     sizes += [f"{name} {len(row.start)}" for name, row in asked.scene.states.items() if f"{motion.STATE}{name}" in kept]

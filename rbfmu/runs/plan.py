@@ -124,7 +124,7 @@ class Plan:
                 raise _refused(name, value, "a number that is not negative")
 
 
-def given(planned: object) -> Plan | None:
+def checked_plan(planned: object) -> Plan | None:
     """Return a plan that is given, or None; raise TypeError for anything else."""
     if planned is None or isinstance(planned, Plan):
         return planned

@@ -25,7 +25,7 @@ class Inertia(rules.Numbers):
         self.choice = "3 principal moments or a 3x3 matrix"
         self.words = f"{self.choice} about the centre of mass ({_UNIT})"
 
-    def _made(self, value: object) -> Matrix:
+    def _convert(self, value: object) -> Matrix:
         value = rules.plain(value)
         items = value if isinstance(value, list | tuple) else ()
         rows = any(isinstance(item, list | tuple) or getattr(item, "shape", ()) for item in items)

@@ -128,7 +128,7 @@ class Entry(rules.Section):
         found = {name: value for name, value in super().table().items() if value != ""}
         return {name: x[0] if isinstance(x, list) and len(x) == 1 else x for name, x in found.items()}
 
-    def _shown(self) -> dict[str, object]:
+    def _arguments(self) -> dict[str, object]:
         return {name: x for name, x in self.table().items() if name in self._set()}
 
 

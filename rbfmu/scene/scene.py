@@ -91,9 +91,9 @@ class Scene(Section):
             if self.has_formulas or self.formulas or self.tables or (self.constants and self.body):
                 from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
 
-                yield from faults_of_texts(self._worded(), unread)
+                yield from faults_of_texts(self._with_ones(), unread)
 
-    def _worded(self) -> Self:
+    def _with_ones(self) -> Self:
         """Return the scene with the same texts, names and sizes and other numbers, so that many have this one."""
         ones = {"mass": 1.0, "inertia": (), "r_oc_b": ZERO}
         loads = {name: (1.0 if any(x) else 0.0,) for name, x in self.loads._values().items() if name != "formulas"}
@@ -135,7 +135,7 @@ class Scene(Section):
         if not isinstance(changes, Mapping):
             raise SceneError(fault("changes", changes, "a mapping from keys to their values"), self.name)
         new = self._values()
-        for name, value in _merged(_merged({}, changes), tables).items():
+        for name, value in _merge(_merge({}, changes), tables).items():
             table = as_lists(new.get(name))
             if name == "outputs" and "quantities" not in self.outputs._given:
                 del table["quantities"]
@@ -178,14 +178,14 @@ def _in_row(row: Any, item: Any) -> Any:
     return {**row, **(item if isinstance(item, Mapping) else {next(iter(row)): item})}
 
 
-def _merged(tables: Mapping[str, Any], changes: Mapping[str, Any], dotted: bool = True) -> dict[str, Any]:
+def _merge(tables: Mapping[str, Any], changes: Mapping[str, Any], dotted: bool = True) -> dict[str, Any]:
     """Return tables with changes, whose dotted keys stand for tables in tables; dots of keys inside belong to these."""
     found = dict(tables)
     for key, value in changes.items():
         first, _, rest = str(key).partition(".") if dotted else (str(key), "", "")
         value, known = {rest: value} if rest else value, found.get(first)
         inside = known if isinstance(known, dict) else {}
-        found[first] = _merged(inside, value, bool(rest)) if isinstance(value, Mapping) else value
+        found[first] = _merge(inside, value, bool(rest)) if isinstance(value, Mapping) else value
     return found
 
 

@@ -83,17 +83,17 @@ def read_each(table: Mapping[str, object], path: str, read: Callable[[str, objec
 class Rule:
     """The rule of one key: a call returns the value to store, or raises a ValueError that says what was expected.
 
-    words: which values are allowed. made: returns what is stored of a value, and None of one that is refused in these
-    words; it may raise a ValueError in words of its own. choice: the words in a list of keys, where unit and meaning do
-    not suffice.
+    words: which values are allowed. convert: returns what is stored of a value, and None of one that is refused in
+    these words; it may raise a ValueError in words of its own. choice: the words in a list of keys, where unit and
+    meaning do not suffice.
 
     Rules are our own and no library's: one says what a whole vector has to be, with its unit, where Pydantic's checks
     (`Field(gt=0)`, `Literal`, unions) speak of each component and of each branch of a union by itself, and would need a
     table that turns every kind of error back into these words. Without it the first scene is there a sixth sooner.
     """
 
-    def __init__(self, words: str, made: Callable[[object], object], choice: str = "", unit: str = "") -> None:
-        self.words, self.made, self.choice, self.unit, self.meaning = words, made, choice, unit, ""
+    def __init__(self, words: str, convert: Callable[[object], object], choice: str = "", unit: str = "") -> None:
+        self.words, self.convert, self.choice, self.unit, self.meaning = words, convert, choice, unit, ""
 
     def means(self, meaning: str) -> Self:
         """Return the rule of a key with this meaning."""
@@ -103,7 +103,7 @@ class Rule:
 
     def __call__(self, value: object) -> Any:
         """Return the value as stored."""
-        if (found := self.made(value)) is None:
+        if (found := self.convert(value)) is None:
             raise ValueError(self.words)
         return found
 
@@ -134,13 +134,13 @@ class Numbers(Rule):
     ) -> None:  # fmt: skip
         self.shape, self.bound, self.holds, self.then = shape, bound, holds, then
         self._unit_said = f" ({unit})" if unit else ""
-        super().__init__(self._words(""), self._made, unit=unit)
+        super().__init__(self._words(""), self._convert, unit=unit)
 
     def _words(self, finite: str) -> str:
         sized = {0: f"a {finite}number", 1: f"{self.shape[0] if self.shape else 1} {finite}numbers"}
         return sized.get(len(self.shape), f"3 rows of 3 {finite}numbers") + self.bound + self._unit_said
 
-    def _made(self, value: object) -> object:
+    def _convert(self, value: object) -> object:
         floats = self.floats(value, self.shape)
         if not all(map(math.isfinite, flattened(floats))):
             raise ValueError(self._words("finite "))
@@ -186,11 +186,11 @@ def numbers(name: str) -> Numbers:
 def whole(least: int, most: int) -> Rule:
     """Return the rule of a whole number from `least` to `most`."""
 
-    def made(value: object) -> int | None:
+    def convert(value: object) -> int | None:
         value = plain(value)
         return value if isinstance(value, int) and not isinstance(value, bool) and least <= value <= most else None
 
-    return Rule(f"a whole number from {least} to {most}", made)
+    return Rule(f"a whole number from {least} to {most}", convert)
 
 
 FLAG = Rule("true or false", lambda value: value if isinstance(value, bool) else None)
@@ -199,12 +199,12 @@ FLAG = Rule("true or false", lambda value: value if isinstance(value, bool) else
 def line(words: str, longest: int, unwanted: str = "") -> Rule:
     """Return the rule of a printable line; one in which some characters are unwanted is not blank either."""
 
-    def made(value: object) -> str | None:
+    def convert(value: object) -> str | None:
         if not isinstance(value, str) or not value.isprintable() or len(value) > longest:
             return None
         return value if not unwanted or (value.strip() and not set(value) & set(unwanted)) else None
 
-    return Rule(words, made)
+    return Rule(words, convert)
 
 
 def one_word(known: Collection[str], words: str) -> Rule:
@@ -222,7 +222,7 @@ def names(known: tuple[str, ...], least: int = 0) -> Rule:
     choice = f"out of {', '.join(known)}"
     words = f"a list of distinct names {choice}"
 
-    def made(value: object) -> tuple[str, ...] | None:
+    def convert(value: object) -> tuple[str, ...] | None:
         if (given := texts(value)) is None:
             return None
         for name in given:
@@ -236,7 +236,7 @@ def names(known: tuple[str, ...], least: int = 0) -> Rule:
             raise ValueError(f"{words}, at least one")
         return given
 
-    return Rule(words, made, choice)
+    return Rule(words, convert, choice)
 
 
 def closest(name: str, known: Iterable[str]) -> str:
@@ -354,12 +354,12 @@ class Section:
             fields |= as_lists(fields.pop(name, {}))
         return fields
 
-    def _shown(self) -> dict[str, object]:
+    def _arguments(self) -> dict[str, object]:
         """Return the keys and values that make the section again."""
         return self._by_key(self._set())
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self._shown().items())})"
+        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self._arguments().items())})"
 
     def table(self) -> dict[str, Any]:
         """Return the table from which the section is made again; vectors are lists."""

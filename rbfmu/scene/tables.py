@@ -223,7 +223,7 @@ class Inputs(rules.Section, path="inputs"):
             vars(self)["ports"] = tuple(sorted((*self.ports, *self.own), key=listed.index))
         return ()
 
-    def _shown(self) -> dict[str, object]:
+    def _arguments(self) -> dict[str, object]:
         return {name: tuple(rows) for name, rows in self.table().items() if rows}
 
     def table(self) -> dict[str, Any]:

@@ -31,11 +31,11 @@ class Distribution(NamedTuple):
 class Alike(rules.Numbers):
     """The rule of numbers of which one stands for a vector of equal ones."""
 
-    def _made(self, value: object) -> object:
+    def _convert(self, value: object) -> object:
         value = plain(value)
         if self.shape and not isinstance(value, list | tuple):
             value = np.full(self.shape, rules.Numbers((), self.unit, self.bound, self.holds)(value))
-        return super()._made(value)
+        return super()._convert(value)
 
 
 def _location(rule: rules.Numbers) -> rules.Numbers:
@@ -195,7 +195,7 @@ def _arguments(kind: str, rule: rules.Numbers) -> rules.Rule:
     expected, makers, ascending = DISTRIBUTIONS[kind]
     each = [make(rule) for make in makers]
 
-    def made(value: object) -> list[list[float]] | None:
+    def convert(value: object) -> list[list[float]] | None:
         values = [value] if kind == RELATIVE else value
         if not isinstance(values, list | tuple) or len(values) != len(each):
             return None
@@ -207,7 +207,7 @@ def _arguments(kind: str, rule: rules.Numbers) -> rules.Rule:
             raise ValueError(f"{expected} in ascending order")
         return rows
 
-    return rules.Rule(f"{expected}, each {each[0].words}", made)
+    return rules.Rule(f"{expected}, each {each[0].words}", convert)
 
 
 MOST_POINTS = 1_000_000
@@ -217,13 +217,13 @@ MOST_POINTS = 1_000_000
 def _points(count: int) -> rules.Rule:
     """Return the rule of the numbers of points of a key with so many components."""
 
-    def made(value: object) -> list[object] | None:
+    def convert(value: object) -> list[object] | None:
         each = list(value) if isinstance(value, list | tuple) else [value] * count
-        found = [n for n in map(rules.whole(0, MOST_POINTS).made, each) if n is not None]
+        found = [n for n in map(rules.whole(0, MOST_POINTS).convert, each) if n is not None]
         return found if len(found) == len(each) == count else None
 
     several = f", or {count} of them" if count > 1 else ""
-    return rules.Rule(f"a number of points of the grid, at most {MOST_POINTS}{several}", made)
+    return rules.Rule(f"a number of points of the grid, at most {MOST_POINTS}{several}", convert)
 
 
 def _about_zero(name: str, unit: str) -> rules.Numbers:

@@ -81,14 +81,14 @@ def semi_implicit_euler_step(state: State, h: float, body: Body, loads: Loads) -
     return _unit_attitude(advance(State(r, v, q, omega), h, Rates(v, NONE, quaternion_rate_b(q, omega), NONE)))
 
 
-def _summed(advance: Advance) -> Callable[[Form, Form, Form, Form], Form]:
+def _sum_of(advance: Advance) -> Callable[[Form, Form, Form, Form], Form]:
     """Return a function that gives k1 + 2 k2 + 2 k3 + k4, so that a state is rounded once and not four times."""
 
     @_inlined
-    def summed(k1: Form, k2: Form, k3: Form, k4: Form) -> Form:
+    def add_up(k1: Form, k2: Form, k3: Form, k4: Form) -> Form:
         return advance(advance(advance(k1, 1.0, k4), 2.0, k2), 2.0, k3)
 
-    return summed
+    return add_up
 
 
 def rk4(rates: Callable[..., Form], advance: Advance) -> Callable[..., Form]:
@@ -98,14 +98,14 @@ def rk4(rates: Callable[..., Form], advance: Advance) -> Callable[..., Form]:
     h omega = 4 sqrt 2 (attitude) and h d / I = 2.785 (damping). On the nine numbers of R, |R^T R - I| =
     n (h omega)^6 / 72 after n steps; on yaw, pitch and roll (ZYX) it is singular where cos(pitch) = 0.
     """
-    summed = _summed(advance)
+    add_up = _sum_of(advance)
 
     @compiled
     def step(y: Form, h: float, *more: object) -> Form:
         k1 = rates(y, *more)
         k2 = rates(advance(y, 0.5 * h, k1), *more)
         k3 = rates(advance(y, 0.5 * h, k2), *more)
-        return advance(y, h / 6.0, summed(k1, k2, k3, rates(advance(y, h, k3), *more)))
+        return advance(y, h / 6.0, add_up(k1, k2, k3, rates(advance(y, h, k3), *more)))
 
     return step
 
@@ -199,7 +199,7 @@ def _local_rates(local: OtherState, q: Quaternion, correction: float, body: Body
     return OtherState(v, a_c, du, alpha)
 
 
-_local_rk4, _summed_rates = rk4(_local_rates, _advance_vector), _summed(_advance_vector)
+_local_rk4, _summed_rates = rk4(_local_rates, _advance_vector), _sum_of(_advance_vector)
 
 
 @compiled

@@ -62,8 +62,8 @@ def write_charts(folder: Path, charts: Sequence[Chart]) -> list[Path]:
     text = folder / "answers.txt"
     text.write_text(plans_text(judged, charts[0].machine) + "\n", encoding="utf-8")
     files = [
-        write_rows(folder / "work_precision.csv", (_of(c) | asdict(row) for c in charts for row in c.rows), head),
-        write_rows(folder / "endings.csv", (_of(c) | end._asdict() for c in charts for end in c.ends), head),
+        write_rows(folder / "work_precision.csv", (_head_of(c) | asdict(row) for c in charts for row in c.rows), head),
+        write_rows(folder / "endings.csv", (_head_of(c) | end._asdict() for c in charts for end in c.ends), head),
         write_rows(folder / "answers.csv", (row for c in charts for row in answers(c)), head),
         text,
         draw_answers(judged, folder / "answers.png"),
@@ -75,14 +75,14 @@ def write_charts(folder: Path, charts: Sequence[Chart]) -> list[Path]:
     return files
 
 
-def _of(chart: Chart) -> dict[str, object]:
+def _head_of(chart: Chart) -> dict[str, object]:
     return {"case": chart.key, "title": chart.scene, "outputs": chart.outputs}
 
 
 def answers(chart: Chart) -> Iterator[dict[str, object]]:
     """Yield, accuracy by accuracy, the cheapest method of the library, of plans, of common integrators and of peers."""
     for accuracy in DECADES:
-        found = _of(chart) | {"accuracy": accuracy}
+        found = _head_of(chart) | {"accuracy": accuracy}
         for side, families in SIDES.items():
             offer = chart.cheapest(families, accuracy)
             cost = offer.cost * chart.span if offer else math.nan

@@ -269,13 +269,13 @@ class Case:
         """Return the judged quantities of states; what is one already, as it is."""
         if isinstance(states, dict):
             return states
-        return self._shown(((*q, *omega, *r, *v) for r, v, q, omega in states), WHOLE)
+        return self._motion_of(((*q, *omega, *r, *v) for r, v, q, omega in states), WHOLE)
 
     def motion_of(self, rows: Array) -> Motion:
         """Return what is judged from the numbers that solvers integrate, at the start and at all outputs."""
-        return self._shown(rows[1:][self.checkpoints], self.states)
+        return self._motion_of(rows[1:][self.checkpoints], self.states)
 
-    def _shown(self, rows: Iterable[Sequence[float] | Array], states: Iterable[str]) -> Motion:
+    def _motion_of(self, rows: Iterable[Sequence[float] | Array], states: Iterable[str]) -> Motion:
         """Return what is judged from states at the checkpoints, by their names; quaternions may have any length."""
         z, kernels, places = self.buffer.copy(), self.general.kernels, [*map(self.place, states)]
         blocks, outputs = kernels.BLOCKS, tiered(kernels.outputs)

@@ -117,7 +117,7 @@ def _steps(y: Form, h: float, n: int, body: Body, loads: Loads) -> Form:
     raise NotImplementedError
 
 
-def _repeated(y: Form, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Form:
+def _repeat(y: Form, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Form:
     """Solve k times by n steps to each output; h depends formally (by 0 *) on the last one, so that all are kept."""
     z = y
     for _ in range(k):
@@ -162,7 +162,7 @@ def _run_of_steps(method: OneStepMethod, case: Case, h: float) -> Run:
     path = method.path(case.start, h, [n * some for some in case.outputs_between], body, loads)
     around = partial(_around, name=method.name, compiler=method.compiler, _steps=method.steps)
     if hasattr(method.steps, "py_func"):
-        seconds = timer(lambda k: around(_repeated)(start, h, n, outputs, body, loads, k))
+        seconds = timer(lambda k: around(_repeat)(start, h, n, outputs, body, loads, k))
     else:  # the loop is not compiled: one long run, of which the calls are a small part
         seconds = timer(lambda k: method.steps(start, h, outputs * n * k, body, loads))
     evaluations = float(method.evaluations * outputs * n)

@@ -7,7 +7,6 @@ compiled; numbalsoda's are called from compiled code themselves; heyoka.py takes
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -160,7 +159,7 @@ def _callback(put: PutRates, n: int) -> Any:
 
 
 @cache
-def _solved(method: str) -> Callable[[int, Array, Array, float, int], tuple[Array, bool]]:
+def _solver_of(method: str) -> Callable[[int, Array, Array, float, int], tuple[Array, bool]]:
     """Return a compiled function that solves k times by a method of numbalsoda and returns the last solution."""
     solve = getattr(module("numbalsoda"), method)
 
@@ -176,7 +175,7 @@ def _solved(method: str) -> Callable[[int, Array, Array, float, int], tuple[Arra
 def _numbalsoda(method: str, case: Case, value: float) -> Prepared:
     """Prepare numbalsoda's LSODA or DOP853, called from a compiled loop."""
     y, times = case.integrated, case.times
-    solved, address = _solved(method), _callback(_put_rates_of(case), len(y)).address
+    solved, address = _solver_of(method), _callback(_put_rates_of(case), len(y)).address
     rows, success = solved(address, y, times, value, 1)
     if not success:
         raise NotFeasibleError("numbalsoda gave up")
@@ -233,13 +232,13 @@ def heyoka_functions(heyoka: Any) -> dict[str, Callable[..., Any]]:
     theirs |= {"atan2": lambda y, x, _: heyoka.atan2(y, x), "power": lambda x, exponent: x**exponent}
     theirs |= {"logistic": lambda x, _: heyoka.sigmoid(x)}
 
-    def chosen(kind: str) -> Callable[..., Any]:
+    def choose(kind: str) -> Callable[..., Any]:
         def operation(*of: Any) -> Any:
             return KNOWN[kind](*of) if all(isinstance(x, float) for x in of) else theirs[kind](*of)
 
         return operation
 
-    return {**KNOWN, **{kind: chosen(kind) for kind in theirs}}
+    return {**KNOWN, **{kind: choose(kind) for kind in theirs}}
 
 
 # The solvers
@@ -253,5 +252,5 @@ SCIPY = (
 NUMBALSODA = tuple(solver(f"numbalsoda {m.upper()}", partial(_numbalsoda, m)) for m in ("lsoda", "dop853"))
 HEYOKA = solver("heyoka.py", _heyoka, _no_corners)
 HEYOKA.setting = "tol"
-HEYOKA.settings = lambda case, quick: islice(tolerances(-2, -15, False), 0, None, 6 if quick else 2)
+HEYOKA.settings = lambda case, quick: iter([*tolerances(-2, -15, False)][:: 6 if quick else 2])
 """At powers of ten, each of which takes seconds to compile, since it determines the order."""

@@ -215,7 +215,7 @@ def product_models(quick: bool) -> Study:
     return Study("product_models", findings, columns)
 
 
-def _driven(case: Case) -> Motion:
+def _drive(case: Case) -> Motion:
     """Return the state of the loaded body after five steps with changing loads, or nothing if a step is refused."""
     changing, kernels = _TABLES["changing"], case.planned.kernels
     z = start_run(motions.MOTIONS["loaded"].replace({"inputs.ports": list(changing)}), case.planned)
@@ -229,7 +229,7 @@ def _driven(case: Case) -> Motion:
 
 
 def _apart() -> float:
-    one, other = (_driven(Case(model, "", tolerance=1e-14, order=n)) for model, n in ((SERIES, 16), (LOADED, 0)))
+    one, other = (_drive(Case(model, "", tolerance=1e-14, order=n)) for model, n in ((SERIES, 16), (LOADED, 0)))
     return motions.error_of(one, other) if one and other else math.inf
 
 

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from statistics import mean
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -138,7 +137,7 @@ def _name_ends(axes: Axes, names: Sequence[tuple[float, str, str]]) -> None:
     ends = sorted((to_fraction.transform((x, v))[1], name, color) for v, name, color in names)
     places = iter(spread([y for y, name, _ in ends for _ in name.split("\n")], 0.052))
     for _, name, color in ends:
-        y = mean(next(places) for _ in name.split("\n"))
+        y = float(np.mean([next(places) for _ in name.split("\n")]))
         axes.text(1.01, y, name, color=_INK.get(color, color), transform=axes.transAxes, va="center", fontsize=9)
 
 

@@ -72,7 +72,7 @@ def test_a_trial_that_cannot_be_followed_is_no_chattering(monkeypatch):
         found = tried(asked, judge, plan)
         return replace(found, error=math.inf) if plan.order == 14 else found
 
-    monkeypatch.setattr(formulas, "_tried", fails_once)
+    monkeypatch.setattr(formulas, "_try_out", fails_once)
     planned = rbfmu.plan(scene(stop=5.0, up={"when": "sin(3*t) + omega_b[1]"}))
     assert planned.error <= 1e-9
     assert planned.order != 14

@@ -306,7 +306,7 @@ def test_a_method_that_refuses_a_step_is_infinitely_far_from_the_other(monkeypat
     where = {"quaternion": np.ones((1, 4)), "omega_b": np.ones((1, 3))}
     for refused in (motion_laws.SERIES, motion_laws.LOADED):
         driven = {motion_laws.SERIES: where, motion_laws.LOADED: where} | {refused: {}}
-        monkeypatch.setattr(motion_laws, "_driven", lambda case, driven=driven: driven[case.model])
+        monkeypatch.setattr(motion_laws, "_drive", lambda case, driven=driven: driven[case.model])
         assert motion_laws._apart() == math.inf
 
 
