@@ -66,7 +66,7 @@ def test_an_event_that_is_little_beside_its_terms_is_no_corner():
 
 def test_a_trial_that_cannot_be_followed_is_no_chattering(monkeypatch):
     """2026-11-28: one refused step at one of 25 settings refused the scene, as if events had no end."""
-    tried = formulas._tried
+    tried = formulas._try_out
 
     def fails_once(asked, judge, plan):
         found = tried(asked, judge, plan)
