@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from fractions import Fraction
 
 import mpmath as mp
 import numpy as np
@@ -11,8 +10,10 @@ import pytest
 import rbfmu
 from rbfmu_kernels.compile import tiered
 from rbfmu_kernels.mechanics import inertia
+from tests.support.references import exact as digits
 from tests.support.references.hard_cases import of_all_sizes
 from tests.support.references.hard_inertia import HARD_MOMENTS, SCALES, hard_matrices, random_rotation
+from tests.support.references.laws import Law
 from tests.support.references.rational_matrices import (
     diagonal,
     exact,
@@ -27,20 +28,34 @@ from tests.support.references.rational_matrices import (
 EPS = 2.0**-52
 
 
-def test_parallel_axis_is_the_inertia_of_the_same_points_about_another():
+def parallel_axis(M, m, r):
+    S = digits.skew(r)
+    return digits.combine((1, M), (-m, digits.product(S, S)))
+
+
+def random_points():
+    """Inertia, mass and place of bodies of all sizes."""
     rng = np.random.default_rng(2)
-    worst = 0
     for _ in range(100):
-        mass, r, M_c = 10 ** rng.uniform(-2, 2), rng.normal(size=3) * 10 ** rng.uniform(-2, 2), rng.normal(size=(3, 3))
-        M_c = M_c @ M_c.T
-        m, r = float(mass), [Fraction(x) for x in r.tolist()]
-        square = sum(x * x for x in r)
-        truth = [
-            [Fraction(M_c[i][j]) + Fraction(m) * ((i == j) * square - r[i] * r[j]) for j in range(3)] for i in range(3)
-        ]
-        M_o = inertia.parallel_axis(tuples(M_c), m, tuple(map(float, r)))
-        worst = max(worst, largest_difference(exact(M_o), truth) / exact_trace(truth))
-    assert worst <= 1 * EPS
+        A, mass, size = rng.normal(size=(3, 3)), 10 ** rng.uniform(-2, 2), 10 ** rng.uniform(-2, 2)
+        yield tuples(A @ A.T), mass, tuple((size * rng.normal(size=3)).tolist())
+
+
+LAWS = [
+    Law(inertia.parallel_axis, parallel_axis, lambda: [*random_points()], 1.0,
+        lambda *case: trace(parallel_axis(*case))),
+    Law(inertia.rotate_inertia, lambda R, M: digits.product(digits.product(R, M), digits.transpose(R)), list, 2.2,
+        lambda _, M: trace(M)),
+]  # fmt: skip
+
+
+def trace(M):
+    return M[0][0] + M[1][1] + M[2][2]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_error_is_as_stated(law):
+    law.check()
 
 
 def test_rotate_inertia_is_the_matrix_product_and_symmetric_to_the_bit():

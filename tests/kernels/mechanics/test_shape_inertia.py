@@ -11,11 +11,9 @@ from numba import njit
 import rbfmu
 from rbfmu_kernels.mechanics import inertia
 from tests.support.references.hard_cases import of_all_sizes
-from tests.support.references.rational_matrices import (
-    exact,
-    exact_trace,
-    largest_difference,
-)
+from tests.support.references.laws import Law
+from tests.support.references.rational_matrices import exact, exact_trace, largest_difference
+from tests.support.references.worst_cases import WORST
 
 EPS = 2.0**-52
 
@@ -58,6 +56,35 @@ def test_inertia_of_a_shape_is_its_integral(shape):
             assert all(M[i][j] == 0.0 for i in range(3) for j in range(3) if i != j)
             worst = max(worst, *(float(abs(M[i][i] - t) / t) if t else abs(M[i][i]) for i, t in enumerate(truth)))
     assert worst <= eps * EPS
+
+
+def of_moments(moments):
+    return [[moments[i] if i == j else 0 for j in range(3)] for i in range(3)]
+
+
+def of_extents(parts):
+    return lambda m, e: of_moments([m / parts * (mp.fdot(e, e) - x * x) for x in e])
+
+
+def cylinder(m, r, h):
+    side = m * (3 * r * r + h * h) / 12
+    return of_moments([side, side, m * r * r / 2])
+
+
+STATED = {
+    inertia.beam_inertia: (1.5, lambda m, h: of_moments([0, m * h * h / 12, m * h * h / 12])),
+    inertia.sphere_inertia: (1.8, lambda m, r: of_moments([2 * m * r * r / 5] * 3)),
+    inertia.box_inertia: (2.0, of_extents(12)), inertia.ellipsoid_inertia: (2.0, of_extents(5)),
+    inertia.cylinder_inertia: (2.5, cylinder),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kernel", STATED)
+def test_error_is_as_stated_at_the_worst_sizes_known(kernel):
+    bound, truth = STATED[kernel]
+    law = Law(kernel, truth, list, bound, lambda *case: truth(*case)[0][0] or truth(*case)[1][1])
+    assert law.name in WORST
+    law.check()
 
 
 def test_a_beam_has_no_moment_about_itself():

@@ -8,12 +8,11 @@ from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
 import rbfmu
-from rbfmu_kernels.rotations import quaternion, rodrigues, vec3
+from rbfmu_kernels.rotations import rodrigues, vec3
 from tests.support.references import exact
 from tests.support.references.exact import EPS, mp
 from tests.support.references.hard_cases import (
     any_quaternion,
-    any_vector,
     quaternions,
     random_quaternions,
     random_vectors,
@@ -126,37 +125,6 @@ def test_quaternions_of_any_length_and_sign_have_the_same_parameters(q, size):
     if not rodrigues.gibbs_is_singular(q):
         g, again = rodrigues.gibbs_from_quaternion(q), rodrigues.gibbs_from_quaternion(scaled)
         assert distance(g, again) <= 4.0 * EPS * vec3.norm(g)
-
-
-@given(any_quaternion)
-def test_parameters_and_shadow_are_of_the_rotation(q):
-    """Near half a turn the digits of eta are those that a Gibbs vector keeps: q comes back nonetheless."""
-    sigma = rodrigues.mrp_from_quaternion(q)
-    assert quaternion.angle_between(rodrigues.quaternion_from_mrp(sigma), q) <= 16.0 * EPS
-    if not rodrigues.gibbs_is_singular(q):
-        back = rodrigues.quaternion_from_gibbs(rodrigues.gibbs_from_quaternion(q))
-        assert back[0] > 0.0
-        assert quaternion.angle_between(back, q) <= 16.0 * EPS
-    if not rodrigues.mrp_is_singular(sigma):
-        shadow = rodrigues.mrp_shadow(sigma)
-        assert vec3.norm(shadow) >= 1.0 - 4.0 * EPS
-        assert quaternion.angle_between(rodrigues.quaternion_from_mrp(shadow), q) <= 16.0 * EPS
-        assert distance(rodrigues.mrp_shadow(shadow), sigma) <= 8.0 * EPS
-
-
-@given(any_quaternion, any_vector)
-def test_the_shadow_moves_as_the_shadow_of_what_moves(q, omega):
-    """Rates of both sets, by the derivative of -sigma / |sigma|^2."""
-    sigma = rodrigues.mrp_from_quaternion(q)
-    if vec3.norm(sigma) < 0.1:
-        sigma = (0.3, -0.2, 0.5)
-    square = vec3.dot(sigma, sigma)
-    for rate in (rodrigues.mrp_rate_a, rodrigues.mrp_rate_b):
-        moved = rate(sigma, omega)
-        along = vec3.scale(2.0 * vec3.dot(sigma, moved) / square**2, sigma)
-        expected = vec3.add_scaled(along, -1.0 / square, moved)
-        found = rate(rodrigues.mrp_shadow(sigma), omega)
-        assert distance(found, expected) <= 64.0 * EPS * vec3.norm(omega) / square
 
 
 def test_at_half_a_turn_a_gibbs_vector_is_nan_and_warns():
