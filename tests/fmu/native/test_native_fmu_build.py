@@ -88,11 +88,16 @@ FUNCTIONS = [f"fmi2{name}" for name in (
 
 
 @pytest.mark.thorough
-def test_builds_are_the_same_bytes_in_any_process_and_with_any_cache(tmp_path):
-    here = hashlib.sha256(built("prescribed", "native").read_bytes()).hexdigest()
-    warm = build_elsewhere(tmp_path / "a.fmu", kind="native", PYTHONHASHSEED="1")
-    cold = build_elsewhere(tmp_path / "b.fmu", kind="native", PYTHONHASHSEED="2", NUMBA_CACHE_DIR=str(tmp_path))
-    assert here == warm == cold
+@pytest.mark.parametrize(("name", "kind"), [
+    ("prescribed", "native"), pytest.param("prescribed", "python", marks=pytest.mark.slow),
+    pytest.param("driven", "python", marks=pytest.mark.slow),
+])  # fmt: skip
+def test_builds_are_the_same_bytes_in_any_process_and_with_any_cache(name, kind, tmp_path):
+    here = rbfmu_fmu.build(scene(name), tmp_path / "another name.fmu", kind).read_bytes()
+    assert here == built(name, kind).read_bytes()
+    for seed, more in (("1", {}), ("2", {"NUMBA_CACHE_DIR": str(tmp_path)})):
+        again = build_elsewhere(tmp_path / f"{seed}.fmu", kind=kind, name=name, PYTHONHASHSEED=seed, **more)
+        assert again == hashlib.sha256(here).hexdigest()
 
 
 CPUS = {
@@ -235,19 +240,22 @@ def test_a_build_takes_what_is_kept(monkeypatch):
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("kind", ["native", "python"])
 @pytest.mark.parametrize("before", KILLED, ids=["before it is in place", "while it is written"])
-def test_a_killed_build_leaves_the_file_that_was_there(before, tmp_path):
+def test_a_killed_build_leaves_the_file_that_was_there(before, kind, tmp_path):
     path = tmp_path / "it.fmu"
     path.write_bytes(b"what was there")
-    assert build_elsewhere(path, before, kind="native") == -9
+    assert build_elsewhere(path, before, kind=kind) == -9
     assert path.read_bytes() == b"what was there"
+    assert build_elsewhere(path, kind=kind) == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert path.read_bytes() == built("prescribed", kind).read_bytes()
 
 
-@pytest.mark.thorough
-def test_a_build_that_fails_leaves_nothing(tmp_path, monkeypatch):
+@pytest.mark.parametrize("kind", [pytest.param("native", marks=pytest.mark.thorough), "python"])
+def test_a_build_that_fails_leaves_nothing(kind, tmp_path, monkeypatch):
     monkeypatch.setattr("os.replace", lambda *paths: (_ for _ in ()).throw(OSError(28, "disk full")))
     with pytest.raises(OSError, match="disk full"):
-        rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native")
+        rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind)
     assert list(tmp_path.iterdir()) == []
 
 

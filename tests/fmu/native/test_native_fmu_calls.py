@@ -14,7 +14,6 @@ from rbfmu_fmu.native import headers, platforms
 from rbfmu_fmu.native.platforms import this_platform
 from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
 from rbfmu_kernels.buffer import FAULTS
-from tests.support.fmu.builds import NAMED
 from tests.support.fmu.fmu_cases import WRONGS
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, OK, Memory
 from tests.support.fmu.fmus import (
@@ -37,9 +36,9 @@ H = 0.01
 def test_every_refusal_of_the_pythonfmu_fmu_is_an_error_with_the_same_message_and_leaves_no_trace(kind, types):
     """The case itself asserts that the instance, the same after a reset, and another one go on to the bit."""
     found, errors = run_case("refusals", unzipped("driven", kind))
-    assert set(found) == set(NAMED) == set(WRONGS)
+    assert set(found) == set(WRONGS)
     assert not errors  # it prints nothing
-    for case, text in NAMED.items():
+    for case, (_, _, text) in WRONGS.items():
         status = DISCARD if case == "step_out_of_reach" else ERROR
         assert found[case]["status"] == status, case
         assert found[case]["untouched"], case
@@ -102,18 +101,25 @@ def test_calls_are_allowed_in_their_phase_and_else_an_error(phase, call):
     assert len(instance.log) == (call not in ALLOWED[phase])
 
 
-@pytest.mark.parametrize(("arguments", "reason"), [
-    ({"guid": "{0}"}, "the guid is not that of this FMU"),
-    ({"kind": 0}, "for co-simulation"),
-    ({"name": None}, "no name"),
-    ({"memory": Memory(most=100)}, "no memory"),
-])  # fmt: skip
-def test_an_instance_that_cannot_be_made_is_none_and_says_why(arguments, reason):
-    instance = native().instance(**{"name": "it"} | arguments)
-    assert not instance.component.value
-    ((status, category, message),) = instance.log
-    assert (status, category) == (ERROR, b"logStatusError")
-    assert reason in message.decode()
+NOT_MADE = [
+    ("native", {"guid": "{0}"}, "the guid is not that of this FMU"),
+    ("native", {"kind": 0}, "for co-simulation"),
+    ("native", {"name": None}, "no name"),
+    ("native", {"memory": Memory(most=100)}, "no memory"),
+    ("fmi3", {"guid": "{0}"}, "fmi3InstantiateCoSimulation: the instantiation token is not that of this FMU"),
+    ("fmi3", {"kind": 0}, "fmi3InstantiateModelExchange: this FMU is for co-simulation"),
+    ("fmi3", {"name": None}, "no name"),
+    ("fmi3", {"events": 1}, "this FMU has no event mode"),
+]
+
+
+def test_an_instance_that_cannot_be_made_is_none_and_says_why():
+    for kind, arguments, reason in NOT_MADE:
+        instance = opened("driven", kind).instance(**{"name": "it"} | arguments)
+        assert not instance.component.value
+        ((status, category, message),) = instance.log
+        assert (status, category) == (ERROR, b"logStatusError")
+        assert reason in message.decode()
 
 
 def test_null_pointers_are_errors():
@@ -185,12 +191,13 @@ def test_a_unix_clocks_times_are_as_strict(start):
     assert instance.status() == 1
 
 
-@pytest.mark.parametrize("times", [{"start": math.nan}, {"start": math.inf}, {"start": 1.0, "stop": 0.9},
-                                   {"stop": math.nan}])  # fmt: skip
-def test_an_experiment_without_sense_is_an_error(times):
-    instance = native().instance()
-    assert instance.setup(**times) == ERROR
-    assert instance.setup() == OK
+@pytest.mark.usefixtures("each_version")
+def test_an_experiment_without_sense_is_an_error():
+    """With FMI 3.0 it is set up where initialisation begins."""
+    for start, stop in ((math.nan, None), (math.inf, None), (1.0, 0.9), (0.0, math.nan)):
+        instance = native().instance()
+        assert (instance.setup(start, stop) or instance.enter()) == ERROR
+        assert instance.setup() == instance.enter() == OK
 
 
 def test_fmpy_ends_a_run_at_a_discarded_step():
