@@ -7,11 +7,9 @@ import zipfile
 import fmpy
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from fmpy.fmi1 import FMICallException
 
 import rbfmu_fmu
-from rbfmu.cli import main
 from rbfmu_fmu import builder
 from rbfmu_fmu.native.platforms import FMI_HEADERS, PLATFORMS
 from rbfmu_fmu.python.call_rules import CALLS, PHASES
@@ -20,7 +18,7 @@ from tests.support.covering import some_of
 from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
 from tests.support.fmu.elf import elf
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, OK
-from tests.support.fmu.fmus import BRICK, Kernels, built, native, opened, scene, signal, unzipped
+from tests.support.fmu.fmus import Kernels, built, native, opened, scene, signal, unzipped
 
 OWN = ["driven", "brick", "prescribed", "pendulum"]
 KINDS = ["fmi3", "fmi3_scalars"]
@@ -93,28 +91,6 @@ def test_versions_that_there_are_not_are_refused(options, message, tmp_path):
     with pytest.raises(ValueError, match=message):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", **options)
     assert not (tmp_path / "it.fmu").exists()
-
-
-@pytest.mark.thorough
-def test_the_command_builds_and_verifies_it(tmp_path):
-    fmu = tmp_path / "it.fmu"
-    done = CliRunner().invoke(main, ["build", str(BRICK), "--native", "--fmi", "3", "-o", str(fmu)])
-    assert done.exit_code == 0, done.output
-    assert fmpy.read_model_description(str(fmu)).fmiVersion == "3.0"
-    done = CliRunner().invoke(main, ["verify", str(fmu)])
-    assert done.exit_code == 0, done.output
-    assert done.output.endswith("passed\n")
-
-
-@pytest.mark.parametrize(("options", "message"), [
-    (["--fmi", "3"], "--fmi 3: expected --native with it"),
-    (["--native", "--scalars"], "--scalars: expected --fmi 3 with it"),
-    (["--native", "--fmi", "1"], "'1' is not one of '2', '3'"),
-])  # fmt: skip
-def test_the_command_refuses_what_does_not_go_together(options, message):
-    done = CliRunner().invoke(main, ["build", str(BRICK), *options])
-    assert done.exit_code == 2
-    assert message in done.output
 
 
 # Calls

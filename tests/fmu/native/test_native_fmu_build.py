@@ -16,7 +16,7 @@ import rbfmu_fmu
 from rbfmu_fmu import VerificationError, verify
 from rbfmu_fmu.native import object_code, platforms
 from rbfmu_fmu.native.platforms import BuildError, this_platform
-from tests.support.command_line import call
+from tests.support.command_line import call, refused
 from tests.support.fmu.builds import KILLED, build_elsewhere
 from tests.support.fmu.elf import elf
 from tests.support.fmu.fmus import built, planned, scene, unzipped
@@ -263,35 +263,35 @@ def test_a_build_that_fails_leaves_nothing(kind, tmp_path, monkeypatch):
 
 
 @pytest.mark.thorough
-def test_the_command_builds_what_the_function_builds(tmp_path):
-    path = tmp_path / "it.fmu"
-    result = call("build", SCENES / "gyro_attitude.toml", "--native", "-o", path)
+@pytest.mark.parametrize("more", [{}, {"fmi": 3}], ids=["FMI 2.0", "FMI 3.0"])
+def test_the_command_builds_what_the_function_builds(more, tmp_path):
+    path, options = tmp_path / "it.fmu", [word for key, value in more.items() for word in (f"--{key}", value)]
+    result = call("build", SCENES / "gyro_attitude.toml", "--native", *options, "-o", path)
     assert (result.exit_code, result.stdout.strip()) == (0, str(path))
-    expected = rbfmu_fmu.build(scene("gyro_attitude"), tmp_path / "expected.fmu", "native")
+    expected = rbfmu_fmu.build(scene("gyro_attitude"), tmp_path / "expected.fmu", "native", **more)
     assert path.read_bytes() == expected.read_bytes()
     verified = call("verify", path)
     assert verified.exit_code == 0
-    assert "passed" in verified.stdout
+    assert verified.stdout.endswith("passed\n")
 
 
-@pytest.mark.parametrize(("options", "message"), [
-    (["--platform", "win64"], "--platform: expected --native"),
-    (["--native", "--platform", "amiga"], "platform 'amiga': expected one of linux64, win64"),
-])  # fmt: skip
-def test_bad_usage_is_one_message_and_status_2(options, message, tmp_path):
-    result = call("build", SCENES / "gyro_attitude.toml", "-o", tmp_path / "it.fmu", *options)
-    assert result.exit_code == 2
-    assert message in result.stderr
+def test_bad_usage_is_one_message_and_status_2(tmp_path):
+    for options, message in (
+        (["--platform", "win64"], "--platform: expected --native"),
+        (["--native", "--platform", "amiga"], "platform 'amiga': expected one of linux64, win64"),
+        (["--fmi", "3"], "--fmi 3: expected --native with it"),
+        (["--native", "--scalars"], "--scalars: expected --fmi 3 with it"),
+        (["--native", "--fmi", "1"], "'1' is not one of '2', '3'"),
+    ):
+        assert message in refused("build", SCENES / "gyro_attitude.toml", "-o", tmp_path / "it.fmu", *options)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_machine_without_compilers_gets_one_message(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(platforms, "find_spec", lambda name: None)
-    result = call("build", SCENES / "gyro_attitude.toml", "--native", "-o", tmp_path / "it.fmu")
-    assert result.exit_code == 2
-    assert 'pip install "rbfmu[native]"' in result.stderr
-    assert "Traceback" not in result.output
+    said = refused("build", SCENES / "gyro_attitude.toml", "--native", "-o", tmp_path / "it.fmu")
+    assert 'pip install "rbfmu[native]"' in said
 
 
 @pytest.mark.slow
