@@ -19,7 +19,7 @@ from tests.support.references.hard_cases import (
     random_vectors,
     rng,
 )
-from tests.support.references.laws import Law
+from tests.support.references.laws import Law, norm_of_second
 
 QUATERNIONS = quaternions() + random_quaternions(150)
 OTHERS = random_quaternions(len(QUATERNIONS), seed=31)
@@ -35,10 +35,6 @@ def conjugate(q):
 
 def half_of(omega):
     return [mp.zero, *(x / 2 for x in omega)]
-
-
-def norm_of_second(_, v):
-    return exact.norm(v)
 
 
 def apart():

@@ -18,7 +18,7 @@ from tests.support.references.hard_cases import (
     random_vectors,
     rotation_vectors,
 )
-from tests.support.references.laws import Law
+from tests.support.references.laws import Law, length
 
 QUATERNIONS = quaternions() + random_quaternions(150, 91)
 NOT_HALF_TURNS = [q for q in QUATERNIONS if abs(q[0]) > 4.0 * EPS]
@@ -75,10 +75,6 @@ def mrp_of_rate(q, dq):
 
 def from_left(q, omega):
     return exact.compose_quaternions(omega, q)
-
-
-def length(p):
-    return exact.norm(p) or 1
 
 
 def size_of_rate(p, omega):

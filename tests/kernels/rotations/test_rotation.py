@@ -17,7 +17,7 @@ from tests.support.references.hard_cases import (
     rng,
     rotation_matrices,
 )
-from tests.support.references.laws import Law, up_to_sign
+from tests.support.references.laws import Law, norm_of_second, up_to_sign
 
 QUATERNIONS = quaternions() + random_quaternions(150)
 MATRICES = rotation_matrices(QUATERNIONS)
@@ -25,10 +25,6 @@ VECTORS = random_vectors(len(MATRICES))
 PAIRS = list(zip(MATRICES, MATRICES[::-1], strict=True))
 WITH_VECTORS = list(zip(MATRICES, VECTORS, strict=True))
 ANGLES = [(float(x),) for x in [*rng(21).uniform(-1e5, 1e5, 200), *(2 * mp.pi * n for n in range(0, 15_000, 99))]]
-
-
-def norm_of_second(_, v, *rest):
-    return exact.norm(v)
 
 
 def noisy(noise):

@@ -19,7 +19,7 @@ from tests.support.references.hard_cases import (
     rng,
     rotation_vectors as hard_rotation_vectors,
 )
-from tests.support.references.laws import Law, up_to_sign
+from tests.support.references.laws import Law, length, norm_of_second, up_to_sign
 
 
 def directions(n, seed):
@@ -49,14 +49,6 @@ def before_rounding(R):
 
 def length_of_vector(R):
     return exact.norm(before_rounding(R)) or 1
-
-
-def length(u):
-    return exact.norm(u) or 1
-
-
-def norm_of_second(_, omega):
-    return exact.norm(omega)
 
 
 def axis_and_angle(u):
