@@ -51,7 +51,7 @@ def test_very_many_calls_are_answered_rightly(kind):
     assert sum(process.calls.values()) > 200_000
 
 
-@pytest.mark.parametrize("kind", ["python", "native"])
+@pytest.mark.parametrize("kind", ["python", "native", "fmi3_scalars"])
 def test_every_byte_of_a_state_counts(kind):
     process = Process(kind, [unzipped("prescribed", kind)])
     process.ask("instantiate", 1, 0, "it", 1, None, False)

@@ -12,7 +12,6 @@ from rbfmu_fmu.description import describe
 from rbfmu_fmu.model_description import FMI2
 from rbfmu_fmu.native import headers, platforms
 from rbfmu_fmu.native.platforms import this_platform
-from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
 from rbfmu_kernels.buffer import FAULTS
 from tests.support.fmu.fmu_cases import WRONGS
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, FATAL, OK, Memory
@@ -47,58 +46,6 @@ def test_every_refusal_of_the_pythonfmu_fmu_is_an_error_with_the_same_message_an
         for word, name in types.items():
             text = text.replace(f"is no {word}", f"is no {name}")
         assert text in message, case
-
-
-MADE = {
-    "setup": lambda i: i.setup(),
-    "enter": lambda i: i.enter(),
-    "exit": lambda i: i.exit(),
-    "set input": lambda i: i.set({"torque_b[1]": 0.5}),
-    "set parameter": lambda i: i.set({"mass": 3.0}),
-    "set output": lambda i: i.set({"rpy[1]": 3.0}),
-    "set derivative": lambda i: i.set_rates({"torque_b[1]": 0.5}),
-    "get parameter": lambda i: i.get_references([i.fmu.references["mass"]])[0],
-    "get output": lambda i: i.get_references([i.fmu.references["rpy[1]"]])[0],
-    "get derivative": lambda i: i.get_rates("rpy[1]")[0],
-    "get status": lambda i: i.get_integer(i.fmu.references["status"])[0],
-    "step": lambda i: i.step(0.0, H),
-    "terminate": lambda i: i.terminate(),
-    "cancel": lambda i: i.lib.fmi2CancelStep(i.component),
-    "state": lambda i: i.restore(i.state()),
-    "reset": lambda i: i.reset(),
-}
-RULES = {
-    "setup": CALLS["set_up_experiment"].phases,
-    "enter": CALLS["enter_initialization"].phases,
-    "exit": CALLS["exit_initialization"].phases,
-    "set input": SETTABLE["input"],
-    "set parameter": SETTABLE["parameter"],
-    "set output": SETTABLE["output"],
-    "set derivative": CALLS["set_input_derivatives"].phases,
-    "get output": CALLS["get_outputs"].phases,
-    "get derivative": CALLS["get_outputs"].phases,
-    "step": CALLS["do_step"].phases,
-    "terminate": CALLS["terminate"].phases,
-    "cancel": (),
-}
-"""The phases in which a call is allowed; any other call is in all."""
-ALLOWED = {phase: {name for name in MADE if k in RULES.get(name, range(4))} for k, phase in enumerate(PHASES)}
-
-
-def in_phase(phase):
-    instance = native().instance()
-    for name in ("setup", "enter", "exit", "terminate")[: [*ALLOWED].index(phase) + (phase != "INSTANTIATED")]:
-        assert MADE[name](instance) == OK
-    return instance
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("call", MADE)
-@pytest.mark.parametrize("phase", ALLOWED)
-def test_calls_are_allowed_in_their_phase_and_else_an_error(phase, call):
-    instance = in_phase(phase)
-    assert MADE[call](instance) == (OK if call in ALLOWED[phase] else ERROR)
-    assert len(instance.log) == (call not in ALLOWED[phase])
 
 
 NOT_MADE = [
@@ -155,15 +102,6 @@ def test_a_step_from_another_time_is_an_error_and_the_clocks_round_off_is_none()
 
 
 @pytest.mark.usefixtures("each_version")
-def test_time_begins_where_the_experiment_does():
-    instance = native().instance()
-    assert instance.setup(start=-7.5) == instance.enter() == instance.exit() == OK
-    assert instance.step(0.0, H) == ERROR
-    assert instance.step(-7.5, H) == OK
-    assert instance.last_time() == -7.5 + H
-
-
-@pytest.mark.usefixtures("each_version")
 def test_no_step_passes_the_experiments_stop():
     instance = native().instance()
     assert instance.setup(stop=0.1) == instance.enter() == instance.exit() == OK
@@ -191,15 +129,6 @@ def test_a_unix_clocks_times_are_as_strict(start):
     assert instance.status() == 1
 
 
-@pytest.mark.usefixtures("each_version")
-def test_an_experiment_without_sense_is_an_error():
-    """With FMI 3.0 it is set up where initialisation begins."""
-    for start, stop in ((math.nan, None), (math.inf, None), (1.0, 0.9), (0.0, math.nan)):
-        instance = native().instance()
-        assert (instance.setup(start, stop) or instance.enter()) == ERROR
-        assert instance.setup() == instance.enter() == OK
-
-
 def test_fmpy_ends_a_run_at_a_discarded_step():
     signals = np.array(
         [(0.0, 0.0), (0.5, 0.0), (0.5, 1e300), (1.0, 1e300)], dtype=[("time", "f8"), ("force_b[1]", "f8")]
@@ -215,19 +144,6 @@ def test_fmpy_ends_a_run_at_a_discarded_step():
     assert "no finite motion" in said[-1]  # though logging is off
     assert recorded["time"][-1] == pytest.approx(0.5)
     assert recorded["status"][-1] == 1
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("each_version")
-def test_status_tells_times_past_the_scenes_stop():
-    run = scene("class").run
-    start, stop = run.start, 0.5 * (run.stop + run.last_time)  # as late as round-off of an importer's clock may be
-    instance = native("class").instance()
-    assert instance.setup(start=start) == instance.enter() == instance.exit() == OK
-    assert instance.step(start, stop - start) == OK
-    assert instance.status() == 0
-    assert instance.step(stop, 0.1) == OK
-    assert instance.status() == 2
 
 
 @pytest.mark.parametrize(("kind", "refusal"), [("native", ERROR), ("fmi3", ERROR), ("python", FATAL)])

@@ -87,6 +87,12 @@ def points():
     return [(float(a), float(b)) for a, b in zip(size * y, size * x, strict=True)]
 
 
+def vectors():
+    """Of all sizes, and along each axis."""
+    sizes = of_all_sizes(rng(13), -300, 300, 300)
+    return [(tuple(s * x for x in v),) for s in sizes for v in ((1.0, -2.0, 0.3), *np.eye(3).tolist())]
+
+
 LAWS = [
     Law(sincos, lambda x: [mp.sin(x), mp.cos(x)], angles_to_2e5, 1.0, measure=ulps),
     Law(sincos_half_turns, lambda x, y: [mp.sinpi(x + y), mp.cospi(x + y)], half_turns, 1.3, measure=ulps),
@@ -95,8 +101,7 @@ LAWS = [
     Law(exponential, mp.exp, powers_of_e, 1.0, measure=ulps),
     Law(logistic, lambda x: 1 / (1 + mp.exp(-x)), powers_of_e, 2.0, measure=ulps),
     Law(logarithm, mp.log, positive_numbers, 1.0, measure=ulps),
-    Law(norm, exact.norm, lambda: [((s, -2.0 * s, 0.3 * s),) for s in of_all_sizes(rng(13), -300, 300, 300)], 1.3,
-        scale=exact.norm),
+    Law(norm, exact.norm, vectors, 1.3, scale=exact.norm),
 ]  # fmt: skip
 
 
