@@ -140,6 +140,8 @@ def test_no_rotation_has_no_shadow_and_half_a_turn_is_no_trouble():
     assert rodrigues.mrp_from_quaternion((0.0, 0.0, 3.0, 0.0)) == (0.0, 1.0, 0.0)
     for size in (1e-299, 1e-250, 1e-200, 1e200, 1e300):
         assert rodrigues.mrp_shadow((size, 0.0, 0.0)) == pytest.approx((-1 / size, 0.0, 0.0), rel=4.0 * EPS, abs=0.0)
+    for size, singular in ((0.0, True), (0.99e-300, True), (1e-300, False)):
+        assert rodrigues.mrp_is_singular((0.0, size, 0.0)) == singular
     assert np.isnan(rodrigues.mrp_from_quaternion((0.0, 0.0, 0.0, 0.0))).all()
 
 
