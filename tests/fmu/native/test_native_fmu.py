@@ -145,3 +145,19 @@ def test_a_state_is_overwritten_where_its_pointer_is_given():
     expected = instance.steps(5, first=3)
     assert instance.restore(state) == OK
     assert instance.steps(5, first=3) == expected
+
+
+def test_only_the_instances_own_live_states_are_taken():
+    instance, other = started(LOADED), started(LOADED)
+    foreign, freed = other.state(), instance.state()
+    assert instance.free_state(freed) == OK  # a copy of the pointer stays
+    expected = instance.outputs()
+    for state in (foreign, freed, type(freed)(8), type(freed)(2**63)):
+        assert instance.restore(state) == ERROR
+        assert "no saved state of this instance" in instance.log[-1][2].decode()
+        assert instance.free_state(state) == ERROR
+        assert instance.lib.fmi2SerializeFMUstate(instance.component, state, b"", 0) == ERROR
+    assert instance.restore(type(freed)(None)) == ERROR
+    assert instance.free_state(type(freed)(None)) == OK  # FMI: ignored
+    assert instance.outputs() == expected
+    assert other.restore(foreign) == OK
