@@ -57,7 +57,7 @@ def test_threads_compute_the_same_bits():
 def test_outputs_follow_parameters_in_initialisation_and_inputs_at_any_time():
     values = {"position_0[1]": 7.0, "gravity_a[3]": -1.0, "mass": 5.0, "inertia[1,1]": 1.5, "inertia[2,3]": 0.1,
               "omega_b_0[2]": 0.7, "torque_b[2]": 3.0}  # fmt: skip
-    for kind in REFUSALS:
+    for kind, refusal in REFUSALS.items():
         instance = opened("driven", kind).instance()
         assert instance.setup() == instance.enter() == OK
         assert instance.outputs() == Kernels("driven").outputs()
@@ -73,6 +73,9 @@ def test_outputs_follow_parameters_in_initialisation_and_inputs_at_any_time():
         assert instance.set(LOADED) == OK
         kernels.set(LOADED)
         assert instance.terminate() == OK
+        assert instance.step(0.03, H) == refusal
+        for late in (LOADED, dict.fromkeys(instance.fmu.by_causality["input"], 0.0)):
+            assert instance.set(late) == refusal
         assert instance.outputs() == kernels.outputs()
 
 

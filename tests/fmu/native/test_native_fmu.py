@@ -79,6 +79,18 @@ def test_a_ramp_of_an_input_is_exact_and_held_steps_are_not():
     assert np.allclose(held.get(*momentum), scale * 0.99, rtol=1e-9, atol=0.0)
 
 
+def test_derivatives_that_there_are_not_are_errors():
+    instance = started(LOADED)
+    for rates, order in (({"torque_b[1]": 1.0}, 3), ({"torque_b[1]": 1.0}, 0), ({"mass": 1.0}, 1),
+                         ({"rpy[1]": 1.0}, 1), ({"torque_b[1]": math.nan}, 1)):  # fmt: skip
+        assert instance.set_rates(rates, order) == ERROR, (rates, order)
+    assert "torque_b[1]" in instance.log[-1][2].decode()
+    assert instance.get_rates("torque_b[1]")[0] == ERROR
+    assert instance.steps(5) == started(LOADED).steps(5)
+    assert instance.terminate() == OK
+    assert instance.set_rates({"torque_b[1]": 1.0}) == ERROR
+
+
 @pytest.mark.parametrize("name", OWN)
 def test_derivatives_are_served_where_the_description_says_so(name):
     said = fmpy.read_model_description(str(built(name, "native"))).coSimulation

@@ -146,6 +146,19 @@ def test_fmpy_ends_a_run_at_a_discarded_step():
     assert recorded["status"][-1] == 1
 
 
+@pytest.mark.thorough
+@pytest.mark.usefixtures("each_version")
+def test_status_tells_times_past_the_scenes_stop():
+    run = scene("class").run
+    start, stop = run.start, 0.5 * (run.stop + run.last_time)  # as late as round-off of an importer's clock may be
+    instance = native("class").instance()
+    assert instance.setup(start=start) == instance.enter() == instance.exit() == OK
+    assert instance.step(start, stop - start) == OK
+    assert instance.status() == 0
+    assert instance.step(stop, 0.1) == OK
+    assert instance.status() == 2
+
+
 @pytest.mark.parametrize(("kind", "refusal"), [("native", ERROR), ("fmi3", ERROR), ("python", FATAL)])
 def test_what_the_plan_rests_on_must_keep_its_value(kind, refusal):
     """Of both kinds: they ask when initialisation ends, and say what to list in the scene."""
@@ -173,6 +186,7 @@ def test_numbers_in_messages_are_pythons_own(value):
     else:
         assert instance.setup(start=value) == ERROR
         assert f"= {value!r}:" in instance.log[-1][-1].decode()
+        assert instance.setup(stop=value) == ERROR
 
 
 def test_every_fault_has_its_words_and_what_is_none_of_them_too():
