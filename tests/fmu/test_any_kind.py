@@ -55,13 +55,15 @@ def test_threads_compute_the_same_bits():
 
 
 def test_outputs_follow_parameters_in_initialisation_and_inputs_at_any_time():
-    values = {"position_0[1]": 7.0, "gravity_a[3]": -1.0, "mass": 5.0, "inertia[1,1]": 1.5, "torque_b[2]": 3.0}
-    for kind in REFUSALS:
+    values = {"position_0[1]": 7.0, "gravity_a[3]": -1.0, "mass": 5.0, "inertia[1,1]": 1.5, "inertia[2,3]": 0.1,
+              "omega_b_0[2]": 0.7, "torque_b[2]": 3.0}  # fmt: skip
+    for kind, refusal in REFUSALS.items():
         instance = opened("driven", kind).instance()
         assert instance.setup() == instance.enter() == OK
         assert instance.outputs() == Kernels("driven").outputs()
         assert instance.set(values) == OK
         kernels = Kernels("driven", values)
+        assert instance.get(*values) == list(values.values())
         assert instance.outputs() == kernels.outputs()
         assert instance.exit() == OK
         assert instance.outputs() == kernels.outputs()
@@ -71,6 +73,9 @@ def test_outputs_follow_parameters_in_initialisation_and_inputs_at_any_time():
         assert instance.set(LOADED) == OK
         kernels.set(LOADED)
         assert instance.terminate() == OK
+        assert instance.step(0.03, H) == refusal
+        for late in (LOADED, dict.fromkeys(instance.fmu.by_causality["input"], 0.0)):
+            assert instance.set(late) == refusal
         assert instance.outputs() == kernels.outputs()
 
 
@@ -100,6 +105,21 @@ def test_a_state_holds_pending_inputs_status_time_and_phase():
             assert said(other) == expected
             assert other.set({"mass": 3.0}) == refusal  # it is stepping
             assert other.free_state(state) == OK
+
+
+def test_a_state_of_the_initialisation_goes_on_initialising():
+    for kind in REFUSALS:
+        instance = opened("driven", kind).instance()
+        assert instance.setup() == instance.enter() == OK
+        assert instance.set({"mass": 3.0}) == OK
+        state = instance.state()
+        assert instance.exit() == OK
+        expected = instance.steps(3)
+        assert instance.restore(state) == OK
+        assert instance.set({"mass": 4.0}) == OK
+        assert instance.set({"mass": 3.0}) == OK
+        assert instance.exit() == OK
+        assert instance.steps(3) == expected
 
 
 def test_a_refused_step_changes_nothing_but_the_status():

@@ -6,8 +6,6 @@ kernels. Numbers of calls are printed (`make fuzz`, or -s).
 """
 
 import re
-import subprocess
-import sys
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -18,9 +16,8 @@ from tests.support.fmu.conformance.machine import CallMachine
 from tests.support.fmu.conformance.machine3 import CallMachine3
 from tests.support.fmu.conformance.model import Facts
 from tests.support.fmu.conformance.process import Process
-from tests.support.fmu.elsewhere import copy_modules
 from tests.support.fmu.fmu_importer import OK
-from tests.support.fmu.fmus import planned, scene, unzipped, workshop
+from tests.support.fmu.fmus import planned, run_case, scene, unzipped, workshop
 
 NAMES = ("driven", "prescribed")
 
@@ -54,7 +51,7 @@ def test_very_many_calls_are_answered_rightly(kind):
     assert sum(process.calls.values()) > 200_000
 
 
-@pytest.mark.parametrize("kind", ["python", "native"])
+@pytest.mark.parametrize("kind", ["python", "native", "fmi3_scalars"])
 def test_every_byte_of_a_state_counts(kind):
     process = Process(kind, [unzipped("prescribed", kind)])
     process.ask("instantiate", 1, 0, "it", 1, None, False)
@@ -68,39 +65,10 @@ def test_every_byte_of_a_state_counts(kind):
     process.stop()
 
 
-LIVES = """
-import sys
-from tests.support.fmu.fmu_importer import Fmu
-
-def kilobytes():
-    with open("/proc/self/status") as file:
-        return int(next(line for line in file if line.startswith("VmRSS")).split()[1])
-
-fmu, before = Fmu(sys.argv[1]), None
-for k in range(100_000):
-    instance = fmu.instance()
-    assert instance.component.value
-    if k % 10 == 0:
-        instance.start()
-        assert instance.step(0.0, 0.01) == 0
-        state = instance.state()
-        assert instance.deserialized(instance.serialized(state))[0] == 0
-    instance.free()
-    if k == 1000:
-        before = kilobytes()
-print(kilobytes() - before)
-"""
-
-
 @pytest.mark.thorough
-def test_a_hundred_thousand_native_lives_leave_nothing_behind(tmp_path):
-    """Every tenth one is used, and freed with its states."""
-    command = [sys.executable, "-E", "-s", "-c", LIVES, unzipped("driven", "native")]
-    copy_modules(tmp_path, "fmu_importer")
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=1200, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    print(f"growth over 99,000 lives: {done.stdout.strip()} kB")
-    assert int(done.stdout) < 500  # the smallest block kept of each life would be 3000
+def test_a_hundred_thousand_native_lives_leave_nothing_behind():
+    growth, _ = run_case("cycles", unzipped("driven", "native"), 100_000)
+    assert growth < 0.5  # MB; the smallest block kept of each life would be 3
 
 
 # The C layer under sanitizers

@@ -90,25 +90,6 @@ def test_variables_are_those_that_the_scene_needs(name):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["python", "fmi3"])
-def test_a_parameter_that_cannot_be_changed_says_so_and_how_it_can(kind):
-    """What says so is what a change is refused with; `two_ports` lists no parameter, `driven` lists all."""
-    said = 'cannot be changed here: list "inertia" under parameters in the scene\'s [inputs] to vary it'
-    texts = {v.name: v.description for v in fmpy.read_model_description(str(built("two_ports", kind))).modelVariables}
-    assert texts["inertia[1,1]" if kind == "python" else "inertia"].endswith(said)
-    listed = fmpy.read_model_description(str(built("driven", kind))).modelVariables
-    assert not any("cannot be changed" in v.description for v in listed)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["driven", "brick"])
-def test_the_status_takes_part_in_intermediate_updates_where_there_are_any(name):
-    root = ElementTree.parse(unzipped(name, "fmi3") / "modelDescription.xml").getroot()
-    (status,) = (v for v in root.find("ModelVariables") if v.get("name") == "status")
-    assert status.get("intermediateUpdate") == root.find("CoSimulation").get("providesIntermediateUpdate")
-
-
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_value_references_count_up_and_all_variables_are_described(name):
     variables = model(name).modelVariables

@@ -3,13 +3,12 @@
 import fmpy
 import numpy as np
 import pytest
-from fmpy.fmi2 import FMU2Slave
 
 import rbfmu
 import rbfmu_fmu
 from rbfmu.planning.select import plan
 from rbfmu.scene.scene import SceneError
-from tests.support.fmu.fmu_importer import Fmu
+from tests.support.fmu.fmu_importer import OK, Fmu
 from tests.support.fmu.fmus import unzipped_at
 from tests.support.paths import SCENES
 from tests.support.quadruple import reference
@@ -59,35 +58,18 @@ def test_held_inputs_give_the_bits_of_fmpy_with_the_same_file(fmu, tmp_path):
 
 @pytest.mark.thorough
 def test_linear_inputs_give_the_bits_of_an_importer_that_gives_input_derivatives(tmp_path):
-    fmu = opened(rbfmu_fmu.build(satellite(), tmp_path / "satellite.fmu", kind="native"), tmp_path)
+    path = rbfmu_fmu.build(satellite(), tmp_path / "satellite.fmu", kind="native")
+    unit = Fmu(unzipped_at(path, tmp_path / "unzipped")).started()
     table = fmpy.util.read_csv(written(tmp_path / "u.csv"))
     columns = rbfmu.simulate(satellite(), inputs=tmp_path / "u.csv", interpolate="linear").columns()
-    rows = np.column_stack([table[f"torque_b[{k}]"] for k in (1, 2, 3)])
-    slopes = np.diff(rows, axis=0) / np.diff(table["time"])[:, None]
-    inputs, outputs = ([fmu.references[n] for n in names] for names in ([f"torque_b[{k}]" for k in (1, 2, 3)], HELD))
+    ports = [f"torque_b[{k}]" for k in (1, 2, 3)]
     for k in range(ROWS - 1):
-        fmu.setReal(inputs, rows[k].tolist())
-        fmu.setRealInputDerivatives(inputs, [1, 1, 1], slopes[k].tolist())
-        fmu.doStep(STEP * k, STEP)
-        assert fmu.getReal(outputs) == [columns[name][k + 1] for name in HELD]
-    fmu.terminate()
-    fmu.freeInstance()
+        assert unit.set({port: table[port][k] for port in ports}) == OK
+        assert unit.set_rates({port: (table[port][k + 1] - table[port][k]) / STEP for port in ports}) == OK
+        assert unit.step(STEP * k, STEP) == OK
+        assert unit.get(*HELD) == [columns[name][k + 1] for name in HELD]
     held = rbfmu.simulate(satellite(), inputs=tmp_path / "u.csv").columns()
     assert np.max(np.abs(held[HELD[0]] - columns[HELD[0]])) > 1e-6
-
-
-def opened(path, folder):
-    """An FMU in step mode, with its value references by name."""
-    model = fmpy.read_model_description(str(path), validate=False)
-    unzipped = fmpy.extract(str(path), str(folder / "unzipped"))
-    identifier = model.coSimulation.modelIdentifier
-    fmu = FMU2Slave(guid=model.guid, unzipDirectory=unzipped, modelIdentifier=identifier, instanceName="driven")
-    fmu.references = {v.name: v.valueReference for v in model.modelVariables}
-    fmu.instantiate()
-    fmu.setupExperiment(startTime=0.0)
-    fmu.enterInitializationMode()
-    fmu.exitInitializationMode()
-    return fmu
 
 
 # The campaign's settings

@@ -13,16 +13,15 @@ from xml.etree import ElementTree
 import fmpy
 import numpy as np
 import pytest
-from fmpy.fmi1 import FMICallException
-from fmpy.fmi3 import FMU3Slave
-from fmpy.simulation import instantiate_fmu
 
 import rbfmu
 import rbfmu_fmu
 from rbfmu.models.formulas import equations_of
 from rbfmu_fmu.description import describe, sizes
 from rbfmu_fmu.native.headers import slopes_header
-from rbfmu_kernels.buffer import OK
+from tests.support.fmu.fmu_importer import ERROR, OK, Fmu
+from tests.support.fmu.fmu_importer3 import imported
+from tests.support.fmu.fmus import unzipped_at
 from tests.support.paths import ROOT
 
 SCENE = {
@@ -50,6 +49,7 @@ SCENE = {
     "run": {"stop": 4.0, "step": 0.25, "accuracy": 1e-9},
 }
 Built = Callable[[str], Path]
+Units = Callable[[str], Fmu]
 KINDS = {"native": {"kind": "native"}, "fmi3": {"kind": "native", "fmi": 3, "scalars": True}, "python": {}}
 
 
@@ -57,6 +57,11 @@ KINDS = {"native": {"kind": "native"}, "fmi3": {"kind": "native", "fmi": 3, "sca
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> Built:
     folder, scene = tmp_path_factory.mktemp("fmus"), rbfmu.Scene.from_dict(SCENE, "orbit")
     return cache(lambda kind: rbfmu_fmu.build(scene, folder / f"{kind}.fmu", **KINDS[kind]))
+
+
+@pytest.fixture(scope="module")
+def units(fmus: Built) -> Units:
+    return cache(lambda kind: imported(unzipped_at(fmus(kind), fmus(kind).with_suffix(""))))
 
 
 @pytest.mark.thorough
@@ -85,64 +90,42 @@ def test_bits_are_those_of_simulate_with_other_parameters_and_start(fmus: Built,
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
-def test_counts_are_integers_that_a_saved_state_has(
-    fmus: Built, kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    fmpy.extract(str(fmus(kind)), str(tmp_path))
-    model = fmpy.read_model_description(str(tmp_path))
-    at = {v.name: v.valueReference for v in model.modelVariables}
-    types = {v.type for v in model.modelVariables if v.name.endswith("_count")}
+def test_counts_are_integers_that_a_saved_state_has(units: Units, kind: str) -> None:
+    fmu = units(kind)
+    types = {v.type for v in fmpy.read_model_description(str(fmu.folder)).modelVariables if v.name.endswith("_count")}
     assert types == {"Int32" if kind == "fmi3" else "Integer"}
-    said: list[object] = []
-    log = lambda *told: said.append(told)  # noqa: E731 - kept while the unit is there: FMPy calls an earlier one's else
-    unit = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=log)
-    if kind == "fmi3":
-        unit.enterInitializationMode(startTime=0.0)
-    else:
-        unit.setupExperiment(startTime=0.0)
-        unit.enterInitializationMode()
-    unit.exitInitializationMode()
-    counts = unit.getInt32 if kind == "fmi3" else unit.getInteger
-    save, restore = (getattr(unit, f"{name}FMU{'State' if kind == 'fmi3' else 'state'}") for name in ("get", "set"))
-    unit.doStep(0.0, 1.0)
-    saved = save()
-    unit.doStep(1.0, 1.0)
-    assert counts([at["wave_count"], at["status"], at["late_count"]]) == [2, 0, 0]  # at the start and at pi / 2
-    assert counts([at["graze_count"]]) == [1]  # by round-off it crosses zero twice more at 1 s, which is a touch
-    read = unit.getFloat64 if kind == "fmi3" else unit.getReal
-    assert read([at["graze_time"]]) == pytest.approx([0.5], abs=1e-12)
-    restore(saved)
-    assert counts([at["wave_count"]]) == [1]
-    with pytest.raises(FMICallException):
-        counts([at["wave_time"]])
-    with pytest.raises(FMICallException):
-        counts([max(at.values()) + 1])
-    with pytest.raises(FMICallException):
-        read([at["graze_count"]])
-    assert "graze_count is no" in f"{said} {capfd.readouterr().err}"  # the pythonfmu FMU says it on stderr alone
-    unit.terminate()
-    unit.freeInstance()
+    unit = fmu.started()
+
+    def counts(*names: str) -> list[int]:
+        return [unit.get_integer(fmu.references[name])[1] for name in names]
+
+    assert unit.step(0.0, 1.0) == OK
+    saved = unit.state()
+    assert unit.step(1.0, 1.0) == OK
+    assert counts("wave_count", "status", "late_count") == [2, 0, 0]  # at the start and at pi / 2
+    assert counts("graze_count") == [1]  # by round-off it crosses zero twice more at 1 s, which is a touch
+    assert unit.get("graze_time") == pytest.approx([0.5], abs=1e-12)
+    assert unit.restore(saved) == OK
+    assert counts("wave_count") == [1]
+    assert unit.get_integer(fmu.references["wave_time"])[0] >= ERROR
+    assert unit.get_integer(max(fmu.references.values()) + 1)[0] >= ERROR
+    assert unit.get_references([fmu.references["graze_count"]])[0] >= ERROR
+    assert "graze_count is no" in unit.log[-1][-1].decode()
+    unit.free()
 
 
-def test_counts_can_be_read_in_intermediate_updates(fmus: Built, tmp_path: Path) -> None:
-    fmpy.extract(str(fmus("fmi3")), str(tmp_path))
-    model = fmpy.read_model_description(str(tmp_path))
-    at = {v.name: v.valueReference for v in model.modelVariables}
-    counts, read = [at["wave_count"], at["late_count"], at["status"]], []
+def test_counts_can_be_read_in_intermediate_updates(units: Units) -> None:
+    names, read = ("wave_count", "late_count", "status"), []
 
     def update(environment: object, time: float, may_set: bool, may_get: bool, *_: object) -> None:
         if may_get:
-            read.append((time, *unit.getInt32(counts)))
+            read.append((time, *(unit.get_integer(unit.fmu.references[name])[1] for name in names)))
 
-    unit = FMU3Slave(guid=model.guid, unzipDirectory=str(tmp_path), modelIdentifier=model.coSimulation.modelIdentifier)
-    unit.instantiate(intermediateUpdate=update, requiredIntermediateVariables=counts)
-    unit.enterInitializationMode(startTime=0.0)
-    unit.exitInitializationMode()
-    unit.doStep(0.0, 1.0)
-    unit.doStep(1.0, 1.0)
+    unit = units("fmi3").instance(updates=update, intermediate=names)
+    unit.start()
+    assert unit.step(0.0, 1.0) == unit.step(1.0, 1.0) == OK
     assert read == [(1.0, 1, 0, 0), (2.0, 2, 0, 0)]
-    unit.terminate()
-    unit.freeInstance()
+    unit.free()
 
 
 @pytest.mark.thorough
@@ -272,65 +255,38 @@ def test_outputs_follow_the_time_that_stands_in_their_formulas(fmus: Built) -> N
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
-def test_outputs_that_are_not_finite_at_the_start_are_called_so(
-    fmus: Built, kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_outputs_that_are_not_finite_at_the_start_are_called_so(units: Units, kind: str) -> None:
     """No parameter is at fault where the formula or the value of an input is."""
-    fmpy.extract(str(fmus(kind)), str(tmp_path))
-    model = fmpy.read_model_description(str(tmp_path))
-    said: list[str] = []
-    one = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=lambda *m: said.append(m[-1].decode()))
-    at = {v.name: v.valueReference for v in model.modelVariables}
-    if kind == "fmi3":
-        one.enterInitializationMode(startTime=0.0)
-    else:
-        one.setupExperiment(startTime=0.0)
-        one.enterInitializationMode()
-    (one.setFloat64 if kind == "fmi3" else one.setReal)([at["torque_b[3]"]], [-3.0])
-    with pytest.raises((FMICallException, OSError)):
-        one.exitInitializationMode()
+    one = units(kind).instance()
+    assert one.setup() == one.enter() == one.set({"torque_b[3]": -3.0}) == OK
+    assert one.exit() >= ERROR
     words = "outputs: expected finite numbers with these parameters, initial values and inputs"
-    assert words in "".join(said) + capfd.readouterr().err
-    if kind != "python":  # an error of pythonfmu's is the unit's end
-        (one.setFloat64 if kind == "fmi3" else one.setReal)([at["torque_b[3]"]], [-1.0])
-        one.exitInitializationMode()
-        one.terminate()
-    one.freeInstance()
+    assert words in one.log[-1][-1].decode()
+    assert one.set({"torque_b[3]": -1.0}) == one.exit() == OK
+    one.free()
 
 
 @pytest.mark.parametrize("kind", ["native", "python"])
-def test_a_run_ends_also_where_an_output_is_not_finite(fmus: Built, kind: str, tmp_path: Path) -> None:
+def test_a_run_ends_also_where_an_output_is_not_finite(units: Units, kind: str) -> None:
     """2026-11-27: the pythonfmu kind answered fmi2Fatal, and that of the next unit ended the process."""
-    model = fmpy.read_model_description(fmpy.extract(str(fmus(kind)), str(tmp_path)))
-    one = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=lambda *_: None)
-    at = {v.name: [v.valueReference] for v in model.modelVariables}
-    for begin in (one.setupExperiment, one.enterInitializationMode, one.exitInitializationMode):
-        begin()
-    one.setReal(at["torque_b[3]"], [-3.0])
-    one.terminate()
-    assert one.getReal(at["torque_b[3]"]) == [-3.0]
-    with pytest.raises((FMICallException, OSError)):
-        one.getReal(at["root"])
-    one.freeInstance()
+    one = units(kind).started()
+    assert one.set({"torque_b[3]": -3.0}) == one.terminate() == OK
+    assert one.get("torque_b[3]") == [-3.0]
+    assert one.get_references([one.fmu.references["root"]])[0] >= ERROR
+    one.free()
 
 
-def test_derivatives_refusals_and_what_is_not_finite(fmus: Built, tmp_path: Path) -> None:
-    model = fmpy.read_model_description(fmpy.extract(str(fmus("native")), str(tmp_path)))
-    said: list[str] = []
-    one = instantiate_fmu(str(tmp_path), model, "CoSimulation", logger=lambda *m: said.append(m[-1].decode()))
-    reference = {v.name: v.valueReference for v in model.modelVariables}
-    ports = [reference[f"torque_b[{k}]"] for k in (1, 2, 3)]
-    one.setupExperiment(startTime=0.0)
-    one.enterInitializationMode()
-    one.setReal([reference["c"]], [0.2])
-    with pytest.raises(FMICallException):
-        one.exitInitializationMode()
-    assert 'list "c" under parameters' in said[-1]
-    one.setReal([reference["c"]], [0.1])
-    one.exitInitializationMode()
-    one.setReal([*ports, reference["gain"]], [0.1, 4.0, -1.0, 3.0])
+def test_derivatives_refusals_and_what_is_not_finite(units: Units) -> None:
+    one = units("native").instance()
+    reference = one.fmu.references
+    ports = [reference[name] for name in (*(f"torque_b[{k}]" for k in (1, 2, 3)), "gain")]
+    assert one.setup() == one.enter() == one.set({"c": 0.2}) == OK
+    assert one.exit() == ERROR
+    assert b'list "c" under parameters' in one.log[-1][-1]
+    assert one.set({"c": 0.1}) == one.exit() == OK
+    assert one.set_references(ports, [0.1, 4.0, -1.0, 3.0]) == OK
     shown = [reference[name] for name in ("alpha_b[1]", "tilt", "pull", "root")]
-    found = [one.getDirectionalDerivative(shown, [port], [1.0]) for port in (*ports, reference["gain"])]
+    found = [one.derivative(shown, [port], [1.0])[1] for port in ports]
     total = np.hypot(np.hypot(3.1, 4.0), -1.0)
     expected = [
         [1.0 / 0.9, 0.0, 3.1 / total, 0.0],
@@ -339,18 +295,14 @@ def test_derivatives_refusals_and_what_is_not_finite(fmus: Built, tmp_path: Path
         [0.0, 0.0, 0.0, 6.0],
     ]
     np.testing.assert_allclose(found, expected, rtol=1e-14, atol=1e-16)
-    one.setReal(ports, [-3.0, 0.0, 0.0])
-    with pytest.raises(FMICallException):
-        one.getDirectionalDerivative([reference["pull"]], ports[:1], [1.0])
-    assert "no finite derivative here" in said[-1]
-    one.setReal(ports, [0.0, 0.0, -3.0])
-    with pytest.raises(FMICallException):
-        one.getReal([reference["root"]])
-    assert "an output is not finite" in said[-1]
-    with pytest.raises(FMICallException):
-        one.getReal([reference["wave_count"]])  # whose reference is next to that of `status`
-    assert "wave_count is no" in said[-1]
-    one.freeInstance()
+    assert one.set_references(ports[:3], [-3.0, 0.0, 0.0]) == OK
+    assert one.derivative([reference["pull"]], ports[:1], [1.0])[0] == ERROR
+    assert b"no finite derivative here" in one.log[-1][-1]
+    assert one.set_references(ports[:3], [0.0, 0.0, -3.0]) == OK
+    for name, said in (("root", b"an output is not finite"), ("wave_count", b"wave_count is no")):
+        assert one.get_references([reference[name]])[0] == ERROR  # the count's reference is next to that of `status`
+        assert said in one.log[-1][-1]
+    one.free()
 
 
 def test_a_state_may_have_the_name_of_a_block_of_the_body() -> None:

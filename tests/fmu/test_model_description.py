@@ -88,6 +88,11 @@ def test_a_unit_of_ones_own_is_the_known_one_of_that_name():
 def test_angles_and_rates_are_shown_in_degrees():
     shown = {name: real("default", name).get("displayUnit") for name in ("rpy[1]", "omega_b[1]", "alpha_b[2]", "mass")}
     assert shown == {"rpy[1]": "deg", "omega_b[1]": "deg/s", "alpha_b[2]": "deg/s2", "mass": None}
+    units = {unit.get("name"): unit for unit in written("default").iter("Unit")}
+    factors = {one.get("name"): float(one.get("factor")) for one in units["rad/s"].iter("DisplayUnit")}
+    assert factors == pytest.approx({"deg/s": 180.0 / math.pi, "rpm": 30.0 / math.pi}, rel=1e-15)
+    of_angles = [v for v in variables("driven").values() if v[0].get("unit", "").startswith("rad")]
+    assert all(v[0].get("displayUnit") in {one.get("name") for one in units[v[0].get("unit")]} for v in of_angles)
 
 
 def test_components_have_words():
@@ -252,6 +257,7 @@ def test_parameters_take_no_part_in_intermediate_updates_and_say_which_cannot_be
     named = {v.get("name"): v for v in model_description(FMI3, d, {}).find("ModelVariables")}
     updated = {v.get("causality") for v in named.values() if v.get("intermediateUpdate") == "true"}
     assert updated == {"input", "output"}
+    assert named["status"].get("intermediateUpdate") == "true"
     pinned = {v.block for v in d.variables if v.pinned}
     assert pinned
     assert {name for name, v in named.items() if "cannot be changed here" in (v.get("description") or "")} == pinned

@@ -34,14 +34,23 @@ def test_figures_are_not_older_than_their_sources(name: str) -> None:
     assert record.is_up_to_date(name), f"renew by: python -m examples.pages --measure {name}"
 
 
-def test_figures_grow_old_with_code_but_not_with_words(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("counted", "texts"), [
+    ([], ['"""Words."""\nx = 1.0\n', '"""Other\nwords."""\n\nx = 1.0  # and more\n', "x = 2.0\n"]),
+    (["one"], [f"{above}def one():\n    return {n}\n" for above, n in (("", 1), ("import os\n\n\n", 1), ("", 2))]),
+], ids=["code but no words", "functions named alone"])  # fmt: skip
+def test_figures_grow_old_with_what_counts_of_their_sources(
+    counted: list[str], texts: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     source = tmp_path / "it.py"
-    monkeypatch.setattr(record, "sources", lambda name: [(source, [])])
+    monkeypatch.setattr(record, "sources", lambda name: [(source, counted)])
     seen = []
-    for text in ('"""Words."""\nx = 1.0\n', '"""Other\nwords."""\n\nx = 1.0  # and more\n', "x = 2.0\n"):
+    for text in texts:
         source.write_text(text)
         seen.append(record.digest("peers"))
     assert seen[0] == seen[1] != seen[2]
+    monkeypatch.setattr(record, "sources", lambda name: [(source, ["no such"])])
+    with pytest.raises(KeyError, match="no such"):
+        record.digest("peers")
 
 
 @pytest.mark.thorough
@@ -59,23 +68,6 @@ def test_pictures_that_pages_show_have_sources() -> None:
     """Those that are made otherwise are of the gallery, whose tests draw them, or of laws, which a command tests."""
     shown = {Path(path).stem for name in NAMES for path in re.findall(r"!\[[^\]]*\]\((\S+\.png)\)", text_of(name))}
     assert shown - {"stability_maps"} == set(record.PICTURES)
-
-
-def test_of_some_sources_only_the_functions_named_count(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    source = tmp_path / "it.py"
-    seen = []
-    monkeypatch.setattr(record, "sources", lambda name: [(source, ["one"])])
-    for text in (
-        "def one():\n    return 1\n",
-        "import os\n\n\ndef one():\n    return 1\n",
-        "def one():\n    return 2\n",
-    ):
-        source.write_text(text)
-        seen.append(record.digest("peers"))
-    assert seen[0] == seen[1] != seen[2]
-    monkeypatch.setattr(record, "sources", lambda name: [(source, ["two"])])
-    with pytest.raises(KeyError, match="two"):
-        record.digest("peers")
 
 
 @pytest.mark.parametrize("name", record.SOURCES)

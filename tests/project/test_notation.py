@@ -94,28 +94,20 @@ def test_about_a_pivot_euler_s_equation_takes_inertia_and_torque_about_it():
     np.testing.assert_allclose(torque_c + np.cross(r_oc, force), torque_o, rtol=1e-13)
 
 
+def free_body(**initial):
+    """A second of its motion."""
+    body, outputs = {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, {"quantities": ["quaternion", "rpy"]}
+    return rbfmu.simulate(rbfmu.Scene(body=body, initial=initial, outputs=outputs, run={"stop": 1.0, "step": 0.5}))
+
+
 def test_the_output_rpy_is_of_that_order():
-    scene = rbfmu.Scene(
-        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},
-        initial={"omega_b": [0.3, -0.2, 0.5], "attitude": {"rotvec": [0.4, 0.2, -1.0]}},
-        loads={"gravity_a": [0.0, 0.0, 0.0]},
-        outputs={"quantities": ["quaternion", "rpy"]},
-        run={"stop": 1.0, "step": 0.5},
-    )
-    result = rbfmu.simulate(scene)
+    result = free_body(omega_b=[0.3, -0.2, 0.5], attitude={"rotvec": [0.4, 0.2, -1.0]})
     R = rbfmu.matrix_from_quaternion(result.quaternion)
     np.testing.assert_allclose(rbfmu.matrix_from_euler("xyz", result.rpy), R, atol=8 * EPS)
 
 
 def test_roll_of_the_output_rpy_is_0_at_a_pole_and_yaw_of_the_extrinsic_angles():
-    scene = rbfmu.Scene(
-        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]},
-        initial={"attitude": {"euler": "ZYX", "angles_deg": [30.0, 90.0, 10.0]}},
-        loads={"gravity_a": [0.0, 0.0, 0.0]},
-        outputs={"quantities": ["quaternion", "rpy"]},
-        run={"stop": 1.0, "step": 0.5},
-    )
-    result = rbfmu.simulate(scene)
+    result = free_body(attitude={"euler": "ZYX", "angles_deg": [30.0, 90.0, 10.0]})
     np.testing.assert_allclose(np.degrees(result.rpy[0]), [0.0, 90.0, 20.0], atol=1e-12)
     with pytest.warns(RuntimeWarning, match="third angle"):
         extrinsic = rbfmu.euler_from_quaternion("xyz", result.quaternion[0])

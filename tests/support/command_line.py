@@ -20,6 +20,15 @@ def call(*arguments: object, **options: Any) -> Result:
     return CliRunner(**_APART).invoke(main, [str(a) for a in arguments], **options)
 
 
+def refused(*arguments: object) -> str:
+    """Run a command that is to end with status 2, a message and nothing else; return the message."""
+    result = call(*arguments)
+    assert (result.exit_code, type(result.exception)) == (2, SystemExit), result.output
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    return result.stderr
+
+
 BY_COUNT = """
 import itertools
 from rbfmu_kernels.compile import tiered

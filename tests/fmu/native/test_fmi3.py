@@ -1,27 +1,21 @@
 """FMI 3.0 has the bits of 2.0, with arrays and with scalars; what is refused says why and changes nothing."""
 
 import ctypes as c
-import math
 import re
 import zipfile
 
 import fmpy
-import numpy as np
 import pytest
-from click.testing import CliRunner
-from fmpy.fmi1 import FMICallException
 
 import rbfmu_fmu
-from rbfmu.cli import main
 from rbfmu_fmu import builder
 from rbfmu_fmu.native.platforms import FMI_HEADERS, PLATFORMS
-from rbfmu_fmu.python.call_rules import CALLS, PHASES
-from tests.fmu.native.test_native_fmu_calls import MADE as OF_FMI_2, RULES
+from rbfmu_fmu.python.call_rules import CALLS, PHASES, SETTABLE
 from tests.support.covering import some_of
 from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
 from tests.support.fmu.elf import elf
 from tests.support.fmu.fmu_importer import DISCARD, ERROR, OK
-from tests.support.fmu.fmus import BRICK, Kernels, built, native, opened, scene, signal, unzipped
+from tests.support.fmu.fmus import Kernels, built, native, opened, scene, signal, unzipped
 
 OWN = ["driven", "brick", "prescribed", "pendulum"]
 KINDS = ["fmi3", "fmi3_scalars"]
@@ -40,15 +34,6 @@ def test_fmu_is_the_kernels_and_that_of_fmi_2_before_and_after_a_restore(name, k
         assert older.step(k * size, size) == OK
     assert older.outputs() == instance.outputs()
     instance.free()
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_values_of_parameters_and_inputs_are_those_of_fmi_2(kind):
-    values = {"mass": 5.0, "inertia[1,1]": 1.5, "inertia[2,3]": 0.1, "omega_b_0[2]": 0.7, "quaternion_0[1]": 0.5}
-    instance, older = opened("driven", kind).started(values | LOADED), native().started(values | LOADED)
-    names = [name for group in ("parameter", "input", "output") for name in older.fmu.by_causality[group]]
-    assert instance.get(*names) == older.get(*names)
-    assert instance.steps(20) == older.steps(20)
 
 
 def test_an_array_has_its_quantitys_shape():
@@ -96,28 +81,6 @@ def test_versions_that_there_are_not_are_refused(options, message, tmp_path):
     assert not (tmp_path / "it.fmu").exists()
 
 
-@pytest.mark.thorough
-def test_the_command_builds_and_verifies_it(tmp_path):
-    fmu = tmp_path / "it.fmu"
-    done = CliRunner().invoke(main, ["build", str(BRICK), "--native", "--fmi", "3", "-o", str(fmu)])
-    assert done.exit_code == 0, done.output
-    assert fmpy.read_model_description(str(fmu)).fmiVersion == "3.0"
-    done = CliRunner().invoke(main, ["verify", str(fmu)])
-    assert done.exit_code == 0, done.output
-    assert done.output.endswith("passed\n")
-
-
-@pytest.mark.parametrize(("options", "message"), [
-    (["--fmi", "3"], "--fmi 3: expected --native with it"),
-    (["--native", "--scalars"], "--scalars: expected --fmi 3 with it"),
-    (["--native", "--fmi", "1"], "'1' is not one of '2', '3'"),
-])  # fmt: skip
-def test_the_command_refuses_what_does_not_go_together(options, message):
-    done = CliRunner().invoke(main, ["build", str(BRICK), *options])
-    assert done.exit_code == 2
-    assert message in done.output
-
-
 # Calls
 
 
@@ -137,20 +100,39 @@ def references(instance, name):
     return instance.fmu.references[name]
 
 
-NOT_HERE = "setup", "set derivative", "cancel"
-NEVER = {
+MADE = {
+    "enter": lambda i: i.enter(),
+    "exit": lambda i: i.exit(),
+    "set input": lambda i: i.set({"torque_b[1]": 0.5}),
+    "set parameter": lambda i: i.set({"mass": 3.0}),
+    "set output": lambda i: i.set({"rpy[1]": 3.0}),
     "set time": lambda i: i.set({"time": 3.0}),
+    "get parameter": lambda i: i.get_references([references(i, "mass")])[0],
+    "get time": lambda i: i.get_references([references(i, "time")])[0],
+    "get output": lambda i: i.get_references([references(i, "rpy[1]")])[0],
+    "get derivative": lambda i: i.get_rates("rpy[1]")[0],
+    "get status": lambda i: i.get_integer(references(i, "status"))[0],
+    "directional": lambda i: i.derivative([references(i, "alpha_b[1]")], [], [])[0],
+    "adjoint": lambda i: i.derivative([references(i, "alpha_b[1]")], [], [0.0] * 3, adjoint=True)[0],
+    "step": lambda i: i.step(0.0, H),
     "event mode": lambda i: i.lib.fmi3EnterEventMode(i.component),
     "step mode": lambda i: i.lib.fmi3EnterStepMode(i.component),
     "configuration mode": lambda i: i.lib.fmi3EnterConfigurationMode(i.component),
+    "terminate": lambda i: i.terminate(),
+    "state": lambda i: i.restore(i.state()),
+    "reset": lambda i: i.reset(),
 }
-MADE = {name: call for name, call in OF_FMI_2.items() if name not in NOT_HERE} | NEVER | {
-    "get time": lambda i: i.get_references([references(i, "time")])[0],
-    "directional": lambda i: i.derivative([references(i, "alpha_b[1]")], [], [])[0],
-    "adjoint": lambda i: i.derivative([references(i, "alpha_b[1]")], [], [0.0] * 3, adjoint=True)[0],
-}  # fmt: skip
-PHASES_OF = RULES | dict.fromkeys(NEVER, ()) | dict.fromkeys(["directional", "adjoint"], CALLS["get_outputs"].phases)
-ALLOWED = {phase: {name for name in MADE if k in PHASES_OF.get(name, range(4))} for k, phase in enumerate(PHASES)}
+RULES = {
+    "enter": CALLS["enter_initialization"].phases,
+    "exit": CALLS["exit_initialization"].phases,
+    **{f"set {causality}": SETTABLE[causality] for causality in ("input", "parameter", "output")},
+    **dict.fromkeys(["get output", "get derivative", "directional", "adjoint"], CALLS["get_outputs"].phases),
+    "step": CALLS["do_step"].phases,
+    "terminate": CALLS["terminate"].phases,
+    **dict.fromkeys(["set time", "event mode", "step mode", "configuration mode"], ()),
+}
+"""The phases in which a call is allowed; any other call is in all."""
+ALLOWED = {phase: {name for name in MADE if k in RULES.get(name, range(4))} for k, phase in enumerate(PHASES)}
 
 
 @pytest.mark.parametrize("call", MADE)
@@ -171,20 +153,6 @@ def test_every_function_of_the_standard_is_there_and_nothing_else():
     _, found, _ = elf(library.read_bytes())
     assert found == functions
     assert len(functions) > 70
-
-
-@pytest.mark.parametrize(("arguments", "reason"), [
-    ({"guid": "{0}"}, "fmi3InstantiateCoSimulation: the instantiation token is not that of this FMU"),
-    ({"kind": 0}, "fmi3InstantiateModelExchange: this FMU is for co-simulation"),
-    ({"name": None}, "no name"),
-    ({"events": 1}, "this FMU has no event mode"),
-])  # fmt: skip
-def test_an_instance_that_cannot_be_made_is_none_and_says_why(arguments, reason):
-    instance = fmi3().instance(**{"name": "it"} | arguments)
-    assert not instance.component.value
-    ((status, category, message),) = instance.log
-    assert (status, category) == (ERROR, b"logStatusError")
-    assert reason in message.decode()
 
 
 def test_an_instance_needs_no_logger():
@@ -253,15 +221,6 @@ def test_an_inertia_matrix_must_be_symmetric():
     assert instance.get_references(which) == (OK, right)
 
 
-@pytest.mark.parametrize(("start", "stop"), [(math.nan, None), (math.inf, None), (1.0, 0.9), (0.0, math.nan)])
-def test_an_experiment_without_sense_is_an_error(start, stop):
-    instance = fmi3().instance()
-    instance.setup(start, stop)
-    assert instance.enter() == ERROR
-    instance.setup()
-    assert instance.enter() == OK
-
-
 def test_a_steps_answers():
     """Time reached, and whether to end the simulation; the time is a variable as well."""
     instance = started(LOADED)
@@ -283,10 +242,3 @@ def test_a_hash_in_a_message_names_no_variable():
     assert instance.set_debug_logging(1, "#7# %n") == ERROR
     assert instance.log[-1][-1] == b"fmi3SetDebugLogging: there is no category ##7## %n"
     assert instance.set_debug_logging(1, "#" * 5000) == ERROR
-
-
-def test_a_discarded_step_ends_a_run_in_fmpy():
-    signals = np.array([(0.0, [0.0] * 3), (0.5, [0.0] * 3), (0.5, [1e300] * 3), (1.0, [1e300] * 3)],
-                       dtype=[("time", "f8"), ("force_b", "f8", (3,))])  # fmt: skip
-    with pytest.raises(FMICallException, match=r"fmi3DoStep failed with status 2 \(discard\)"):
-        fmpy.simulate_fmu(str(built("driven", "fmi3")), stop_time=1.0, output_interval=0.1, input=signals)

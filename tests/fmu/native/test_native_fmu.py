@@ -8,7 +8,6 @@ import pytest
 
 from rbfmu_kernels.body import outputs as body_outputs
 from rbfmu_kernels.quantities import OUTPUT
-from tests.fmu.native.test_native_fmu_calls import ALLOWED, MADE, in_phase
 from tests.support.covering import some_of
 from tests.support.fmu.beside_kernels import LOADED, assert_same_before_and_after_a_restore
 from tests.support.fmu.fmu_importer import ERROR, OK, Memory
@@ -148,25 +147,6 @@ def test_a_thousand_lives_leave_nothing_behind():
 # Saved states
 
 
-@pytest.mark.parametrize("phase", ALLOWED)
-def test_a_state_of_any_phase_goes_on_from_there(phase):
-    state, other = in_phase(phase), started(LOADED)
-    code, restored = other.deserialized(state.serialized(state.state()))
-    assert code == other.restore(restored) == OK
-    assert {call for call in MADE if MADE[call](in_phase_of(state)) == OK} == ALLOWED[phase]
-    for call in MADE:
-        assert other.restore(restored) == OK
-        assert (MADE[call](other) == OK) == (call in ALLOWED[phase]), call
-
-
-def in_phase_of(instance):
-    """A new instance that got its state."""
-    other = native().instance()
-    code, state = other.deserialized(instance.serialized(instance.state()))
-    assert code == other.restore(state) == OK
-    return other
-
-
 @pytest.mark.usefixtures("each_version")
 def test_a_state_is_overwritten_where_its_pointer_is_given():
     instance = started(LOADED)
@@ -193,27 +173,3 @@ def test_only_the_instances_own_live_states_are_taken():
     assert instance.free_state(type(freed)(None)) == OK  # FMI: ignored
     assert instance.outputs() == expected
     assert other.restore(foreign) == OK
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("each_version")
-def test_damaged_bytes_are_no_state():
-    instance = started(LOADED)
-    content = instance.serialized(instance.state())
-    wrongs = [b"", content[:-1], content + b"\0", bytes(len(content)), opened_bytes("pendulum")]
-    wrongs += [content[:k] + bytes([content[k] ^ 1]) + content[k + 1 :] for k in range(0, len(content), 97)]
-    for wrong in wrongs:
-        assert instance.deserialized(wrong)[0] == ERROR
-    assert instance.deserialized(content)[0] == OK
-
-
-def opened_bytes(name):
-    instance = started(name=name)
-    return instance.serialized(instance.state())
-
-
-def test_a_buffer_that_is_too_small_is_an_error():
-    instance = started()
-    state = instance.state()
-    size = len(instance.serialized(state))
-    assert instance.lib.fmi2SerializeFMUstate(instance.component, state, bytes(size), size - 1) == ERROR

@@ -16,7 +16,7 @@ import rbfmu_fmu
 from rbfmu_fmu import VerificationError, verify
 from rbfmu_fmu.native import object_code, platforms
 from rbfmu_fmu.native.platforms import BuildError, this_platform
-from tests.support.command_line import call
+from tests.support.command_line import call, refused
 from tests.support.fmu.builds import KILLED, build_elsewhere
 from tests.support.fmu.elf import elf
 from tests.support.fmu.fmus import built, planned, scene, unzipped
@@ -88,11 +88,16 @@ FUNCTIONS = [f"fmi2{name}" for name in (
 
 
 @pytest.mark.thorough
-def test_builds_are_the_same_bytes_in_any_process_and_with_any_cache(tmp_path):
-    here = hashlib.sha256(built("prescribed", "native").read_bytes()).hexdigest()
-    warm = build_elsewhere(tmp_path / "a.fmu", kind="native", PYTHONHASHSEED="1")
-    cold = build_elsewhere(tmp_path / "b.fmu", kind="native", PYTHONHASHSEED="2", NUMBA_CACHE_DIR=str(tmp_path))
-    assert here == warm == cold
+@pytest.mark.parametrize(("name", "kind"), [
+    ("prescribed", "native"), pytest.param("prescribed", "python", marks=pytest.mark.slow),
+    pytest.param("driven", "python", marks=pytest.mark.slow),
+])  # fmt: skip
+def test_builds_are_the_same_bytes_in_any_process_and_with_any_cache(name, kind, tmp_path):
+    here = rbfmu_fmu.build(scene(name), tmp_path / "another name.fmu", kind).read_bytes()
+    assert here == built(name, kind).read_bytes()
+    for seed, more in (("1", {}), ("2", {"NUMBA_CACHE_DIR": str(tmp_path)})):
+        again = build_elsewhere(tmp_path / f"{seed}.fmu", kind=kind, name=name, PYTHONHASHSEED=seed, **more)
+        assert again == hashlib.sha256(here).hexdigest()
 
 
 CPUS = {
@@ -235,19 +240,22 @@ def test_a_build_takes_what_is_kept(monkeypatch):
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("kind", ["native", "python"])
 @pytest.mark.parametrize("before", KILLED, ids=["before it is in place", "while it is written"])
-def test_a_killed_build_leaves_the_file_that_was_there(before, tmp_path):
+def test_a_killed_build_leaves_the_file_that_was_there(before, kind, tmp_path):
     path = tmp_path / "it.fmu"
     path.write_bytes(b"what was there")
-    assert build_elsewhere(path, before, kind="native") == -9
+    assert build_elsewhere(path, before, kind=kind) == -9
     assert path.read_bytes() == b"what was there"
+    assert build_elsewhere(path, kind=kind) == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert path.read_bytes() == built("prescribed", kind).read_bytes()
 
 
-@pytest.mark.thorough
-def test_a_build_that_fails_leaves_nothing(tmp_path, monkeypatch):
+@pytest.mark.parametrize("kind", [pytest.param("native", marks=pytest.mark.thorough), "python"])
+def test_a_build_that_fails_leaves_nothing(kind, tmp_path, monkeypatch):
     monkeypatch.setattr("os.replace", lambda *paths: (_ for _ in ()).throw(OSError(28, "disk full")))
     with pytest.raises(OSError, match="disk full"):
-        rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native")
+        rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -255,35 +263,35 @@ def test_a_build_that_fails_leaves_nothing(tmp_path, monkeypatch):
 
 
 @pytest.mark.thorough
-def test_the_command_builds_what_the_function_builds(tmp_path):
-    path = tmp_path / "it.fmu"
-    result = call("build", SCENES / "gyro_attitude.toml", "--native", "-o", path)
+@pytest.mark.parametrize("more", [{}, {"fmi": 3}], ids=["FMI 2.0", "FMI 3.0"])
+def test_the_command_builds_what_the_function_builds(more, tmp_path):
+    path, options = tmp_path / "it.fmu", [word for key, value in more.items() for word in (f"--{key}", value)]
+    result = call("build", SCENES / "gyro_attitude.toml", "--native", *options, "-o", path)
     assert (result.exit_code, result.stdout.strip()) == (0, str(path))
-    expected = rbfmu_fmu.build(scene("gyro_attitude"), tmp_path / "expected.fmu", "native")
+    expected = rbfmu_fmu.build(scene("gyro_attitude"), tmp_path / "expected.fmu", "native", **more)
     assert path.read_bytes() == expected.read_bytes()
     verified = call("verify", path)
     assert verified.exit_code == 0
-    assert "passed" in verified.stdout
+    assert verified.stdout.endswith("passed\n")
 
 
-@pytest.mark.parametrize(("options", "message"), [
-    (["--platform", "win64"], "--platform: expected --native"),
-    (["--native", "--platform", "amiga"], "platform 'amiga': expected one of linux64, win64"),
-])  # fmt: skip
-def test_bad_usage_is_one_message_and_status_2(options, message, tmp_path):
-    result = call("build", SCENES / "gyro_attitude.toml", "-o", tmp_path / "it.fmu", *options)
-    assert result.exit_code == 2
-    assert message in result.stderr
+def test_bad_usage_is_one_message_and_status_2(tmp_path):
+    for options, message in (
+        (["--platform", "win64"], "--platform: expected --native"),
+        (["--native", "--platform", "amiga"], "platform 'amiga': expected one of linux64, win64"),
+        (["--fmi", "3"], "--fmi 3: expected --native with it"),
+        (["--native", "--scalars"], "--scalars: expected --fmi 3 with it"),
+        (["--native", "--fmi", "1"], "'1' is not one of '2', '3'"),
+    ):
+        assert message in refused("build", SCENES / "gyro_attitude.toml", "-o", tmp_path / "it.fmu", *options)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_machine_without_compilers_gets_one_message(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(platforms, "find_spec", lambda name: None)
-    result = call("build", SCENES / "gyro_attitude.toml", "--native", "-o", tmp_path / "it.fmu")
-    assert result.exit_code == 2
-    assert 'pip install "rbfmu[native]"' in result.stderr
-    assert "Traceback" not in result.output
+    said = refused("build", SCENES / "gyro_attitude.toml", "--native", "-o", tmp_path / "it.fmu")
+    assert 'pip install "rbfmu[native]"' in said
 
 
 @pytest.mark.slow

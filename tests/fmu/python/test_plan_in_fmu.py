@@ -9,7 +9,8 @@ from tests.support.fmu.fmu_importer import ERROR, OK, Fmu
 from tests.support.fmu.fmus import unzipped_at
 from tests.support.references import reference_mp as reference
 
-KINDS = ("python", "native")
+pytestmark = pytest.mark.thorough
+KINDS = pytest.mark.parametrize("kind", ["python", "native"])
 NO_GRAVITY = {"gravity_a": [0.0, 0.0, 0.0]}
 SATELLITE = {"mass": 500.0, "inertia": [120.0, 150.0, 200.0]}
 RUN = {"stop": 20.0, "step": 0.5, "accuracy": 1e-9}
@@ -30,8 +31,7 @@ def made(scene, folder, kind):
 def started(fmu, spin):
     """An instance in initialisation, with another rate than the scene's."""
     instance = fmu.instance()
-    assert instance.setup() == OK
-    assert instance.enter() == OK
+    assert instance.setup() == instance.enter() == OK
     assert instance.set({f"omega_b_0[{i + 1}]": w for i, w in enumerate(spin)}) == OK
     return instance
 
@@ -40,8 +40,7 @@ def said(instance):
     return " ".join(message[-1].decode() for message in instance.log)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["native", pytest.param("python", marks=pytest.mark.thorough)])
+@KINDS
 def test_an_fmu_of_rates_alone_has_only_what_they_need(kind, tmp_path):
     fmu = made(spinning((0.1, 0.2, 0.4), ["omega_b"]), tmp_path, kind)
     assert {name.split("[")[0] for name in fmu.references} == {"inertia", "omega_b_0", "omega_b", "status"}
@@ -49,8 +48,7 @@ def test_an_fmu_of_rates_alone_has_only_what_they_need(kind, tmp_path):
     assert rbfmu_fmu.verify(tmp_path / f"{kind}.fmu").passed
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["native", pytest.param("python", marks=pytest.mark.thorough)])
+@KINDS
 def test_an_fmu_of_a_pushed_free_body_gives_the_kernels_bits(kind, tmp_path):
     tables = spinning((0.1, 0.2, 0.4), ["position"]).to_dict()
     tables["loads"]["force_b"] = [5.0, -3.0, 2.0]
@@ -58,8 +56,7 @@ def test_an_fmu_of_a_pushed_free_body_gives_the_kernels_bits(kind, tmp_path):
     assert rbfmu_fmu.verify(path).passed
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["native", pytest.param("python", marks=pytest.mark.thorough)])
+@KINDS
 def test_a_spin_off_the_principal_axis_is_refused_where_the_model_has_none(kind, tmp_path):
     instance = started(made(spinning(), tmp_path, kind), (0.1, 0.0, 0.4))
     assert instance.exit() >= ERROR
@@ -67,21 +64,18 @@ def test_a_spin_off_the_principal_axis_is_refused_where_the_model_has_none(kind,
     assert 'list "omega_b_0" under parameters in the scene\'s [inputs] to vary it' in said(instance)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["native", pytest.param("python", marks=pytest.mark.thorough)])
+@KINDS
 def test_another_spin_about_the_same_axis_is_served(kind, tmp_path):
     assert_right(started(made(spinning(), tmp_path, kind), (0.0, 0.0, -0.7)), (0.0, 0.0, -0.7))
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["native", pytest.param("python", marks=pytest.mark.thorough)])
+@KINDS
 def test_a_listed_spin_may_be_any(kind, tmp_path):
     fmu = made(spinning(parameters=["omega_b_0"]), tmp_path, kind)
     assert_right(started(fmu, (0.1, -0.2, 0.4)), (0.1, -0.2, 0.4))
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["native", pytest.param("python", marks=pytest.mark.thorough)])
+@KINDS
 def test_what_a_comparison_rests_on_is_held(kind, tmp_path):
     """A coning of some 1e-11 is dropped; so no rate may be changed, not even along the axis."""
     instance = started(made(spinning((1e-11, 0.0, 0.4)), tmp_path, kind), (1e-11, 0.0, 0.5))

@@ -76,7 +76,6 @@ def test_the_bodies_are_of_all_kinds():
     assert min(found.count(kind) for kind in (0.0, 3.0, -1.0)) >= 8
 
 
-@pytest.mark.thorough
 def test_each_body_may_have_times_of_its_own():
     moments, q_0, omega = bodies(20)
     t = np.random.default_rng(5).normal(size=(20, 3))
@@ -86,7 +85,6 @@ def test_each_body_may_have_times_of_its_own():
     np.testing.assert_array_equal(other[::-1], rates)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("shape", [(40, 1), (5, 8, 1)])
 def test_the_array_function_gives_the_same_bits_however_it_computes(shape):
     moments, q_0, omega = (a[:40] for a in bodies(60))
@@ -102,7 +100,6 @@ def test_the_array_function_gives_the_same_bits_however_it_computes(shape):
         np.testing.assert_array_equal(rates.reshape(40, -1, 3)[:, k], rate)
 
 
-@pytest.mark.thorough
 def test_moments_of_no_body_are_told_of_once():
     moments, q_0, omega = bodies(30)
     with pytest.warns(RuntimeWarning, match="of no body"):

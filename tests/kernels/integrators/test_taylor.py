@@ -127,23 +127,6 @@ def test_loads_that_their_series_carry_on_stay_true(order, tolerance):
         assert error <= 0.3 * tolerance * float(block(z, "substeps")[0])
 
 
-@pytest.mark.parametrize("inertia", [[1.0, 2.0, 2.5], [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]]])
-def test_body_axes_are_a_matter_of_choice(inertia):
-    """A body turned in its own axes by a right angle moves as before."""
-    P = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    M = np.diag(inertia) if np.ndim(inertia) == 1 else np.array(inertia)
-    ends = []
-    for Q in (np.eye(3), P):
-        scene = Scene(
-            body={"mass": 1.0, "inertia": (Q @ M @ Q.T).tolist()}, initial={"omega_b": (Q @ [1.0, 2.0, -1.0]).tolist()},
-            loads={"torque_b": (Q @ [0.1, -0.2, 0.3]).tolist(), "gravity_a": [0.0, 0.0, 0.0]}, run={"stop": 5.0},
-        )  # fmt: skip
-        z = unit_of(scene, 16, 1e-15)
-        assert LOADED_TAYLOR.step(z, 5.0) == OK
-        ends.append(Q.T @ block(z, "omega_b"))
-    np.testing.assert_allclose(ends[0], ends[1], atol=100 * EPS)
-
-
 def test_the_first_step_is_as_long_as_the_series_allow():
     """Not as a rule of thumb has it: few substeps for one second of slow motion, many of a fast one."""
     counts = []

@@ -6,7 +6,6 @@ import pytest
 import rbfmu
 from rbfmu_kernels.mechanics import spatial
 from tests.support.references import exact
-from tests.support.references.exact import EPS
 from tests.support.references.hard_cases import random_quaternions, random_vectors, rotation_matrices
 from tests.support.references.laws import Law
 
@@ -134,24 +133,3 @@ def test_inertia_times_twist_is_momentum_and_energy_at_any_point():
         twist = rbfmu.twist_at(twist_o, r)
         energy = 0.5 * twist @ rbfmu.spatial_inertia(mass, M_c, r_oc - r) @ twist
         np.testing.assert_allclose(energy, rbfmu.kinetic_energy(mass, M_c, v_c, omega), rtol=1e-12)
-
-
-def test_power_is_the_same_at_any_point():
-    *_, r_op, _ = a_body()
-    twist, wrench, r = np.array(SIX[0]), np.array(SIX[1]), np.linalg.norm(r_op)
-    (omega, v), (torque, force) = np.linalg.norm(np.reshape([twist, wrench], (2, 2, 3)), axis=2)
-    power = rbfmu.wrench_at(wrench, r_op) @ rbfmu.twist_at(twist, r_op)
-    size = torque * omega + force * (v + 2.0 * r * omega)  # of the terms that are added, which may cancel
-    np.testing.assert_allclose(power, wrench @ twist, rtol=0, atol=8.0 * EPS * size)
-    back = rbfmu.wrench_at(rbfmu.wrench_at(wrench, r_op), -r_op)
-    np.testing.assert_allclose(back, wrench, rtol=0, atol=4.0 * EPS * (torque + 2.0 * r * force))
-
-
-def test_a_transform_and_its_inverse_make_none():
-    for T, U in PAIRS[:20]:
-        back = np.array(spatial.transform_compose(spatial.transform_invert(T), T))
-        np.testing.assert_allclose(back, np.eye(4), atol=8.0 * EPS * (1.0 + np.linalg.norm(place(T))))
-        point = spatial.transform_point(spatial.transform_compose(T, U), (0.3, -1.0, 2.0))
-        two = spatial.transform_point(T, spatial.transform_point(U, (0.3, -1.0, 2.0)))
-        size = 3.0 + np.linalg.norm(place(T)) + np.linalg.norm(place(U))
-        np.testing.assert_allclose(point, two, atol=8.0 * EPS * size)

@@ -7,29 +7,23 @@ import numpy as np
 import pytest
 
 from rbfmu.runs.motion import attitude_error
-from rbfmu.runs.plan import Plan, filled_buffer, initialize
+from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels import free_rotation
-from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.numerics.elementary import relaxation
 from tests.support.references import reference_mp as reference
-
-EPS = 2.0**-52
-NO_GRAVITY = {"gravity_a": [0.0, 0.0, 0.0]}
-TURNED = {"rotvec": [0.3, -0.8, 0.5]}
+from tests.support.scenes.model_cases import EPS, NO_GRAVITY, TURNED, Unit
 
 
 def run(model, steps, **tables):
     """The unit's outputs after each of some steps, by name."""
     scene = Scene(**{"initial": {}, "loads": NO_GRAVITY} | tables)
-    plan = Plan(model, "", 0, tolerance=1e-17, order=16)
-    unit, z = plan.kernels, filled_buffer(scene, plan)
-    initialize(scene, unit, z)
+    unit = Unit(scene, Plan(model, "", 0, tolerance=1e-17, order=16))
     rows = []
     for h in steps:
-        assert unit.step(z, h) == OK
-        rows.append({n: z[unit.BLOCKS[n]].copy() for n in ("quaternion", "omega_b", "position", "velocity")})
-    return {n: np.array([row[n] for row in rows]) for n in rows[0]}, scene
+        unit.step(h)
+        rows.append({name: unit[name] for name in ("quaternion", "omega_b", "position", "velocity")})
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}, scene
 
 
 def start(scene):

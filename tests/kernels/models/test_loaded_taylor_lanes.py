@@ -144,21 +144,20 @@ def test_what_a_work_space_holds_from_before_changes_no_bit(kind, stale):
     np.testing.assert_array_equal(shown(advanced(8, z, steps, stale)[0]), expected)
 
 
-def test_short_steps_that_a_series_reaches_over_are_the_same_too():
-    assert_same(8, buffers_of(["a torque in b", "a heavy top"], 9), [0.01] * 40 + [5.0, 0.01, 0.02])
+TWO = ["a torque in b", "a heavy top"]
 
 
-@pytest.mark.parametrize("h", [0.1, 0.2, 0.3])
-def test_steps_in_which_a_series_ends_and_the_next_may_be_too_short_are_the_same_too(h):
-    assert_same(8, buffers_of(["a torque in b", "a heavy top"], 24, order=16), [h] * 12)
-
-
-def test_rates_alone_are_the_same_too():
-    assert_same(8, buffers_of(["a torque in b"], 9, outputs=["omega_b"]), [4.0, 2.0])
+@pytest.mark.parametrize(("kinds", "count", "settings", "steps"), [
+    (TWO, 9, {}, [0.01] * 40 + [5.0, 0.01, 0.02]),  # a series reaches over the short ones
+    *[(TWO, 24, {"order": 16}, [h] * 12) for h in (0.1, 0.2, 0.3)],  # one ends in a step, and the next may be too short
+    (TWO[:1], 9, {"outputs": ["omega_b"]}, [4.0, 2.0]),
+], ids=["short steps", "0.1 s", "0.2 s", "0.3 s", "rates alone"])  # fmt: skip
+def test_steps_of_any_size_and_rates_alone_are_the_same_too(kinds, count, settings, steps):
+    assert_same(8, buffers_of(kinds, count, **settings), steps)
 
 
 def test_inputs_that_change_within_a_step_are_the_same_too():
-    z = buffers_of(["a torque in b", "a heavy top"], 9)
+    z = buffers_of(TWO, 9)
     z[::3, BLOCKS["torque_b_rate"]] = 0.05, 0.1, -0.2
     z[1::3, BLOCKS["torque_a"]] = 0.05, 0.1, -0.2
     assert_same(8, z, [4.0, 2.0])

@@ -56,35 +56,6 @@ def test_round_off_in_the_importer_s_clock_changes_the_result_by_round_off():
     assert attitude_error(exact["quaternion"], shaky["quaternion"]) <= 40 * EPS
 
 
-def test_a_copy_of_the_buffer_is_a_snapshot():
-    unit = Unit(made(OFFSET, MOVING, LOADED)).step(0.5, 2)
-    snapshot = unit.z.copy()
-    first = unit.step(0.37, 3).z.copy()
-    unit.z[:] = snapshot
-    np.testing.assert_array_equal(unit.step(0.37, 3).z, first)
-
-
-@pytest.mark.parametrize("h", [0.0, -0.1, math.nan, math.inf, -math.inf, 1e300])
-def test_a_step_of_no_size_is_refused_and_changes_nothing(h):
-    unit, other = (Unit(made(OFFSET, MOVING, LOADED)).step(0.5) for _ in range(2))
-    assert_refused(unit, h)
-    np.testing.assert_array_equal(unit.step(0.5)["quaternion"], other.step(0.5)["quaternion"])
-
-
-@pytest.mark.parametrize(
-    ("port", "value"),
-    [("torque_b", [1e200, 1e200, 0.0]), ("torque_b", [math.nan, 0.0, 0.0]), ("force_a", [0.0, math.inf, 0.0])],
-)
-def test_a_step_out_of_the_numbers_is_refused_and_changes_nothing(port, value):
-    unit, other = (
-        Unit(made(OFFSET, MOVING, LOADED, inputs={"ports": ["torque_b", "force_a"]})).step(0.5) for _ in range(2)
-    )
-    unit[port] = value
-    assert_refused(unit, 1.0)
-    unit[port] = [0.0, 0.0, 0.0]
-    np.testing.assert_array_equal(unit.step(0.5)["quaternion"], other.step(0.5)["quaternion"])
-
-
 def scene_of(model):
     """The plainest scene that is planned as this model."""
     return {
@@ -108,10 +79,15 @@ def scene_of(model):
             GRAVITY | {"damping_b": [1.0, 0.0, 0.0]}),
         "body under loads, by series": lambda: made(TRIAXIAL, {}, NO_GRAVITY | {"torque_b": [0.1, 0.2, 0.3]}),
         "symmetric top": lambda: made(TOP, {"omega_b": [0.0, 0.0, 200.0], "attitude": LEANING}, GRAVITY, 1e-3),
+        "prescribed rates": lambda: made(None, {"attitude": TURNED}, inputs={"ports": ["omega_b"]}),
     }[model]()  # fmt: skip
 
 
-KICKS = Plan("symmetric top", "splitting of order 2", 7, substep=1e-3, order=2)
+def plan_of(model, **settings):
+    if model == "symmetric top":
+        return Plan(model, "splitting of order 2", 7, substep=1e-3, order=2)
+    return plan_by_hand(model, **settings)
+
 
 ANY_BODY = [
     (1, {"mass": 0.0}), (1, {"mass": -1.0}), (2, {"inertia": [1e308, 1e308, 1e308, 0.0, 0.0, 0.0]}),
@@ -155,12 +131,13 @@ FAULTY += [
     ("one swinging axis", 17, {"omega_b_0": [1.0, 1e-9, 0.0]}),
     ("torque-free symmetric body", 16, {"inertia": [1.0, 2.0, 2.5, 0.0, 0.0, 0.0]}),
     ("torque-free symmetric body", 11, {"constant_torque_b": [0.0, 1.0, 0.0]}),
+    *(("prescribed rates", 7, {"quaternion_0": [x, 0.0, 0.0, y]}) for x, y in ((0, 0), (math.nan, 1), (math.inf, 1))),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("model", "code", "values"), FAULTY)
 def test_initialize_refuses_what_its_model_cannot_be(model, code, values):
-    unit = Unit(scene_of(model), KICKS if model == "symmetric top" else plan_by_hand(model))
+    unit = Unit(scene_of(model), plan_of(model))
     for name, value in values.items():
         unit[name] = value
     with np.errstate(all="ignore"):
@@ -170,24 +147,65 @@ def test_initialize_refuses_what_its_model_cannot_be(model, code, values):
 AT_A_TURN = {
     "torque-free symmetric body": lambda: made({"mass": 1.0, "inertia": [2.0, 1.0, 2.0]}, MOVING),
     "torque-free body": lambda: made(TRIAXIAL, MOVING),
-    "body under loads, by series": lambda: made(OFFSET, MOVING, LOADED),
-    "prescribed rates": lambda: made(None, {"attitude": TURNED}, inputs={"ports": ["omega_b"]}),
+    "body under loads, by series": lambda: made(OFFSET, MOVING, LOADED, inputs={"ports": ["torque_b", "force_a"]}),
 }
 WITH_ATTITUDE = MODELS.keys() - {"no rotation", "angular momentum", "symmetric body spun up"}
+
+
+def turning(model):
+    """A unit whose body turns."""
+    scene = AT_A_TURN[model]() if model in AT_A_TURN else scene_of(model)
+    unit = Unit(scene, plan_of(model, substep=0.1, tolerance=1e-9))
+    if model == "prescribed rates":
+        unit["omega_b"] = [1.0, 0.3, -0.5]
+    return unit
 
 
 @pytest.mark.parametrize("model", some_of([*sorted(WITH_ATTITUDE)], 5))
 def test_the_quaternion_keeps_length_one(model):
     """To 4 eps at all times: scaled after each substep, or made anew from the start's at each step."""
-    scene = AT_A_TURN[model]() if model in AT_A_TURN else scene_of(model)
-    fitted = plan_by_hand(model, substep=0.1, tolerance=1e-9)
-    unit, random = Unit(scene, KICKS if model == "symmetric top" else fitted), np.random.default_rng(2)
+    unit, random = turning(model), np.random.default_rng(2)
     for k in range(300):
         if model == "prescribed rates":
             unit["omega_b"] = [1.0, math.sin(k), -0.5]
         unit.step(random.uniform(0.001, 0.1))
         assert abs(sum(Fraction(float(x)) ** 2 for x in unit["quaternion"]) - 1) <= 2 * 4 * EPS
     assert distance(unit["quaternion"], unit["quaternion_0"]) > 0.1  # it turned
+
+
+def test_a_copy_of_the_buffer_is_a_snapshot():
+    for model in sorted(WITH_ATTITUDE):
+        unit = turning(model).step(0.05, 2)
+        snapshot = unit.z.copy()
+        first = unit.step(0.037, 3).z.copy()
+        unit.z[:] = snapshot
+        np.testing.assert_array_equal(unit.step(0.037, 3).z, first, model)
+
+
+@pytest.mark.parametrize("h", [0.0, -0.1, math.nan, math.inf, -math.inf, 1e300])
+@pytest.mark.parametrize("model", ["body under loads, by series", "undamped pendulum", "prescribed rates"])
+def test_a_step_of_no_size_is_refused_and_changes_nothing(model, h):
+    unit, other = (turning(model).step(0.5) for _ in range(2))
+    if model == "prescribed rates":
+        unit["omega_b_rate"] = other["omega_b_rate"] = [0.7, 1.1, -0.6]
+    assert_refused(unit, h)
+    np.testing.assert_array_equal(unit.step(0.5)["quaternion"], other.step(0.5)["quaternion"])
+
+
+@pytest.mark.parametrize(("model", "port", "value", "h"), [
+    ("body under loads, by series", "torque_b", [1e200, 1e200, 0.0], 1.0),
+    ("body under loads, by series", "torque_b", [math.nan, 0.0, 0.0], 1.0),
+    ("body under loads, by series", "force_a", [0.0, math.inf, 0.0], 1.0),
+    ("prescribed rates", "omega_b", [0.0, math.nan, 0.0], 0.1),
+    ("prescribed rates", "omega_b", [0.0, math.inf, 0.0], 0.1),
+    ("prescribed rates", "omega_b", [0.0, 1e10, 0.0], 1e6),
+])  # fmt: skip
+def test_a_step_out_of_the_numbers_is_refused_and_changes_nothing(model, port, value, h):
+    unit, other = (turning(model).step(0.5) for _ in range(2))
+    unit[port] = value
+    assert_refused(unit, h)
+    unit[port] = other[port]
+    np.testing.assert_array_equal(unit.step(0.5)["quaternion"], other.step(0.5)["quaternion"])
 
 
 def test_every_fault_is_reached():

@@ -5,18 +5,16 @@ import math
 import mpmath as mp
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from rbfmu import rotate
 from rbfmu.planning.closed_forms import prescribed_rates_error
-from rbfmu.runs.motion import attitude_error
 from rbfmu.scene.scene import Scene
 from tests.support.references.free_rotation_mp import angle_to, compose
-from tests.support.scenes.model_cases import EPS, TURNED, Unit, assert_refused, distance
+from tests.support.scenes.model_cases import EPS, TURNED, Unit
 
 
-def prescribed(**initial):
-    return Unit(Scene(inputs={"ports": ["omega_b"]}, initial=initial))
+def prescribed(**run):
+    return Scene(inputs={"ports": ["omega_b"]}, initial={"attitude": TURNED}, **run)
 
 
 def turned(q, omega, t):
@@ -36,7 +34,7 @@ def start_of(unit):
 @pytest.mark.parametrize("h", [0.01, 0.7, 1e4])
 def test_prescribed_rates_turn_the_attitude_exactly(omega, h):
     """Against R(q_0) exp(skew(omega) t) in 40 digits: no error that grows with the steps or the angle (4e10 rad)."""
-    unit, steps = prescribed(attitude=TURNED), 1000
+    unit, steps = Unit(prescribed()), 1000
     unit["omega_b"] = omega
     unit.step(h, steps)
     with mp.workdps(40):
@@ -56,7 +54,7 @@ WAYS = {
 def test_rates_that_change_lose_what_the_plan_may_promise(way):
     """Some 0.5 eps a change at worst, where each turn is rounded alike."""
     steps, h = 300, 1.7
-    scene = Scene(inputs={"ports": ["omega_b"]}, initial={"attitude": TURNED}, run={"stop": steps * h, "step": h})
+    scene = prescribed(run={"stop": steps * h, "step": h})
     unit = Unit(scene)
     with mp.workdps(40):
         truth = start_of(unit)
@@ -67,47 +65,3 @@ def test_rates_that_change_lose_what_the_plan_may_promise(way):
         error = angle_to(unit["quaternion"], truth)
     assert error <= prescribed_rates_error(scene) <= 5e-13
     assert way != "about changing axes, always as fast" or error >= 0.1 * prescribed_rates_error(scene)
-
-
-def test_prescribed_rates_do_not_care_how_time_is_chopped():
-    whole, parts = prescribed(), prescribed()
-    whole["omega_b"] = parts["omega_b"] = [0.3, -0.2, 0.5]
-    whole.step(10.0)
-    parts.step(0.01, 1000)
-    assert distance(whole["quaternion"], parts["quaternion"]) <= 2 * EPS
-
-
-def test_prescribed_rates_may_change_at_each_step():
-    """Products of exact turns, as in q_0 exp(h_1 omega_1) exp(h_2 omega_2) ..."""
-    rng = np.random.default_rng(1)
-    unit, truth = prescribed(attitude=TURNED), Rotation.from_rotvec(TURNED["rotvec"])
-    for omega in rng.normal(size=(50, 3)):
-        unit["omega_b"] = omega
-        unit.step(0.25, 2)
-        truth = truth * Rotation.from_rotvec(0.5 * omega)
-    assert attitude_error(unit["quaternion"], truth.as_quat(scalar_first=True)) <= 40 * EPS
-
-
-def test_prescribed_rates_keep_the_quaternion_continuous():
-    """A full turn about z ends at -q."""
-    unit = prescribed()
-    unit["omega_b"] = [0.0, 0.0, 2.0 * math.pi]
-    unit.step(1.0 / 64.0, 64)
-    assert distance(unit["quaternion"], [-1.0, 0.0, 0.0, 0.0]) <= 2 * EPS
-
-
-@pytest.mark.parametrize(
-    ("rate", "h"),
-    [(math.nan, 0.1), (math.inf, 0.1), (1.0, 0.0), (1.0, -0.1), (1.0, math.nan), (1.0, math.inf), (1e10, 1e6)],
-)
-def test_prescribed_rates_refuse_what_leads_nowhere(rate, h):
-    unit = prescribed(attitude=TURNED)
-    unit["omega_b"] = [0.0, rate, 0.0]
-    assert_refused(unit, h)
-
-
-@pytest.mark.parametrize("bad", [[0.0] * 4, [math.nan, 0.0, 0.0, 1.0], [math.inf, 0.0, 0.0, 1.0]])
-def test_prescribed_rates_refuse_a_bad_quaternion(bad):
-    unit = prescribed()
-    unit["quaternion_0"] = bad
-    assert unit.kernels.initialize(unit.z) == 7

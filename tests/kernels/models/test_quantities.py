@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import fmpy
 import numpy as np
 import pytest
 
@@ -11,7 +10,6 @@ from rbfmu_kernels import quantities
 from rbfmu_kernels.body import memory
 from rbfmu_kernels.buffer import FAULTS, NEGATIVE
 from rbfmu_kernels.quantities import BY_NAME, NEEDS, OUTPUTS, UNITS, active_flags, indices, needing
-from tests.support.fmu.fmus import built
 
 
 def test_every_load_and_initial_value_of_a_scene_has_a_row_and_every_row_its_key() -> None:
@@ -42,23 +40,6 @@ def test_only_the_needs_of_active_outputs_are_flagged() -> None:
         assert flags[: len(OUTPUTS)] == [float(other is row) for other in OUTPUTS]
         assert flags[len(OUTPUTS) :] == [float(need in row.needs) for need in NEEDS]
     assert needing(*NEEDS) == {row.name for row in OUTPUTS}
-
-
-@pytest.mark.parametrize("kind", ["brick", "driven"])
-def test_angles_and_rates_have_display_units_that_are_defined(kind: str) -> None:
-    description = fmpy.read_model_description(str(built(kind)), validate=True)
-    defined = {
-        unit.name: {shown.name: shown.factor for shown in unit.displayUnits} for unit in description.unitDefinitions
-    }
-    assert defined["rad/s"] == {
-        "deg/s": pytest.approx(57.29577951308232),
-        "rpm": pytest.approx(60.0 / 6.283185307179586),
-    }
-    shown = {v.name: v.displayUnit for v in description.modelVariables if v.displayUnit}
-    units = {v.name: v.unit for v in description.modelVariables}
-    assert {v: units[v] for v in units if units[v] and units[v].startswith("rad")}.keys() == shown.keys()
-    assert all(name in defined[units[variable]] for variable, name in shown.items())
-    assert (shown["omega_b[1]"], shown["rpy[3]"]) == ("deg/s", "deg")
 
 
 def test_the_table_needs_neither_numba_nor_numpy() -> None:

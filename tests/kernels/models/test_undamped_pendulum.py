@@ -17,7 +17,7 @@ from tests.support.covering import some_of
 from tests.support.fmu.fmu_importer import ERROR, OK, Fmu
 from tests.support.fmu.fmus import unzipped_at
 from tests.support.references import reference_mp as reference
-from tests.support.scenes.model_cases import EPS, GRAVITY, NO_GRAVITY, TRIAXIAL, Unit, assert_refused
+from tests.support.scenes.model_cases import EPS, GRAVITY, NO_GRAVITY, TRIAXIAL, Unit
 
 MODEL = "undamped pendulum"
 RUN = {"stop": 8.0, "step": 0.5, "accuracy": 1e-12}
@@ -95,42 +95,12 @@ def test_an_attitude_of_any_length_swings_alike(factor):
     np.testing.assert_allclose(ends[1], ends[0], atol=16 * EPS)
 
 
-def test_output_rates_are_the_outputs_differences():
-    """Five points, order 4: error h^4 / 30 times the fifth derivative."""
-    scene = scene_of(HUNG, about(1, 0.4, -2.0), outputs={"quantities": ["quaternion", "omega_b", "alpha_b"]})
-    unit, h, rows = Unit(scene), 1e-3, []
-    for k in range(5):
-        rows.append({name: unit[name] for name in ("quaternion", "omega_b", "alpha_b")})
-        if k == 2:
-            assert unit.kernels.output_rates(unit.z) == 0
-            rates = {name: unit[f"d_{name}"] for name in rows[0]}
-        unit.step(h)
-    for name, rate in rates.items():
-        a, b, _, c, d = (row[name] for row in rows)
-        np.testing.assert_allclose(rate, (a - 8.0 * b + 8.0 * c - d) / (12.0 * h), rtol=1e-8, atol=1e-8)
-
-
-@pytest.mark.parametrize("h", [0.0, -0.1, math.nan, math.inf, 1e40])
-def test_a_step_that_leads_nowhere_is_refused_and_changes_nothing(h):
-    unit, other = (Unit(scene_of(HUNG, about(1, 0.4, -2.0))).step(0.5) for _ in range(2))
-    assert_refused(unit, h)
-    np.testing.assert_array_equal(unit.step(0.5)["quaternion"], other.step(0.5)["quaternion"])
-
-
 @pytest.mark.parametrize("rate", [-2.0, 7.0, -40.0])
 def test_the_quaternion_has_no_jumps_of_sign(rate):
     unit = Unit(scene_of(HUNG, about(1, 3.0, rate)))
     for _ in range(300):
         before = unit["quaternion"]
         assert unit.step(0.01)["quaternion"] @ before > 0.97
-
-
-def test_a_copy_of_the_memory_is_a_snapshot():
-    unit = Unit(scene_of(HUNG, about(1, 0.4, -2.0))).step(0.5)
-    saved = unit.z.copy()
-    first = unit.step(0.25, times=3)["quaternion"]
-    unit.z[:] = saved
-    np.testing.assert_array_equal(unit.step(0.25, times=3)["quaternion"], first)
 
 
 @pytest.mark.parametrize("steps", [1, 1024])

@@ -1,11 +1,9 @@
 """Laws of rotation matrices."""
 
 import itertools
-import math
 
 import numpy as np
 import pytest
-from hypothesis import given
 from scipy.spatial.transform import Rotation
 
 from rbfmu_kernels.rotations import matrix, vec3
@@ -13,15 +11,13 @@ from tests.support.covering import some_of
 from tests.support.references import exact
 from tests.support.references.exact import EPS, mp
 from tests.support.references.hard_cases import (
-    any_quaternion,
-    any_vector,
     quaternions,
     random_quaternions,
     random_vectors,
     rng,
     rotation_matrices,
 )
-from tests.support.references.laws import Law, up_to_sign
+from tests.support.references.laws import Law, norm_of_second, up_to_sign
 
 QUATERNIONS = quaternions() + random_quaternions(150)
 MATRICES = rotation_matrices(QUATERNIONS)
@@ -29,10 +25,6 @@ VECTORS = random_vectors(len(MATRICES))
 PAIRS = list(zip(MATRICES, MATRICES[::-1], strict=True))
 WITH_VECTORS = list(zip(MATRICES, VECTORS, strict=True))
 ANGLES = [(float(x),) for x in [*rng(21).uniform(-1e5, 1e5, 200), *(2 * mp.pi * n for n in range(0, 15_000, 99))]]
-
-
-def norm_of_second(_, v, *rest):
-    return exact.norm(v)
 
 
 def noisy(noise):
@@ -142,55 +134,6 @@ def test_nearest_rotation_of_rank_one_is_one_of_many_equally_near():
 
 def test_nearest_rotation_of_nothing_is_no_rotation():
     assert matrix.nearest_rotation(((0.0,) * 3,) * 3) == ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
-@given(any_vector, any_vector)
-def test_skew_times_vector_is_the_cross_product(v, u):
-    assert matrix.transform(vec3.skew(v), u) == pytest.approx(vec3.cross(v, u), rel=0.0, abs=1e-9)
-    assert vec3.unskew(vec3.skew(v)) == v
-
-
-@given(any_quaternion, any_quaternion)
-def test_matrices_compose_and_invert_as_a_group(q, p):
-    A, B = matrix.matrix_from_quaternion(q), matrix.matrix_from_quaternion(p)
-    AB = matrix.compose_matrices(A, B)
-    back = matrix.compose_matrices(matrix.invert_matrix(A), AB)
-    assert exact.error(back, exact.exact(B)) <= 8.0  # 2.5 eps in A^T A, 1 eps a product
-
-
-@given(any_quaternion)
-def test_a_rotation_matrix_is_orthogonal_and_right_handed(q):
-    a, b, c = matrix.matrix_from_quaternion(q)
-    assert exact.error(matrix.compose_matrices((a, b, c), matrix.invert_matrix((a, b, c))), exact.IDENTITY) <= 6.0
-    assert vec3.cross(a, b) == pytest.approx(c, rel=0.0, abs=6.0 * EPS)
-
-
-@given(any_quaternion, any_vector)
-def test_rotation_preserves_length(q, v):
-    rotated = matrix.transform(matrix.matrix_from_quaternion(q), v)
-    assert vec3.norm(rotated) == pytest.approx(vec3.norm(v), rel=8.0 * EPS)
-
-
-def test_the_frame_turns_and_the_vector_is_taken_to_the_outer_frame():
-    """R_ab takes b to a: a quarter turn about z takes b's x axis to a's y axis (sign conventions, spelled out)."""
-    R_ab = matrix.rotation_z(math.pi / 2)
-    assert matrix.transform(R_ab, (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0), abs=EPS)
-
-
-def test_angular_velocity_of_a_simple_rotation_is_its_rate_about_its_axis():
-    """The lecture's example: dR_x R_x^T = skew((dphi, 0, 0))."""
-    phi, dphi = 0.7, -1.3
-    s, c = math.sin(phi), math.cos(phi)
-    dR = ((0.0, 0.0, 0.0), (0.0, -s * dphi, -c * dphi), (0.0, c * dphi, -s * dphi))
-    assert matrix.omega_a_from_matrix_rate(matrix.rotation_x(phi), dR) == pytest.approx((dphi, 0.0, 0.0), abs=2 * EPS)
-
-
-@given(any_quaternion, any_vector)
-def test_rates_in_both_frames_are_one(q, omega_b):
-    R = matrix.matrix_from_quaternion(q)
-    omega_a = matrix.transform(R, omega_b)
-    size = 1.0 + vec3.norm(omega_b)
-    assert exact.error(matrix.matrix_rate_a(R, omega_a), exact.exact(matrix.matrix_rate_b(R, omega_b)), size) <= 8.0
 
 
 def test_scipy_agrees():

@@ -16,7 +16,7 @@ from numba import config
 import rbfmu
 import rbfmu_fmu
 from rbfmu_fmu.native.platforms import PLATFORMS
-from tests.support.command_line import call
+from tests.support.command_line import call, refused
 from tests.support.covering import some_of
 from tests.support.scenes.bad_scenes import BAD_SCENES, BadScene
 
@@ -60,10 +60,7 @@ def test_help_says_what_is_chosen_by_default(command: str, default: str) -> None
 def test_bad_scene_is_one_message_and_status_2(command: str, bad: BadScene, tmp_path: Path) -> None:
     path = tmp_path / "bad.toml"
     path.write_bytes(bad.content)
-    result = call(command, path, "-o", tmp_path / ("out.csv" if command == "run" else "out.fmu"))
-    assert result.exit_code == 2
-    assert bad.fragment in result.stderr
-    assert "Traceback" not in result.output
+    assert bad.fragment in refused(command, path, "-o", tmp_path / ("out.csv" if command == "run" else "out.fmu"))
     assert [p.name for p in tmp_path.iterdir()] == ["bad.toml"]
 
 
@@ -119,9 +116,8 @@ def test_a_bad_option_is_one_message_that_names_file_and_option(
     command: str, options: list[str], said: str, short: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(short.parent)
-    result = call(command, short, *options)
-    assert result.exit_code == 2
-    assert result.stderr.startswith(f"Error: {short} {said}")
+    message = refused(command, short, *options)
+    assert message.startswith(f"Error: {short} {said}")
     assert [p.name for p in short.parent.iterdir()] == ["short.toml"]
 
 
@@ -301,9 +297,7 @@ def test_run_saves_every_digit_and_draws(short: Path, tmp_path: Path) -> None:
 def test_a_target_that_cannot_be_written_is_refused_before_the_run(
     short: Path, tmp_path: Path, option: str, name: str
 ) -> None:
-    result = call("run", short, option, tmp_path / name)
-    assert result.exit_code == 2
-    assert "Error" in result.stderr
+    assert "Error" in refused("run", short, option, tmp_path / name)
 
 
 def test_build_writes_an_fmu_that_verify_passes(short: Path, tmp_path: Path) -> None:
@@ -344,19 +338,7 @@ def test_verify_refuses_what_is_no_fmu(content: bytes | None, tmp_path: Path) ->
     path = tmp_path / "bad.fmu"
     if content is not None:
         path.write_bytes(content)
-    result = call("verify", path)
-    assert result.exit_code == 2
-    assert "bad.fmu" in result.stderr
-    assert "Traceback" not in result.output
-
-
-def test_results_of_run_are_those_of_python(short: Path, tmp_path: Path) -> None:
-    call("run", short, "-o", tmp_path / "out.npz")
-    with np.load(tmp_path / "out.npz") as file:
-        saved = dict(file)
-    direct = rbfmu.simulate(rbfmu.load_scene(short))
-    assert np.array_equal(saved["quaternion"], direct.quaternion)
-    assert json.dumps(saved["time"].tolist()) == json.dumps(direct.time.tolist())
+    assert "bad.fmu" in refused("verify", path)
 
 
 @pytest.mark.parametrize("command", [["demo"], ["verify", "short.fmu"]])
@@ -366,9 +348,7 @@ def test_a_temporary_folder_that_crashes_pythonfmu_is_refused(
     monkeypatch.chdir(short.parent)
     call("build", short)
     monkeypatch.setattr("tempfile.tempdir", str(short.parent / "a+b"))
-    result = call(*command)
-    assert result.exit_code == 2
-    assert "TMPDIR" in result.stderr
+    assert "TMPDIR" in refused(*command)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="elsewhere no folder goes in which a process works")
@@ -379,14 +359,12 @@ def test_a_working_folder_that_is_gone_is_named(tmp_path: Path, monkeypatch: pyt
     monkeypatch.chdir(folder)
     folder.rmdir()
     monkeypatch.setattr("rbfmu.scene.scene.load_scene", os.path.abspath)
-    result = call("run", "scene.toml")
-    assert result.exit_code == 2
-    assert result.stderr.startswith("Error: the working folder, which is gone: ")
+    said = refused("run", "scene.toml")
+    assert said.startswith("Error: the working folder, which is gone: ")
 
 
 def test_a_run_that_memory_does_not_hold_is_refused_in_a_line(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """2026-11-29: a run of 1e8 steps, the most that a scene may ask for, ended in a traceback."""
     monkeypatch.setattr("rbfmu.runs.steps.Driven.course", lambda *_: np.empty((10**8, 10**8)))
-    result = call("run", short)
-    assert result.exit_code == 2
-    assert re.fullmatch(r"Error: memory: Unable to allocate .*: expected a longer run\.step, .*\n", result.stderr)
+    said = refused("run", short)
+    assert re.fullmatch(r"Error: memory: Unable to allocate .*: expected a longer run\.step, .*\n", said)

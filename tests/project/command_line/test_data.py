@@ -7,7 +7,7 @@ import pytest
 
 import rbfmu
 from rbfmu.cli_output import print_fit
-from tests.support.command_line import call
+from tests.support.command_line import call, refused
 
 SCENE = """
 [body]
@@ -115,7 +115,5 @@ def test_what_cannot_be_done_is_one_message_and_status_2(
     command, *rest = arguments
     monkeypatch.chdir(tmp_path)
     Path("bad.csv").write_text("time,omega_b[1],omega_b[2],omega_b[3]\n0,x,0,0\n", encoding="utf-8")
-    result = call(command, scene, *rest)
-    assert result.exit_code == 2
-    assert said in " ".join(result.output.split())
-    assert "Traceback" not in result.output
+    message = refused(command, scene, *rest)
+    assert said in " ".join(message.split())

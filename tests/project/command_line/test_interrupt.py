@@ -31,29 +31,20 @@ from rbfmu.__main__ import main
 sys.argv = ["rbfmu", *{arguments!r}]
 main()
 """
+FINDER = """
+class Finder:
+    def find_spec(name, path, target=None):
+        if name == "{module}":
+            {then}
+sys.meta_path.insert(0, Finder)
+"""
 STAGES = {
-    "imports": """
-class Finder:
-    def find_spec(name, path, target=None):
-        if name == "rbfmu.cli":
-            strike()
-sys.meta_path.insert(0, Finder)
-""",
+    "imports": FINDER.format(module="rbfmu.cli", then="strike()"),
     "parsing": "import click; click.Command.parse_args = strike",
-    "imports of a command": """
-class Finder:
-    def find_spec(name, path, target=None):
-        if name == "rbfmu.planning.select":
-            strike()
-sys.meta_path.insert(0, Finder)
-""",
-    "an exec that lets it through": """
-class Finder:
-    def find_spec(name, path, target=None):
-        if name == "rbfmu.planning.select":
-            exec("strike()", {"strike": strike})
-sys.meta_path.insert(0, Finder)
-""",
+    "imports of a command": FINDER.format(module="rbfmu.planning.select", then="strike()"),
+    "an exec that lets it through": FINDER.format(
+        module="rbfmu.planning.select", then="exec('strike()', {'strike': strike})"
+    ),
     "planning": "import rbfmu.planning.select; rbfmu.planning.select.plan = strike",
     "compiling": "import numba.core.typeinfer as t; t.TypeInferer.propagate = strike",
     "linking": """

@@ -9,12 +9,11 @@ import subprocess
 import sys
 
 import pytest
-from click.testing import CliRunner
 
 import rbfmu.__main__
 import rbfmu_fmu
 from rbfmu import on_disk, progress
-from rbfmu.cli import main
+from tests.support.command_line import call
 from tests.support.paths import ROOT, SCENES
 
 
@@ -44,7 +43,6 @@ def test_a_run_by_a_kept_plan_loads_only_what_it_needs(monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     code = """
 import sys
-from rbfmu.cli import main
 
 main(["run", sys.argv[1]], standalone_mode=False)
 print([m for m in sys.modules if m.split(".")[0] == "rich" or m == "numpy.ma"])
@@ -139,7 +137,7 @@ def scene(tmp_path, monkeypatch):
 
 
 def said(*arguments):
-    result = CliRunner().invoke(main, [str(a) for a in arguments])
+    result = call(*arguments)
     assert result.exit_code == 0, result.output
     return result.output
 
@@ -271,7 +269,7 @@ def test_where_nothing_can_be_written_it_is_planned_each_time(scene):
 
 def test_a_doubt_is_said_each_time(scene):
     scene.write_text("[body]\nmass = 50.0\ninertia = [1e4, 2e4, 2.5e4]  # kg cm2\n[run]\nstop = 1.0\nstep = 0.1\n")
-    results = [CliRunner().invoke(main, ["plan", str(scene)]) for _ in range(2)]
+    results = [call("plan", scene) for _ in range(2)]
     assert results[0].stderr.count("Warning") == 1
     assert results[1].stderr == results[0].stderr
     assert len(kept(scene)) == 1

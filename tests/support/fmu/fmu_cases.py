@@ -67,7 +67,7 @@ def refusals(folder):
     """Every way to be refused: what it answered and logged. Afterwards the instance, and others, go on."""
     fmu, found = imported(folder), {}
     expected = rows(folder)[0]
-    for name, (phase, wrong) in WRONGS.items():
+    for name, (phase, wrong, _) in WRONGS.items():
         instance = fmu.instance(name)
         if phase != "instantiated":
             assert instance.setup() == instance.enter() == OK
@@ -146,48 +146,61 @@ def _step(size, time=0.0):
 
 _INERTIA = [f"inertia[{pair}]" for pair in ("1,1", "2,2", "3,3", "1,2", "1,3", "2,3")]
 WRONGS = {
-    "start_time_nan": ("instantiated", lambda i: i.setup(math.nan) or i.enter()),
-    "start_time_infinite": ("instantiated", lambda i: i.setup(-math.inf) or i.enter()),
-    "mass_negative": ("initializing", _bad_parameters({"mass": -1.0})),
-    "mass_zero": ("initializing", _bad_parameters({"mass": 0.0})),
-    "inertia_triangle": ("initializing", _bad_parameters({"inertia[1,1]": 9.0})),
-    "inertia_negative": ("initializing", _bad_parameters({"inertia[2,2]": -1.0})),
-    "inertia_indefinite": ("initializing", _bad_parameters({"inertia[1,2]": 100.0})),
-    "inertia_zero": ("initializing", _bad_parameters(dict.fromkeys(_INERTIA, 0.0))),
-    "quaternion_zero": ("initializing", _bad_parameters({f"quaternion_0[{i}]": 0.0 for i in (1, 2, 3, 4)})),
-    "damping_negative": ("initializing", _bad_parameters({"damping_b[1]": -0.1})),
-    "parameter_nan": ("initializing", _set({"mass": math.nan})),
-    "parameter_infinite": ("instantiated", _set({"gravity_a[3]": -math.inf})),
-    "input_nan": ("stepping", _set({"torque_b[2]": math.nan})),
-    "all_inputs_nan": ("stepping", lambda i: i.set(dict.fromkeys(i.fmu.by_causality["input"], math.nan))),
-    "input_infinite": ("stepping", _set({"force_a[1]": math.inf})),
-    "parameter_while_stepping": ("stepping", _set({"mass": 3.0})),
-    "start_while_stepping": ("stepping", _set({"omega_b_0[1]": 3.0})),
-    "input_and_parameter": ("stepping", _set({"torque_b[1]": 1.0, "mass": 3.0})),
-    "output": ("stepping", _set({"omega_b[1]": 3.0})),
-    "output_at_first": ("instantiated", _set({"position[2]": 3.0})),
-    "get_unknown": ("stepping", lambda i: i.get_references([0, NO_REFERENCE])[0]),
-    "get_just_above": ("stepping", lambda i: i.get_references([i.fmu.references["status"]])[0]),
-    "get_output_at_first": ("instantiated", lambda i: i.get_references([i.fmu.references["position[2]"]])[0]),
-    "set_unknown": ("stepping", lambda i: i.set_references([0, NO_REFERENCE], [5.0, 5.0])),
-    "get_integer_unknown": ("stepping", lambda i: i.get_integer(0)[0]),
-    "step_zero": ("stepping", _step(0.0)),
-    "step_negative": ("stepping", _step(-0.01)),
-    "step_nan": ("stepping", _step(math.nan)),
-    "step_infinite": ("stepping", _step(math.inf)),
-    "step_minus_infinite": ("stepping", _step(-math.inf)),
-    "time_nan": ("stepping", _step(0.01, math.nan)),
-    "step_out_of_reach": ("stepping", _step(1e300)),
-    "step_before_initialisation": ("instantiated", _step(0.01)),
-    "step_in_initialisation": ("initializing", _step(0.01)),
-    "enter_twice": ("stepping", lambda i: i.enter()),
-    "exit_twice": ("stepping", lambda i: i.exit()),
-    "exit_before_enter": ("instantiated", lambda i: i.exit()),
-    "state_of_no_bytes": ("stepping", lambda i: i.deserialized(b"")[0]),
-    "state_too_short": ("stepping", lambda i: i.deserialized(i.serialized(i.state())[:-1])[0]),
-    "state_too_long": ("stepping", lambda i: i.deserialized(i.serialized(i.state()) + b"\0")[0]),
-    "state_with_a_bit_wrong": ("stepping", lambda i: i.deserialized(_bit_wrong(i.serialized(i.state())))[0]),
-}
+    "start_time_nan": ("instantiated", lambda i: i.setup(math.nan) or i.enter(),
+        "start time = nan: expected a finite number"),
+    "start_time_infinite": ("instantiated", lambda i: i.setup(-math.inf) or i.enter(),
+        "start time = -inf: expected a finite number"),
+    "mass_negative": ("initializing", _bad_parameters({"mass": -1.0}), "mass = -1.0"),
+    "mass_zero": ("initializing", _bad_parameters({"mass": 0.0}), "mass = 0.0"),
+    "inertia_triangle": ("initializing", _bad_parameters({"inertia[1,1]": 9.0}), "inertia[1,1] = 9.0"),
+    "inertia_negative": ("initializing", _bad_parameters({"inertia[2,2]": -1.0}), "inertia[2,2] = -1.0"),
+    "inertia_indefinite": ("initializing", _bad_parameters({"inertia[1,2]": 100.0}), "inertia[1,2] = 100.0"),
+    "inertia_zero": ("initializing", _bad_parameters(dict.fromkeys(_INERTIA, 0.0)), "inertia[1,1] = 0.0"),
+    "quaternion_zero": ("initializing", _bad_parameters({f"quaternion_0[{i}]": 0.0 for i in (1, 2, 3, 4)}),
+        "quaternion_0[1] = 0.0"),
+    "damping_negative": ("initializing", _bad_parameters({"damping_b[1]": -0.1}), "damping_b[1] = -0.1"),
+    "parameter_nan": ("initializing", _set({"mass": math.nan}), "mass = nan"),
+    "parameter_infinite": ("instantiated", _set({"gravity_a[3]": -math.inf}), "gravity_a[3] = -inf"),
+    "input_nan": ("stepping", _set({"torque_b[2]": math.nan}), "torque_b[2] = nan"),
+    "all_inputs_nan": ("stepping", lambda i: i.set(dict.fromkeys(i.fmu.by_causality["input"], math.nan)),
+        "force_a[1] = nan"),
+    "input_infinite": ("stepping", _set({"force_a[1]": math.inf}), "force_a[1] = inf"),
+    "parameter_while_stepping": ("stepping", _set({"mass": 3.0}), "parameter mass cannot be set while stepping"),
+    "start_while_stepping": ("stepping", _set({"omega_b_0[1]": 3.0}),
+        "parameter omega_b_0[1] cannot be set while stepping"),
+    "input_and_parameter": ("stepping", _set({"torque_b[1]": 1.0, "mass": 3.0}),
+        "parameter mass cannot be set while stepping"),
+    "output": ("stepping", _set({"omega_b[1]": 3.0}), "output omega_b[1] cannot be set while stepping"),
+    "output_at_first": ("instantiated", _set({"position[2]": 3.0}),
+        "output position[2] cannot be set before initialisation"),
+    "get_unknown": ("stepping", lambda i: i.get_references([0, NO_REFERENCE])[0],
+        "value reference 4294967295 is no Real"),
+    "get_just_above": ("stepping", lambda i: i.get_references([i.fmu.references["status"]])[0], "status is no Real"),
+    "get_output_at_first": ("instantiated", lambda i: i.get_references([i.fmu.references["position[2]"]])[0],
+        "outputs have no values before initialisation"),
+    "set_unknown": ("stepping", lambda i: i.set_references([0, NO_REFERENCE], [5.0, 5.0]),
+        "value reference 4294967295 is no Real"),
+    "get_integer_unknown": ("stepping", lambda i: i.get_integer(0)[0], "force_a[1] is no Integer"),
+    "step_zero": ("stepping", _step(0.0), "by 0.0 s refused"),
+    "step_negative": ("stepping", _step(-0.01), "by -0.01 s refused"),
+    "step_nan": ("stepping", _step(math.nan), "by nan s refused"),
+    "step_infinite": ("stepping", _step(math.inf), "by inf s refused"),
+    "step_minus_infinite": ("stepping", _step(-math.inf), "by -inf s refused"),
+    "time_nan": ("stepping", _step(0.01, math.nan), "from t = nan"),
+    "step_out_of_reach": ("stepping", _step(1e300), "by 1e+300 s refused"),
+    "step_before_initialisation": ("instantiated", _step(0.01), "no step can be taken before initialisation"),
+    "step_in_initialisation": ("initializing", _step(0.01), "no step can be taken in initialisation"),
+    "enter_twice": ("stepping", lambda i: i.enter(), "initialisation cannot begin while stepping"),
+    "exit_twice": ("stepping", lambda i: i.exit(), "initialisation cannot end while stepping"),
+    "exit_before_enter": ("instantiated", lambda i: i.exit(), "initialisation cannot end before initialisation"),
+    "state_of_no_bytes": ("stepping", lambda i: i.deserialized(b"")[0], "no state of this FMU"),
+    "state_too_short": ("stepping", lambda i: i.deserialized(i.serialized(i.state())[:-1])[0], "no state of this FMU"),
+    "state_too_long": ("stepping", lambda i: i.deserialized(i.serialized(i.state()) + b"\0")[0],
+        "no state of this FMU"),
+    "state_with_a_bit_wrong": ("stepping", lambda i: i.deserialized(_bit_wrong(i.serialized(i.state())))[0],
+        "no state of this FMU"),
+}  # fmt: skip
+"""By name: the phase of an instance, a call that is wrong in it, and a part of what is said."""
 
 
 def _bit_wrong(content):
@@ -263,14 +276,17 @@ def released_at_exit(folder, place):
     return True
 
 
-def cycles(folder):
-    """Growth in MB of a process over 1000 lives of an instance."""
+def cycles(folder, lives="1000"):
+    """Growth in MB of a process over lives of an instance, of which each is used, later on every tenth."""
     fmu = imported(folder)
-    for k in range(1000):
-        instance = fmu.started()
-        assert instance.step(0.0, H) == OK
+    for k in range(int(lives)):
+        instance = fmu.instance()
+        if k < 1000 or k % 10 == 0:
+            instance.start()
+            assert instance.step(0.0, H) == OK
+            assert k % 10 or instance.deserialized(instance.serialized(instance.state()))[0] == OK
         instance.free()
-        if k == 50:  # after what is done once
+        if k == int(lives) // 20:  # after what is done once
             before, counts = _megabytes(), _import_system()
     assert _import_system() == counts
     return _megabytes() - before
@@ -332,7 +348,7 @@ def closed_stderr(folder):
         sys.stderr = stderr
         if stderr is sys.__stderr__:
             os.close(2)
-        for name, (phase, wrong) in WRONGS.items():
+        for name, (phase, wrong, _) in WRONGS.items():
             if phase == "stepping":
                 instance = fmu.started(name=name)
                 statuses.append(wrong(instance))

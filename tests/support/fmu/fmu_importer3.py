@@ -120,20 +120,14 @@ class Instance3(Instance):
 
     def set(self, values):
         """Floats by name, in one call: the other elements of an array keep their values."""
-        references, complete = self._needed(values), []
-        for reference in references:
-            complete += self.get_references([reference], quietly=True)[1]
-        start = dict(zip(references, self._starts(references), strict=True))
-        for name, value in values.items():
-            for k in self.fmu.places[name]:
-                complete[start[self.fmu.references[name]] + k] = value
-        return self.set_references(references, complete)
+        before = [x for one in self._needed(values) for x in self.get_references([one], quietly=True)[1]]
+        return self.set_all(values, before)
 
-    def set_all(self, values):
+    def set_all(self, values, before=None):
         """The same without reading first, which intermediate updates do not allow; other elements become 0."""
         references = self._needed(values)
         start = dict(zip(references, self._starts(references), strict=True))
-        complete = [0.0] * sum(self.fmu.sizes[r] for r in references)
+        complete = before or [0.0] * sum(self.fmu.sizes[r] for r in references)
         for name, value in values.items():
             for k in self.fmu.places[name]:
                 complete[start[self.fmu.references[name]] + k] = value

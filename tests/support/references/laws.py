@@ -48,3 +48,13 @@ class Law:
 def up_to_sign(value: Any, truth: Any, scale: Any) -> float:
     """q and -q are one rotation; u and -u one half turn."""
     return min(exact.error(value, truth, scale), exact.error(value, [-t for t in exact.flat(truth)], scale))
+
+
+def norm_of_second(_: Any, v: Any, *rest: Any) -> Any:
+    """The scale of what turns the second argument."""
+    return exact.norm(v)
+
+
+def length(v: Any) -> Any:
+    """The scale of a vector that may be zero."""
+    return exact.norm(v) or 1

@@ -60,11 +60,11 @@ def communication_points(scene: Scene) -> list[float]:
     return [float(t) for t in scene.run.grid()[1:]]
 
 
-def prescribed_attitudes() -> list[list[float]]:
-    """dq/dt = q o (0, omega) / 2 by Taylor series, omega a polynomial in each step."""
+def prescribed_attitudes(pieces: Any = PRESCRIBED) -> list[list[float]]:
+    """dq/dt = q o (0, omega) / 2 by Taylor series, in each piece (length, omega, its first, its second derivative)."""
     with mp.workdps(reference_mp.DIGITS):
         q, found = [mp.mpf(1), mp.mpf(0), mp.mpf(0), mp.mpf(0)], []
-        for h, *polynomial in PRESCRIBED:
+        for h, *polynomial in pieces:
             w = [[mp.mpf(x) / mp.factorial(k) for x in row] for k, row in enumerate(polynomial)]
             terms = [q]
             for n in range(160):
