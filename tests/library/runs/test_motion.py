@@ -31,6 +31,8 @@ def test_the_largest_error_is_the_worst_of_all_quantities_relative_to_the_larges
         ("velocity", np.array([[math.nan, 0.0, 0.0]]), math.inf), ("velocity", motion["velocity"], 0.0),
     ]:  # fmt: skip
         assert largest_error(motion | {name: value}, motion, motion) == pytest.approx(error, rel=8 * EPS)
+    still = {"omega_b": np.zeros((1, 3))}
+    assert largest_error({"omega_b": np.eye(1, 3)}, still, still) == 1.0
 
 
 def test_only_positions_and_velocities_count_by_metres_where_sizes_vary():
