@@ -45,6 +45,9 @@ def test_what_can_be_read_but_once_is_read_with_quotes_too():
 @pytest.mark.parametrize(("text", "said"), [
     ("time,x\n0,1#2\n", r'x = "1#2" in row 1: expected a number'),
     ("time,x\n0,1 two\n", r'x = "1 two" in row 1: expected a number'),
+    ("time,x\n0,1_0\n", r'x = "1_0" in row 1: expected a number'),
+    ("time,x\n0,\u0661\n", r'x = ".*" in row 1: expected a number'),
+    ("time,x\n0\n", "row 1 has 1 cells: expected 2, as many as the header"),
     ("time,x\n0,1 2\n0,1 2,3\n", r"row 2 has 3 cells: expected 2, as many as the header"),
     ("time\tx\n0\t1\n", "expected it in the header, with commas between columns, not time\tx"),
     ("x\n1\n", "expected it in the header, not x"),

@@ -17,11 +17,13 @@ def csv_of(tmp_path, text):
 
 
 W = "time,omega_b[1],omega_b[2],omega_b[3]\n"
+SCENE = rbfmu.Scene(
+    body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]}, run={"stop": 4.0, "step": 0.5}
+)
 
 
 @pytest.mark.parametrize(("text", "said"), [
     ("", "column 'time' is missing"),
-    ("a,b\n1,2\n", "column 'time' is missing"),
     ("time,time\n1,2\n", "each column once"),
     (W, "expected at least two finite times"),
     (W + "0,1,2,3\n", "at least two finite times"),
@@ -40,18 +42,15 @@ W = "time,omega_b[1],omega_b[2],omega_b[3]\n"
     ("time,quaternion[1],quaternion[2],quaternion[3],quaternion[4]\n0,2,0,0,0\n1,1,0,0,0\n", "has length 2"),
     (W + "0,nan,2,3\nnan,1,2,3\n", "time = nan in row 2, after 0.0: expected finite times"),
     (W + "0,1,2,3\n1,1,2,3\n1,1,2,3\n", "time = 1.0 in row 3, after 1.0: expected finite times"),
-    (W + "0,1,2,3\n", "expected at least two finite times"),
     ("time;omega_b[1]\n0;1\n1;1\n", "column 'time' is missing"),
     (W + "0,1,2,3\n1,1,,\n", "data: 4 numbers: expected at least 7, more than"),
 ])  # fmt: skip
 def test_bad_tables_are_refused_by_one_message(tmp_path, text, said):
-    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [1.0, 0.1, 0.2]})
     with pytest.raises(ValueError, match=said):
-        rbfmu.fit(scene, csv_of(tmp_path, text), ["body.inertia", "initial.omega_b"])
+        rbfmu.fit(SCENE, csv_of(tmp_path, text), ["body.inertia", "initial.omega_b"])
 
 
 def test_derivatives_of_what_is_left_of_an_attitude_hold_for_large_turns():
-    """2026-11-29: no test found a wrong sign of the part that grows with the turn; near a fit it is next to nothing."""
     rng, step = np.random.default_rng(5), 1e-6
     run, data = (rbfmu.normalize(rng.normal(size=(9, 4))) for _ in range(2))
     slopes = rng.normal(size=(9, 3, 2))
@@ -70,8 +69,7 @@ def test_a_run_s_own_result_serves_as_data(tmp_path):
 
     As a Dataset of xarray's, whose time is a coordinate, it ended in a KeyError; a DataFrame was refused.
     """
-    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
-                        outputs={"quantities": ["quaternion", "rpy"]}, run={"stop": 4.0, "step": 0.5})  # fmt: skip
+    scene = SCENE.replace({"outputs.quantities": ["quaternion", "rpy"]})
     run, guess = rbfmu.simulate(scene), scene.replace({"initial.omega_b": [0.0, 0.25, 0.3]})
     run.save(tmp_path / "run.csv")
     gaps = {"time": run.time, "quaternion": run.quaternion.copy(), "rpy": run.rpy.copy()}
@@ -84,19 +82,17 @@ def test_a_run_s_own_result_serves_as_data(tmp_path):
 
 
 def test_a_dataframe_with_faults_is_refused_as_a_file_is():
-    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]})
-    table = rbfmu.simulate(scene).to_dataframe()[["omega_b[1]", "omega_b[3]"]]
+    table = rbfmu.simulate(SCENE).to_dataframe()[["omega_b[1]", "omega_b[3]"]]
     with pytest.raises(ValueError, match=r"data: omega_b\[2\] is missing"):
-        rbfmu.fit(scene, table, ["initial.omega_b"])
+        rbfmu.fit(SCENE, table, ["initial.omega_b"])
     with pytest.raises(ValueError, match="data: expected a file, a Result, a DataFrame, or a mapping"):
-        rbfmu.fit(scene, table.iloc[:0, :0].reset_index(drop=True), ["initial.omega_b"])
+        rbfmu.fit(SCENE, table.iloc[:0, :0].reset_index(drop=True), ["initial.omega_b"])
 
 
 def test_what_an_importer_writes_of_an_fmu_is_data(tmp_path):
     """FMPy writes all outputs: `status` was refused, and so were counts and times of events, and states."""
-    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
-                        states={"wheel": {"start": [0, 0, 0], "rate": "omega_b"}},
-                        loads={"torque_b": "-0.01*wheel"}, events={"slow": "omega_b[1]"})  # fmt: skip
+    wheel = {"start": [0, 0, 0], "rate": "omega_b"}
+    scene = SCENE.replace({"states.wheel": wheel, "loads.torque_b": "-0.01*wheel", "events.slow": "omega_b[1]"})
     others = "slow_time,wheel[1],wheel[2],wheel[3],status,slow_count"
     rows = "".join(f"{t},0.1,0.2,0.3,0,0,0,0,0,0\n" for t in range(3))
     path = csv_of(tmp_path, f"{W[:-1]},{others}\n{rows}")
@@ -105,9 +101,8 @@ def test_what_an_importer_writes_of_an_fmu_is_data(tmp_path):
 
 def test_arrays_of_a_file_are_data_with_own_outputs_and_gaps(tmp_path):
     """Outputs of one's own were left out of an .npz, and gaps refused; a CSV has both."""
-    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
-                        outputs={"quantities": ["kinetic_energy"], "spin": "norm(omega_b)"},
-                        events={"slow": "omega_b[1]"}, run={"stop": 4.0, "step": 0.5})  # fmt: skip
+    outputs = {"quantities": ["kinetic_energy"], "spin": "norm(omega_b)"}
+    scene = SCENE.replace({"events.slow": "omega_b[1]"}, outputs=outputs)
     rbfmu.simulate(scene).save(tmp_path / "run.npz")
     guess = scene.replace({"initial.omega_b": [0.1, 0.2, 0.2]})
     assert rbfmu.fit(guess, tmp_path / "run.npz", ["initial.omega_b[3]"]).measured.count == 18
@@ -119,9 +114,8 @@ def test_arrays_of_a_file_are_data_with_own_outputs_and_gaps(tmp_path):
 
 
 def test_roll_pitch_and_yaw_are_the_attitude_where_no_quaternion_is():
-    scene, rpy = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}), np.array([0.4, -0.7, 1.1])
-    quaternion = [[0.0, 1.0, 0.0, 0.0], [np.nan, 1.0, 0.0, 0.0]]
-    found = read_measured(scene, {"time": [0.0, 1.0], "rpy": [rpy, rpy], "quaternion": quaternion})
+    rpy, quaternion = np.array([0.4, -0.7, 1.1]), [[0.0, 1.0, 0.0, 0.0], [np.nan, 1.0, 0.0, 0.0]]
+    found = read_measured(SCENE, {"time": [0.0, 1.0], "rpy": [rpy, rpy], "quaternion": quaternion})
     turned = rbfmu.quaternion_from_euler("ZYX", rpy[::-1])
     np.testing.assert_allclose(found.values["quaternion"], [quaternion[0], turned], rtol=1e-15)
 
@@ -129,8 +123,7 @@ def test_roll_pitch_and_yaw_are_the_attitude_where_no_quaternion_is():
 @pytest.mark.skipif(not os.path.exists("/dev/fd"), reason="needs pipes that have paths")
 def test_inputs_of_a_fit_are_read_once(tmp_path):
     """They were read at each try: a pipe was empty then."""
-    scene = rbfmu.Scene(body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.1, 0.2, 0.3]},
-                        inputs={"ports": ["torque_b"]}, run={"stop": 4.0, "step": 0.5})  # fmt: skip
+    scene = SCENE.replace({"inputs.ports": ["torque_b"]})
     table = csv_of(tmp_path, "time,torque_b[1],torque_b[2],torque_b[3]\n0,0.1,0,0\n2,0,0.2,0\n")
     run, guess = rbfmu.simulate(scene, inputs=table), scene.replace({"initial.omega_b": [0.0, 0.25, 0.3]})
     reading, writing = os.pipe()

@@ -29,6 +29,7 @@ DEAR = (
 CHEAP = (
     *(f"tests/kernels/integrators/test_{part}.py" for part in ("dense_output", "free_series")),
     *(f"tests/kernels/models/test_{part}.py" for part in ("model_shell", "outputs", "undamped_pendulum")),
+    *(f"tests/library/planning/test_no_more_than_needed.py::test_{part}" for part in ("thrust_that", "the_angular")),
     *(f"tests/library/studies/test_{part}.py" for part in ("chart_files", "own_method")),
     "tests/fmu/test_demo.py", "tests/fmu/test_model_description.py",
     *(f"tests/fmu/python/test_fmu_traps.py::test_{part}" for part in ("refusal", "a_start_time")),

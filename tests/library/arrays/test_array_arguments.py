@@ -158,12 +158,6 @@ def test_out_may_have_further_leading_axes():
         rbfmu.rotate(Q, V[0], out=out, casting="bold")
 
 
-def test_array_functions_are_documented():
-    for name, function in ARRAY_FUNCTIONS.items():
-        assert function.__name__ == name
-        assert function.__doc__
-
-
 @pytest.mark.parametrize("name", [*ARRAY_FUNCTIONS, "check_inertia", "inertia_of_points"])
 def test_array_functions_go_to_other_processes(name):
     function = getattr(rbfmu, name)
@@ -214,13 +208,10 @@ def test_signatures_name_the_arguments(name):
     assert all(p.annotation is inspect.Parameter.empty for p in parameters.values())
 
 
-def test_out_goes_with_names():
+def test_an_attitude_may_be_given_by_name_without_its_frames():
     out = np.empty((100, 3))
     assert rbfmu.rotate(q_ab=Q, v_b=V, out=out) is out
-    assert (out == rbfmu.rotate(Q, V)).all()
-
-
-def test_an_attitude_may_be_given_by_name_without_its_frames():
+    np.testing.assert_array_equal(out, rbfmu.rotate(Q, V))
     np.testing.assert_array_equal(rbfmu.euler_from_matrix("ZYX", R=R), rbfmu.euler_from_matrix("ZYX", R))
     np.testing.assert_array_equal(rbfmu.euler_from_quaternion(seq="zxz", q=Q), rbfmu.euler_from_quaternion("zxz", Q))
     np.testing.assert_array_equal(rbfmu.rotate(v_b=V, q=Q), rbfmu.rotate(Q, V))

@@ -43,9 +43,8 @@ def test_singular_euler_rates_warn_of_gimbal_lock(rate, omega):
         warnings.simplefilter("error")
         expected = function("ZYX", angles, omega)
     angles[60, 1] = math.pi / 2
-    text = (
-        rf"{rate}: some of these Euler angles ZYX are in gimbal lock \(\|det E\| < 4 eps: the middle angle is -90 or 90"
-    )
+    said = r"are in gimbal lock \(\|det E\| < 4 eps: the middle angle is -90 or 90"
+    text = f"{rate}: some of these Euler angles ZYX {said}"
     with pytest.warns(RuntimeWarning, match=text) as record:
         rates = function("ZYX", angles, omega)
     assert [w.filename for w in record] == [__file__]
@@ -61,12 +60,6 @@ def test_singular_rotation_vector_rates_warn_of_the_full_turn():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         rbfmu.rotvec_rate_a([0.0, 0.0, 0.0], V[0])
-
-
-@pytest.mark.parametrize("t", [1.0, [1.0, 2.0]])
-def test_moments_of_no_body_warn_of_the_moments(t):
-    with pytest.warns(RuntimeWarning, match="free_rotation: some of these moments are of no body"):
-        assert np.isnan(rbfmu.free_rotation([1.0, 2.0, -1.0], Q[0], V[0], t)[1]).all()
 
 
 def test_numpy_s_error_state_rules_the_warning():
@@ -119,9 +112,8 @@ def test_euler_angles_of_a_pole_warn(seq, pole):
         rotations = getattr(rbfmu, f"{to}_from_euler")(seq, angles)
         expected = of(seq, rotations)
         rotations[60] = getattr(rbfmu, f"{to}_from_euler")(seq, pole)
-        with pytest.warns(
-            RuntimeWarning, match=f"{of.__name__}: some of these rotations are at a pole of {seq}"
-        ) as record:
+        said = f"{of.__name__}: some of these rotations are at a pole of {seq}"
+        with pytest.warns(RuntimeWarning, match=said) as record:
             found = of(seq, rotations)
         assert [w.filename for w in record] == [__file__]
         assert found[60, 2] == 0.0

@@ -59,18 +59,6 @@ def test_rates_are_derivatives_of_the_attitude():
     np.testing.assert_allclose(difference, spline.alpha_b(t), atol=1e-4)
 
 
-def test_it_is_the_same_in_other_frames():
-    """A turn of a and a turn of b: attitudes are composed, rates are turned with b."""
-    p, r = rbfmu.normalize([0.3, -0.2, 0.5, 0.7]), rbfmu.normalize([0.9, 0.1, -0.4, 0.2])
-    spline = spline_of(33)
-    q = rbfmu.compose_quaternions(p, rbfmu.compose_quaternions(motion(spline.times)[0], r))
-    other = rbfmu.attitude_spline(spline.times, q)
-    expected = rbfmu.compose_quaternions(p, rbfmu.compose_quaternions(spline(BETWEEN), r))
-    assert rbfmu.angle_between(other(BETWEEN), expected).max() < 1e-13
-    turned = rbfmu.rotate(rbfmu.invert_quaternion(r), spline.omega_b(BETWEEN))
-    np.testing.assert_allclose(other.omega_b(BETWEEN), turned, atol=1e-12)
-
-
 def test_noise_makes_errors_of_the_rates_as_stated():
     rng, times, h, noise = np.random.default_rng(6), np.arange(400) * 0.1, 0.1, 1e-4
     q = rbfmu.quaternion_from_rotvec(noise * rng.standard_normal((400, 3)))

@@ -80,13 +80,3 @@ def test_two_threads_may_stream_to_one_array():
             out[:] = np.nan
             halves = [pool.submit(rbfmu.rotate, *args, out=half) for half in (out[:n], out[n:])]
             assert all((half.result() == expected).all() for half in halves)
-
-
-def test_the_library_s_own_threads_give_the_same_bits():
-    args = arguments(rbfmu.matrix_from_quaternion, ENOUGH[rbfmu.matrix_from_quaternion] + 7)
-    expected = rbfmu.matrix_from_quaternion(*args)
-    rbfmu.set_threads(2)
-    try:
-        assert (rbfmu.matrix_from_quaternion(*args) == expected).all()
-    finally:
-        rbfmu.set_threads(1)

@@ -122,14 +122,10 @@ class Lost:
         raise distributed.comm.core.CommClosedError("ConnectionPool closing.")
 
 
-def test_a_scheduler_that_died_before_the_first_chunk_is_said(tmp_path):
-    """2026-11-27: the command said "a file: ConnectionPool closing."."""
+def test_a_scheduler_that_died_before_the_first_chunk_is_said_and_a_closed_client_is_refused(tmp_path, monkeypatch):
+    """2026-11-27: the command said "a file: ConnectionPool closing.", or ended with an AttributeError of Dask's."""
     with pytest.raises(SimulationError, match="the executor lost a chunk of the ensemble: CommClosedError: Conn"):
         run(satellite(), tmp_path / "store.npz", executor=Lost())
-
-
-def test_a_closed_client_is_refused(monkeypatch):
-    """2026-11-27: it ended with an AttributeError of Dask's."""
     monkeypatch.setattr(Lost, "status", "closed")
     with pytest.raises(ValueError, match="expected a client of Dask that is open"):
         run(satellite(), executor=Lost())

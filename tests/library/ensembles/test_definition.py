@@ -8,7 +8,6 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-import rbfmu
 from rbfmu.scene.ensemble import lower_factor
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import SceneError
@@ -87,19 +86,6 @@ def test_a_scene_without_an_ensemble_has_no_such_table():
     assert Scene.from_dict({"body": BODY}).ensemble is None
     assert "ensemble" not in Scene.from_dict({"body": BODY}).to_dict()
     assert scene().replace({"ensemble": None}) == Scene.from_dict({"body": BODY}, "varied")
-
-
-def test_a_scene_with_an_ensemble_runs_as_a_single_scene():
-    tables = {"initial": {"omega_b": [0.1, 0.2, 0.3]}, "run": {"stop": 1.0, "step": 0.25}}
-    single, varied = Scene.from_dict({"body": BODY} | tables), scene(**tables)
-    one, other = rbfmu.simulate(single), rbfmu.simulate(varied)
-    assert all(np.array_equal(one.quantities[name], other.quantities[name]) for name in one.quantities)
-
-
-def test_runs_and_seed_are_replaced_alone():
-    other = scene().replace({"ensemble.runs": 5, "ensemble.seed": 9})
-    assert (other.ensemble.runs, other.ensemble.seed) == (5, 9)
-    assert other.ensemble.vary == scene().ensemble.vary
 
 
 def test_a_grid_with_other_points_has_as_many_runs():
@@ -188,13 +174,11 @@ FAULTS = [
      '"body.mass".normal = [50, -1]: expected [mean, standard deviation]: a number >= 0'),
     ({"vary": {"body.mass": {"normal": [-50, 1]}}},
      '"body.mass".normal = [-50, 1]: expected [mean, standard deviation]: a number > 0'),
-    ({"vary": {"body.mass": {"normal": [50, 0]}}}, "expected a distribution in which something varies"),
     ({"vary": {"body.mass": {"normal": [50, float("nan")]}}}, "a finite number >= 0 (kg)"),
     ({"vary": {"body.mass": {"uniform": [60, 50]}}}, "expected [low, high] in ascending order"),
     ({"vary": {"body.mass": {"triangular": [60, 50, 70]}}}, "expected [low, most likely, high] in ascending order"),
     ({"vary": {"body.mass": {"lognormal": [0, 1]}}},
      "[median, standard deviation of the logarithm]: a number > 0 (kg)"),
-    ({"vary": {"body.mass": {"gauss": [50, 1]}}}, "expected a table with one of normal"),
     ({"vary": {"body.mass": {"normal": [50, 1], "uniform": [1, 2]}}}, "expected a table with one of normal"),
     ({"vary": {"loads.torque_b": {"normal": [[0, 0], 1]}}}, "[mean, standard deviation]: 3 numbers (N m)"),
     ({"vary": {"loads.torque_b": {"relative": 0.1}}},
@@ -229,7 +213,6 @@ FAULTS = [
     ({"inputs": {"ports": ["omega_b"]}, "body": None},
      '"body.mass" = { normal = [50.0, 0.5] }: expected initial.attitude at most'),
     ({"ensemble": {"runs": 0}}, "ensemble.runs = 0: expected a whole number from 1 to 1000000000"),
-    ({"ensemble": {"runs": 1.5}}, "ensemble.runs = 1.5: expected a whole number"),
     ({"ensemble": {"seed": -1}}, "ensemble.seed = -1: expected a whole number from 0"),
     ({"ensemble": {"design": "sobel"}}, 'ensemble.design = "sobel": expected "random" or "sobol"'),
     ({"ensemble": {"keep": ["some"]}}, 'ensemble.keep = ["some"]: expected a list of distinct names out of final'),
@@ -237,33 +220,17 @@ FAULTS = [
     ({"ensemble": {"design": "grid"}}, "expected points = the number of values in the grid"),
     ({"ensemble": {"design": "grid"}, "vary": {"initial.attitude": {"rotvec_deg": 2.0}}},
      '"initial.attitude" = { rotvec_deg = 2.0 }: expected no such key in a grid; or angles_deg, angles, rotvec'),
-    ({"ensemble": {"design": "grid"}, "vary": {"initial.attitude": "uniform"}},
-     '"initial.attitude" = "uniform": expected no such key in a grid; or'),
     ({"ensemble": {"design": "grid"}, "vary": {"body.inertia": {"relative": 0.1, "points": 3, "axes_deg": 1}}},
      '"body.inertia".axes_deg = 1: expected no such key in a grid'),
     ({"ensemble": {"design": "grid"}, "vary": {"initial.attitude": {"rotvec": NORMAL}}},
      '"initial.attitude" = { rotvec = { normal = [[0, 0, 0], 1] } }: expected points = the number'),
     ({"vary": {"body.mass": {"normal": [50, 1], "points": 3}}}, 'expected points in a grid alone: design = "grid"'),
-    ({"vary": {"body.mass": {"normal": [50, 1], "points": 2.5}}},
-     ".points = 2.5: expected a number of points of the grid, at most 1000000"),
     ({"vary": {"body.mass": {"normal": [50, 1], "points": 2000000}}},
      ".points = 2000000: expected a number of points of the grid, at most 1000000"),
     ({"vary": {"body.mass": {"normal": [50, 1], "points": 3}}, "ensemble": {"design": "grid", "runs": 7}},
      "ensemble.runs = 7: expected no such key, or 3: the points of the grid"),
-    (
-        {
-            "vary": {"loads.torque_b": {"uniform": [[0.0] * 3, [1.0] * 3], "points": 10_000}},
-            "ensemble": {"design": "grid"},
-        },
-        "ensemble.vary: a grid of 1000000000000 points: expected at most 1000000000",
-    ),
-    (
-        {
-            "vary": {"loads.torque_b": {"uniform": [[0.0] * 3, [1.0] * 3], "points": 1250}},
-            "ensemble": {"design": "grid"},
-        },
-        "ensemble.vary: a grid of 1953125000 points: expected at most 1000000000",
-    ),
+    *(({"vary": {"loads.torque_b": {"uniform": [[0] * 3, [1] * 3], "points": n}}, "ensemble": {"design": "grid"}},
+       f"ensemble.vary: a grid of {n**3} points: expected at most 1000000000") for n in (1250, 10_000)),
 ]  # fmt: skip
 PAIR = ["body.mass", "loads.torque_b[3]"]
 CORRELATIONS = [
@@ -314,7 +281,6 @@ def test_three_correlations_may_contradict_each_other():
 
 @pytest.mark.parametrize("other", [-0.5, 0.4, 0.6])
 def test_what_follows_from_one_number_is_correlated_as_that_one(other):
-    """2026-11-29: no test found that two equal numbers may have unlike correlations with a third."""
     vary = TWO | {"initial.omega_b": {"normal": [[0, 0, 0], [0, 0, 1]]}}
     for last, expectation in ((0.5, nullcontext()), (other, pytest.raises(SceneError, match="positive semidefinite"))):
         matrix = [[1.0, 1.0, 0.5], [1.0, 1.0, last], [0.5, last, 1.0]]
@@ -322,17 +288,13 @@ def test_what_follows_from_one_number_is_correlated_as_that_one(other):
             scene(vary, correlation={"components": [*PAIR, "initial.omega_b[3]"], "matrix": matrix})
 
 
-def test_uniform_rotations_have_no_numbers_to_correlate():
-    vary = MASS | {"initial.attitude": "uniform"}
-    names = ["body.mass", "initial.attitude.uniform[1]"]
+def test_uniform_rotations_have_no_numbers_to_correlate_and_points_of_a_grid_are_independent():
+    pair, uniform = {"matrix": [[1, 0.5], [0.5, 1]]}, MASS | {"initial.attitude": "uniform"}
     with pytest.raises(SceneError, match=r"expected numbers that vary, out of body\.mass"):
-        scene(vary, correlation={"components": names, "matrix": [[1, 0.5], [0.5, 1]]})
-
-
-def test_the_points_of_a_grid_are_independent():
-    vary = {key: value | {"points": 2} for key, value in TWO.items()}
+        scene(uniform, correlation={"components": ["body.mass", "initial.attitude.uniform[1]"]} | pair)
+    grid = {key: value | {"points": 2} for key, value in TWO.items()}
     with pytest.raises(SceneError, match="expected none: the points of a grid are independent"):
-        scene(vary, correlation={"components": PAIR, "matrix": [[1, 0.5], [0.5, 1]]}, ensemble={"design": "grid"})
+        scene(grid, correlation={"components": PAIR} | pair, ensemble={"design": "grid"})
 
 
 def test_all_faults_are_reported_at_once():

@@ -20,12 +20,8 @@ TABLES = {
     },
     "outputs": {"quantities": ["omega_b"]},
     "run": {"stop": 24.0, "step": 8.0, "accuracy": 1e-8},
-    "ensemble": {
-        "runs": 40,
-        "keep": ["final"],
-        "vary": {"initial.omega_b": {"normal": [[0.1, 1.0, 0.05], [0.05, 0.05, 0.05]]},
-                 "body.inertia": {"relative": [0.0, 0.0, 0.3]}},
-    },
+    "ensemble": {"runs": 40, "keep": ["final"], "vary": {
+        "initial.omega_b": {"normal": [[0.1, 1.0, 0.05], [0.05] * 3]}, "body.inertia": {"relative": [0.0, 0.0, 0.3]}}},
 }  # fmt: skip
 
 

@@ -7,7 +7,6 @@ import pytest
 
 import rbfmu
 from rbfmu.ensembles.members import draw, member
-from tests.support.command_line import call
 from tests.support.scenes.balls import ball
 
 TABLES = {
@@ -36,9 +35,13 @@ def scene():
 
 
 @pytest.mark.thorough
-def test_members_have_the_bits_of_single_runs(scene, planned):
-    found = rbfmu.run_ensemble(scene, executor=1, planned=planned, progress=False)
-    samples = draw(scene, 0, 12)
+@pytest.mark.parametrize("kind", ["npz", "zarr"])
+def test_members_have_the_bits_of_single_runs_from_another_process_and_a_store(kind, scene, planned, tmp_path):
+    if kind == "zarr":
+        pytest.importorskip("zarr")
+    with ProcessPoolExecutor(1) as pool:
+        rbfmu.run_ensemble(scene, tmp_path / f"it.{kind}", executor=pool, planned=planned, progress=False)
+    found, samples = rbfmu.EnsembleResult.load(tmp_path / f"it.{kind}"), draw(scene, 0, 12)
     assert found.samples["constants.d"].shape == (12,)
     assert found.samples["states.w"].shape == (12, 3)
     assert np.ptp(found.samples["constants.m"][:, 0]) == 0.0 < np.ptp(found.samples["constants.m"][:, 2])
@@ -52,22 +55,7 @@ def test_members_have_the_bits_of_single_runs(scene, planned):
         np.testing.assert_allclose(alone.omega_b, own.omega_b, rtol=0, atol=1e-8 * np.abs(own.omega_b).max())
     assert found.mean["tilt"].shape == (11,)
     assert "constants.d" in found.drivers().varied
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["npz", "zarr"])
-def test_other_processes_give_the_same_bits_and_a_store_is_read_again(kind, scene, planned, tmp_path):
-    if kind == "zarr":
-        pytest.importorskip("zarr")
-    here = rbfmu.run_ensemble(scene, executor=1, planned=planned, progress=False)
-    with ProcessPoolExecutor(1) as pool:
-        there = rbfmu.run_ensemble(scene, tmp_path / f"it.{kind}", executor=pool, planned=planned, progress=False)
-    kept = rbfmu.EnsembleResult.load(tmp_path / f"it.{kind}")
-    for name in ("omega_b", "tilt"):
-        np.testing.assert_array_equal(here.final[name], there.final[name])
-        np.testing.assert_array_equal(here.final[name], kept.final[name])
-    np.testing.assert_array_equal(here.samples["constants.m"], kept.samples["constants.m"])
-    assert "tilt" in kept._repr_html_()
+    assert "tilt" in found._repr_html_()
 
 
 @pytest.mark.thorough
@@ -118,16 +106,3 @@ def test_one_number_does_for_a_vector_of_ones_own_that_varies_relative_to_the_sc
         assert 0.03 < share.std(axis=0).min() < np.abs(share).max() < 0.5
     assert rbfmu.Scene.from_dict(found.to_dict()) == found
     assert found.replace({"run.stop": 9.5}).ensemble == found.ensemble
-
-
-@pytest.mark.thorough
-def test_the_command_prints_own_outputs(tmp_path):
-    text = (
-        "[body]\nmass = 1.0\ninertia = [1.0, 2.0, 3.0]\n[constants]\nd = 0.1\n[loads]\ntorque_b = '-d*omega_b'\n"
-        "[initial]\nomega_b = [1, 2, 3]\n[outputs]\nquantities = ['omega_b']\nspeed = 'norm(omega_b)'\n"
-        "[run]\nstop = 1.0\nstep = 0.5\n[ensemble]\nruns = 3\n[ensemble.vary]\n'constants.d' = { relative = 0.1 }\n"
-    )
-    (tmp_path / "it.toml").write_text(text)
-    done = call("ensemble", tmp_path / "it.toml")
-    assert done.exit_code == 0, done.output
-    assert "speed" in done.stdout

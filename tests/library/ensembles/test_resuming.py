@@ -1,11 +1,14 @@
-"""Stores of ensembles: resumed after any stop with the same bits, and refused where they are of something else."""
+"""Stores of ensembles: resumed after any stop or kill with the same bits, refused where they are of something else."""
 
+import errno
 import os
 import platform
 import shutil
+import signal
 import subprocess
 import sys
 import threading
+from contextlib import nullcontext
 from unittest.mock import Mock
 
 import numpy as np
@@ -17,8 +20,9 @@ from rbfmu.ensembles import lock, planning, running, store as stores, zarr_store
 from rbfmu.ensembles.chunks import origin, run_chunk
 from rbfmu.ensembles.lock import store_lock
 from rbfmu.runs.plan import Plan
-from tests.support.covering import some_of
 from tests.support.ensembles.satellite import PLAN, assert_same, run, satellite
+from tests.support.full_disk import full_disk
+from tests.support.paths import ROOT, with_sources
 
 STORES = ["store.npz", "store.zarr"]
 
@@ -98,25 +102,17 @@ def test_a_last_chunk_that_is_not_full_is_kept_with_the_results_alone(scene, tmp
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("store", some_of(STORES, 1))
-def test_more_runs_may_follow(scene, tmp_path, store):
+@pytest.mark.parametrize("chunks", [2, None], ids=["what was stopped", "what was done"])
+@pytest.mark.parametrize("store", STORES)
+def test_more_runs_may_follow(scene, tmp_path, monkeypatch, store, chunks):
     more = run(scene, runs=163)
-    run(scene, tmp_path / store)
-    assert_same(more, run(scene, tmp_path / store, runs=163, resume=True))
-    with pytest.raises(ValueError, match=r"ensemble.runs = 100: expected 163"):
-        run(scene, tmp_path / store, resume=True)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("store", some_of(STORES, 1))
-def test_more_runs_may_follow_what_was_stopped(scene, tmp_path, monkeypatch, store):
-    more = run(scene, runs=163)
-    with monkeypatch.context() as patch:
-        stopped_after(patch, 2)
-        with pytest.raises(StopError):
-            run(scene, tmp_path / store, executor=1)
+    with monkeypatch.context() as patch, pytest.raises(StopError) if chunks else nullcontext():
+        stopped_after(patch, chunks or 999)
+        run(scene, tmp_path / store, executor=1)
     assert_same(more, run(scene, tmp_path / store, runs=163, resume=True))
     assert_same(more, EnsembleResult.load(tmp_path / store))
+    with pytest.raises(ValueError, match=r"ensemble.runs = 100: expected 163"):
+        run(scene, tmp_path / store, resume=True)
 
 
 @pytest.mark.thorough
@@ -168,7 +164,7 @@ def test_a_link_to_a_store_stays_and_its_store_has_one_lock(scene, tmp_path):
     link, there = tmp_path / "link.npz", tmp_path / "far" / "store.npz"
     there.parent.mkdir()
     link.symlink_to(there)
-    with store_lock(there), pytest.raises(BlockingIOError, match="is being written by"):
+    with store_lock(there), pytest.raises(BlockingIOError, match=f"is being written by process {os.getpid()} on "):
         run(scene, link)
     run(scene, link)
     assert link.is_symlink()
@@ -307,11 +303,6 @@ def test_a_store_that_another_program_writes_to_is_refused_with_who_it_is(scene,
     assert [file.name for file in tmp_path.iterdir()] == ["store.npz"]
 
 
-def test_a_store_that_another_thread_writes_to_is_refused(scene, tmp_path):
-    with store_lock(tmp_path / "store.npz"), pytest.raises(BlockingIOError, match=f"by process {os.getpid()} on "):
-        run(scene, tmp_path / "store.npz")
-
-
 @pytest.mark.skipif(lock.fcntl is None, reason="a file that is open cannot be removed")
 @pytest.mark.parametrize(("is_removed", "text"), [(False, ""), (True, ""), (True, "another's")])
 def test_a_lock_is_that_of_the_file_that_stands_there_and_says_who_has_it(tmp_path, monkeypatch, is_removed, text):
@@ -359,3 +350,39 @@ def test_threads_stop_with_the_run(scene, monkeypatch):
         run(scene, executor=2)
     names = {thread.name for thread in threading.enumerate()}
     assert not any(name.startswith("rbfmu_") for name in names)
+
+
+# Killed, and on a full disk
+
+
+def killed(store, moments):
+    command = [sys.executable, "-m", "tests.support.ensembles.killed_runs", store, str(moments)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, env=with_sources())
+    assert done.returncode == 0, done.stderr
+    return [line.split() for line in done.stdout.splitlines()]
+
+
+@pytest.mark.parametrize(
+    "moments", [pytest.param(3, marks=pytest.mark.thorough), pytest.param(20, marks=pytest.mark.slow)]
+)
+@pytest.mark.parametrize("store", STORES)
+def test_a_program_that_is_killed_at_any_moment_goes_on(whole, tmp_path, store, moments):
+    rows = killed(tmp_path / store, moments)
+    assert len(rows) == moments
+    for place, *_ in rows:
+        assert_same(whole, EnsembleResult.load(place))
+    assert str(-signal.SIGKILL) in {row[4] for row in rows}  # some were killed twice
+    assert len({row[1] for row in rows}) == moments
+
+
+@pytest.mark.parametrize("store", STORES)
+@pytest.mark.parametrize("size", [100, 6_000, 9_000, 12_000])
+def test_a_full_disk_is_said_and_what_is_there_goes_on(whole, tmp_path, monkeypatch, store, size):
+    monkeypatch.setattr(stores, "OFTEN", 0.0)
+    monkeypatch.setattr(stores, "SHARE", 1e9)
+    with full_disk(size), pytest.raises(OSError, match="too large") as caught:
+        run(satellite(), tmp_path / store, executor=2)
+    assert caught.value.errno == errno.EFBIG
+    assert caught.value.filename.startswith(str(tmp_path / store))
+    assert_same(whole, run(satellite(), tmp_path / store, resume=True))
+    assert list(tmp_path.rglob("*.partial")) == []

@@ -1,4 +1,4 @@
-"""Statistics against NumPy's of all values, and against what is known of them."""
+"""Statistics against NumPy's of all values, and against what is known of them; means of attitudes and angles."""
 
 import math
 
@@ -6,28 +6,34 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
 from rbfmu import run_ensemble
 from rbfmu.ensembles import statistics
-from rbfmu.ensembles.attitudes import moments_of
+from rbfmu.ensembles.attitudes import around, moments_of
 from rbfmu.ensembles.loops import in_order
-from rbfmu.ensembles.statistics import MOST_POINTS, Statistics, exact_quantiles, most_points, summary_of
+from rbfmu.ensembles.statistics import MOST_POINTS, Statistics, summary_of
 from rbfmu.ensembles.variables import Columns
 from rbfmu.scene.scene import Scene
-from rbfmu_kernels.quantities import Output
+from rbfmu_kernels.quantities import OUTPUT, Output
 
 PAIR = Columns((Output("pair", 2, "1", "two numbers", "pair", (), ()),))
+ATTITUDES = Columns((OUTPUT["quaternion"], OUTPUT["rpy"]))
 PARTS = np.array([0.001, 0.01, 0.25, 0.5, 0.75, 0.99, 0.999])
 NOTHING = {"gravity_a": [0.0, 0.0, 0.0]}
 
 
-def merged(values, size, failed=()):
+def merged(rows, size, columns=PAIR, failed=(), share=1.0):
     """Statistics of members (m, n, K) in chunks."""
-    found = Statistics.none(values.shape[1], PAIR, MOST_POINTS)
-    for chunk, first in enumerate(range(0, len(values), size)):
-        part = values[first : first + size]
+    found = Statistics.none(rows.shape[1], columns, MOST_POINTS)
+    for chunk, first in enumerate(range(0, len(rows), size)):
+        part = rows[first : first + size]
         good = np.array([i for i in range(len(part)) if first + i not in failed], dtype=np.int64)
-        found.add(summary_of(part, good, PAIR, MOST_POINTS, chunk), PAIR.pairs)
+        sample = statistics.sample_of(part, good, first, columns, share)
+        found.add(
+            summary_of(part, good, columns, MOST_POINTS, chunk)._replace(sample=sample),
+            columns.pairs,
+        )
     return found
 
 
@@ -36,10 +42,14 @@ def quantiles_of(found):
     return found.quantiles(PARTS, np.full_like(found.mean, np.nan))
 
 
+def moments(found, name, columns=ATTITUDES):
+    matrix = columns.matrices(found.products)[name]
+    return moments_of(name, found.count, found.mean[:, columns.summed[name]], matrix)
+
+
 def covariance(found):
     """Covariances (n, 3) of the pair."""
-    matrix = PAIR.matrices(found.products)["pair"]
-    return moments_of("pair", found.count, found.mean, matrix)[1][:, [0, 0, 1], [0, 1, 1]]
+    return moments(found, "pair", PAIR)[1][:, [0, 0, 1], [0, 1, 1]]
 
 
 @pytest.mark.thorough
@@ -49,7 +59,7 @@ def test_mean_and_covariance_are_those_of_all_values(seed, runs, size, offset):
     values = rng.normal(size=(runs, 3, 2)) @ rng.normal(size=(2, 2)) + offset
     failed = set(rng.choice(runs, runs // 4, replace=False).tolist())
     values[sorted(failed)] = np.nan
-    found, good = merged(values, size, failed), np.delete(values, sorted(failed), axis=0)
+    found, good = merged(values, size, failed=failed), np.delete(values, sorted(failed), axis=0)
     assert found.count == len(good)
     assert found.mean == pytest.approx(good.mean(axis=0), rel=1e-13, abs=1e-13)
     if len(good) > 1:
@@ -112,27 +122,7 @@ def test_numbers_of_a_rank_are_those_of_all_that_are_sorted(n):
 
 
 def test_points_are_fewer_where_there_are_many_numbers():
-    assert [most_points(n) for n in (1, 6_000, 20_000, 100_000, 10**7)] == [256, 256, 128, 32, 32]
-
-
-def test_statistics_are_the_same_after_they_were_kept():
-    values = np.random.default_rng(3).normal(size=(3_000, 2, 2))
-    found = merged(values, 256)
-    again = Statistics.from_arrays(found.to_arrays())
-    more = summary_of(values[:256], np.arange(256), PAIR, MOST_POINTS, 12)
-    for one in (found, again):
-        one.add(more, PAIR.pairs)
-    assert quantiles_of(found)[0].tobytes() == quantiles_of(again)[0].tobytes()
-    assert covariance(found).tobytes() == covariance(again).tobytes()
-
-
-def test_failed_members_count_nowhere():
-    values = np.full((4, 2, 2), np.nan)
-    found = merged(values, 2, failed={0, 1, 2, 3})
-    assert found.count == 0
-    assert np.isnan(quantiles_of(found)[0]).all()
-    assert np.isnan(covariance(found)).all()
-    assert np.isnan(exact_quantiles(values, PARTS)).all()
+    assert [statistics.most_points(n) for n in (1, 6_000, 20_000, 100_000, 10**7)] == [256, 256, 128, 32, 32]
 
 
 # Known distributions
@@ -167,38 +157,6 @@ def test_a_linear_map_of_normals():
     assert found.std["velocity"][:, 0] == pytest.approx(speed, rel=4.0 / math.sqrt(2.0 * n))
 
 
-def test_attitudes_of_a_normal_rate():
-    """A free spin about z carries a normal rate's spread into the angle of rotation."""
-    sigma = 0.05
-    scene = spinning(
-        {"initial.omega_b": {"normal": [[0, 0, 0.3], [0, 0, sigma]]}}, outputs={"quantities": ["quaternion"]}
-    )
-    found, t = run_ensemble(scene, progress=False), np.arange(0.0, 2.5, 0.5)
-    turn, error = 0.3 * t, 4.0 * sigma * t / math.sqrt(20_000)
-    assert np.all(np.abs(found.mean["quaternion"][:, 3] - np.sin(0.5 * turn)) <= 0.5 * error + 1e-15)
-    assert found.mean["quaternion"][:, :3] == pytest.approx(np.array([np.cos(0.5 * turn), 0 * t, 0 * t]).T, abs=5e-4)
-    spread = 2.0 * (1.0 - np.exp(-0.5 * (sigma * t) ** 2))  # of 2 sin of half a normal angle
-    assert found.covariance["quaternion"][:, 2, 2] == pytest.approx(spread, rel=0.05, abs=1e-15)
-    assert found.std["quaternion"][:, 2] == pytest.approx(np.sqrt(spread), rel=0.025, abs=1e-9)
-    assert np.abs(found.covariance["quaternion"][:, :2]).max() < 1e-15
-    ranks = stats.halfnorm.cdf(found.quantiles["quaternion"][:, 1:] / (sigma * t[1:]))
-    assert np.abs(ranks - found.probabilities[:, None]).max() < 4.0 * 0.5 / math.sqrt(1024)
-    assert found.quantiles["quaternion"].shape == (7, 5)
-
-
-def test_the_angle_of_a_uniform_spin():
-    """Yaw of a rate uniform in [0.2, 0.6] rad/s is uniform in [0.2 t, 0.6 t]."""
-    scene = spinning({"initial.omega_b": {"uniform": [[0, 0, 0.2], [0, 0, 0.6]]}}, outputs={"quantities": ["rpy"]})
-    found, t = run_ensemble(scene, progress=False), np.arange(0.0, 2.5, 0.5)
-    yaw = 0.4 * t
-    assert found.mean["rpy"][:, 2] == pytest.approx(yaw, abs=4.0 * 0.4 * 2.0 / math.sqrt(12.0 * 20_000))
-    assert found.std["rpy"][:, 2] == pytest.approx(0.4 * t / math.sqrt(12.0), rel=0.02)
-    wanted = (0.2 + 0.4 * found.probabilities[:, None]) * t
-    assert np.abs(found.quantiles["rpy"][:, :, 2] - wanted) == pytest.approx(0.0, abs=0.4 * 2.0 * 0.015)
-    assert found.final["rpy"][:, 2].min() >= 0.4
-    assert found.final["rpy"][:, 2].max() <= 1.2
-
-
 @pytest.mark.parametrize("runs", [257, 300, 1000])
 def test_quantiles_of_some_hundred_runs_are_as_near_as_those_of_many(runs):
     """2026-11-25: a point stood for eight runs, also where nothing is merged, and ranks were off by up to 4 %."""
@@ -210,12 +168,129 @@ def test_quantiles_of_some_hundred_runs_are_as_near_as_those_of_many(runs):
     assert np.abs(ranks - found.probabilities).max() <= found.rank_error
 
 
-def test_quantiles_are_exact_where_all_is_kept():
-    vary = {"initial.omega_b": {"normal": [[0, 0, 0.3], [0, 0, 0.05]]}}
-    scene = spinning(vary, ("all", "statistics"), 3_000, outputs={"quantities": ["omega_b", "kinetic_energy"]})
-    found = run_ensemble(scene, progress=False)
-    assert found.rank_error == 0.0
+# Attitudes and angles, whatever their signs, turns and chunks
+
+
+TIMES = 3
+
+
+def members(count, spread, seed=5, flips=True):
+    """Rows (m, n, 7) of attitudes about one of each time, of either sign, and of their angles."""
+    rng = np.random.default_rng(seed)
+    middle = Rotation.random(TIMES, rng)
+    turns = rng.normal(size=(count, TIMES, 3)) * spread * np.array([1.0, 0.5, 2.0])
+    found = [[middle[t] * Rotation.from_rotvec(turns[i, t]) for t in range(TIMES)] for i in range(count)]
+    q = np.array([[one.as_quat(scalar_first=True) for one in row] for row in found])
+    rpy = np.array([[one.as_euler("ZYX")[::-1] for one in row] for row in found])
+    if flips:
+        q *= rng.choice([-1.0, 1.0], size=(count, TIMES, 1))
+    return np.concatenate([q, rpy], axis=2)
+
+
+def same_attitudes(a, b):
+    return np.minimum(np.abs(a - b).max(axis=1), np.abs(a + b).max(axis=1))
+
+
+@pytest.mark.parametrize("spread", [1e-9, 1e-3, 0.3, 1.0])
+@pytest.mark.parametrize("size", [7, 64, 200])
+def test_the_mean_attitude_is_that_of_all_members(spread, size):
+    rows = members(200, spread)
+    mean, covariance = moments(merged(rows, size, ATTITUDES), "quaternion")
+    for t in range(TIMES):
+        q = rows[:, t, :4]
+        wanted = Rotation.from_quat(q, scalar_first=True).mean()
+        assert same_attitudes(mean[[t]], wanted.as_quat(scalar_first=True)[None])[0] < 1e-13
+        relative = (wanted.inv() * Rotation.from_quat(q, scalar_first=True)).as_quat(scalar_first=True)
+        twice = 2.0 * relative[:, 1:]
+        twice = np.where(relative[:, :1] < 0.0, -twice, twice)
+        assert covariance[t] == pytest.approx(twice.T @ twice / 199.0, rel=1e-9, abs=1e-9 * spread**2 + 1e-15)
+
+
+def test_small_turns_keep_their_digits_where_members_have_one_sign():
+    rows = members(200, 1e-7, flips=False)
+    middle = rows[0, :, :4]
+    _, covariance = moments(merged(rows, 50, ATTITUDES), "quaternion")
+    for t in range(TIMES):
+        first = Rotation.from_quat(middle[t], scalar_first=True)
+        turns = (first.inv() * Rotation.from_quat(rows[:, t, :4], scalar_first=True)).as_rotvec()
+        assert covariance[t] == pytest.approx(np.cov(turns.T), rel=1e-6, abs=1e-20)
+
+
+def test_the_sign_of_a_mean_attitude_does_not_jump():
+    turn = np.linspace(0.0, 4.0 * np.pi, 40)
+    q = np.array([np.cos(0.5 * turn), 0.0 * turn, 0.0 * turn, np.sin(0.5 * turn)]).T
+    mean, _ = moments_of("quaternion", 2, q, np.zeros((40, 4, 4)))
+    assert mean == pytest.approx(q, abs=1e-14)
+
+
+@pytest.mark.parametrize("middle", [0.3, np.pi, -np.pi, 3.1])
+def test_angles_near_a_half_turn_have_their_direction(middle):
+    rng = np.random.default_rng(8)
+    deviations = 0.2 * rng.normal(size=(900, TIMES, 3))
+    rows = members(900, 0.1)
+    rows[:, :, 4:] = np.angle(np.exp(1j * (middle + deviations)))
+    found = merged(rows, 128, ATTITUDES)
+    mean, covariance = moments(found, "rpy")
+    wanted = np.angle(np.exp(1j * rows[:, :, 4:]).mean(axis=0))
+    assert np.abs(np.exp(1j * mean) - np.exp(1j * wanted)).max() < 1e-14
+    sines = np.sin(rows[:, :, 4:] - wanted)
+    for t in range(TIMES):
+        assert covariance[t] == pytest.approx(sines[:, t].T @ sines[:, t] / 899.0, rel=1e-11, abs=1e-14)
+    parts = np.array([0.05, 0.5, 0.95])
+    quantiles, error = found.quantiles(parts, mean)
+    ranks = (around(mean, rows[:, :, 4:])[:, None] < quantiles[None]).mean(axis=0)
+    assert np.abs(ranks - parts[:, None, None]).max() <= 2.0 * error + 1.0 / 900.0  # beyond a half turn too
+    assert np.abs(quantiles - mean).max() < 1.0
+
+
+def test_a_sample_of_more_runs_is_a_part_of_that_of_fewer_and_members_are_taken_alike():
+    keys = statistics.keys_of(np.arange(200_000))
+    assert len(np.unique(keys)) == len(keys)
+    published = (0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F)  # splitmix64 from the state 0 on
+    assert keys[:3].tolist() == [x * 2.0**-64 for x in published]  # so that kept stores can be continued
+    assert 0.0 <= keys.min() < keys.max() < 1.0
+    counts = np.histogram2d(keys, np.arange(len(keys)) % 16, bins=(10, 16))[0]
+    assert np.abs(counts / 1250.0 - 1.0).max() < 0.15
+    rows = members(300, 0.2)
+    few, many = (merged(rows, n, ATTITUDES, share=part).sample(0.25) for n, part in ((64, 0.5), (50, 0.25)))
+    assert few.tobytes() == many.tobytes()
+    assert 40 < len(many) < 110
+
+
+SCENE = {
+    "body": {"mass": 2.0, "inertia": [1.0, 1.2, 1.4]}, "loads": {"gravity_a": [0.0] * 3},
+    "initial": {"attitude": {"rotvec": [0.0, 0.0, 3.1]}, "omega_b": [0.1, 0.2, 0.6]},
+    "outputs": {"quantities": ["quaternion", "rpy", "omega_b", "kinetic_energy"]}, "run": {"stop": 4.0, "step": 0.5},
+}  # fmt: skip
+VARY = {"initial.attitude": {"rotvec_deg": 10.0}, "initial.omega_b": {"normal": [[0.1, 0.2, 0.6], [0.05] * 3]}}
+
+
+def scene_of(keep, runs=3_000):
+    return Scene.from_dict(SCENE | {"ensemble": {"runs": runs, "seed": 3, "keep": keep, "vary": VARY}}, "turning")
+
+
+def test_statistics_are_those_of_the_kept_runs():
+    every, few = (run_ensemble(scene_of([*keep, "statistics"]), progress=False) for keep in (["all"], []))
+    assert every.rank_error == 0.0
     for name in ("omega_b", "kinetic_energy"):
-        wanted = np.quantile(found.all[name], found.probabilities, axis=0, method="hazen")
-        assert found.quantiles[name].tobytes() == wanted.tobytes()
-        assert found.std[name] == pytest.approx(found.all[name].std(axis=0, ddof=1), rel=1e-9, abs=1e-14)
+        wanted = np.quantile(every.all[name], every.probabilities, axis=0, method="hazen")
+        assert every.quantiles[name].tobytes() == wanted.tobytes()
+        assert every.std[name] == pytest.approx(every.all[name].std(axis=0, ddof=1), rel=1e-9, abs=1e-14)
+    q = every.all["quaternion"]
+    for k in range(len(every.time)):
+        sums = np.einsum("ij,ik->jk", q[:, k], q[:, k])
+        wanted = np.linalg.eigh(sums)[1][:, -1]
+        assert same_attitudes(every.mean["quaternion"][[k]], wanted[None])[0] < 1e-13
+        angles = 2.0 * np.arccos(np.minimum(np.abs(q[:, k] @ wanted), 1.0))
+        quantiles = np.quantile(angles, every.probabilities, method="hazen")
+        assert every.quantiles["quaternion"][:, k] == pytest.approx(quantiles, abs=1e-7)
+        ranks = np.searchsorted(np.sort(angles), few.quantiles["quaternion"][:, k]) / 3_000
+        assert np.abs(ranks - few.probabilities).max() < 4.0 * 0.5 / np.sqrt(1024.0)
+    for name in ("quaternion", "rpy"):
+        assert few.mean[name] == pytest.approx(every.mean[name], abs=1e-13)
+        assert few.std[name] == pytest.approx(every.std[name], rel=1e-9)
+    angles, parts = around(every.mean["rpy"], every.all["rpy"]), every.probabilities
+    wanted = np.quantile(angles, parts, axis=0, method="hazen")
+    assert every.quantiles["rpy"] == pytest.approx(wanted, abs=1e-14)
+    ranks = (angles[:, None, 1:] < few.quantiles["rpy"][None, :, 1:]).mean(axis=0)
+    assert np.abs(ranks - parts[:, None, None]).max() <= 2.0 * few.rank_error + 1e-3  # beyond a half turn too

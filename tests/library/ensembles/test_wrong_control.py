@@ -36,56 +36,52 @@ def test_a_step_that_inputs_make_too_large_is_refused_with_its_time(scene, plann
     assert len(found.failed) == RUNS
 
 
-def too_few(t, outputs, state, inputs):
-    inputs[0] = 1.0
+def wrong_at_once():
+    """Return functions that take, read or write what they should not, give a value, or are not compiled."""
+
+    def too_few(t, outputs, state, inputs):
+        inputs[0] = 1.0
+
+    def too_long(t, outputs, state, inputs, noise):
+        inputs[6] = 1.0
+
+    def no_state(t, outputs, state, inputs, noise):
+        state[0] = 1.0
+
+    def of_four(t, outputs, state, inputs, noise):
+        inputs[:3] = outputs[:4]
+
+    def gives(t, outputs, state, inputs, noise):
+        return -outputs[4:7]
+
+    def not_compiled(t, outputs, state, inputs, noise):
+        inputs[0] = float(str(t))
+
+    return too_few, too_long, no_state, of_four, gives, not_compiled
 
 
-def too_long(t, outputs, state, inputs, noise):
-    inputs[6] = 1.0
-
-
-def no_state(t, outputs, state, inputs, noise):
-    state[0] = 1.0
-
-
-def of_four(t, outputs, state, inputs, noise):
-    inputs[:3] = outputs[:4]
-
-
-def beyond_later(t, outputs, state, inputs, noise):
-    if t > 1.0:
-        inputs[len(inputs) + 3] = 1.0
-
-
-def divides_later(t, outputs, state, inputs, noise):
-    inputs[0] = 1.0 if t == 1.0 else 1.0 / (t - t)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [(beyond_later, "IndexError: index is out of bounds"), (divides_later, "ZeroDivisionError: division")],
-)
-def test_what_a_controller_does_wrong_later_is_told(scene, planned, wrong, said):
-    """A wrong index wrote beside the numbers, and could end the process."""
-    expected = rf"driven: controller: {said}.*: expected f\(t, outputs, state, inputs, noise\)"
-    with pytest.raises(SceneError, match=expected):
-        run(scene, planned, controller=wrong)
-
-
-def gives(t, outputs, state, inputs, noise):
-    return -outputs[4:7]
-
-
-def not_compiled(t, outputs, state, inputs, noise):
-    inputs[0] = float(str(t))
-
-
-@pytest.mark.parametrize("wrong", [too_few, too_long, no_state, of_four, gives, not_compiled], ids=lambda f: f.__name__)
+@pytest.mark.parametrize("wrong", wrong_at_once(), ids=lambda f: f.__name__)
 def test_a_wrong_controller_is_told_what_was_expected(scene, planned, wrong):
     sizes = "10 outputs, 0 of state, 6 inputs and 0 of noise"
     expected = rf"driven: controller: .*Error: .*: expected f\(t, outputs, state, inputs, noise\) .*, of {sizes}"
     with pytest.raises(SceneError, match=f"(?s){expected}"):
         run(scene, planned, controller=wrong)
+
+
+def test_what_a_controller_does_wrong_later_is_told(scene, planned):
+    """A wrong index wrote beside the numbers, and could end the process."""
+
+    def beyond(t, outputs, state, inputs, noise):
+        if t > 1.0:
+            inputs[len(inputs) + 3] = 1.0
+
+    def divides(t, outputs, state, inputs, noise):
+        inputs[0] = 1.0 if t == 1.0 else 1.0 / (t - t)
+
+    for wrong, said in ((beyond, "IndexError: index is out of bounds"), (divides, "ZeroDivisionError: division")):
+        expected = rf"driven: controller: {said}.*: expected f\(t, outputs, state, inputs, noise\)"
+        with pytest.raises(SceneError, match=expected):
+            run(scene, planned, controller=wrong)
 
 
 @pytest.mark.parametrize(("wrong", "said"), [

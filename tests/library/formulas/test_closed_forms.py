@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import rbfmu
-from rbfmu.ensembles.planning import plan_ensemble
 from rbfmu.planning.methods import whole_series
 from rbfmu.runs.plan import Plan
 from rbfmu_kernels.buffer import OK, STEP_REJECTED
@@ -77,11 +76,8 @@ def test_own_outputs_read_parameters_that_were_zero(changed):
     """A closed form serves with other values of what nobody lists; own outputs took what was zero for zero."""
     one = scene(own=OWN)
     parameter = {key.partition(".")[2]: value for key, value in changed.items()}
-    expected, begun, reset = (
-        rbfmu.simulate(one.replace(changed)),
-        rbfmu.Simulator(one, **parameter),
-        rbfmu.Simulator(one),
-    )
+    expected = rbfmu.simulate(one.replace(changed))
+    begun, reset = rbfmu.Simulator(one, **parameter), rbfmu.Simulator(one)
     reset.reset(**parameter)
     for simulator in (begun, reset):
         assert simulator.plan.model == FREE
@@ -102,29 +98,6 @@ def test_a_step_is_refused_where_an_own_output_is_not_finite_and_all_is_as_it_wa
     assert kernels.step(z, 0.5) == STEP_REJECTED
     np.testing.assert_array_equal(z[shown], before)
     assert kernels.step(z, 0.125) == OK
-
-
-@pytest.mark.parametrize("more", [
-    {"loads": {"torque_b": "[t, 0, 0]"}},
-    {"states": {"u": {"start": 1.0, "rate": "-u"}}},
-    {"inputs": {"ports": [{"name": "wind"}]}, "own": {"pull": "wind*omega_b[1]"}},
-    {"own": {"wave": "sin(t)"}, "quantities": ()},  # of which no motion is asked
-])  # fmt: skip
-def test_what_is_more_than_own_outputs_is_integrated(more):
-    assert rbfmu.plan(scene(**{"own": {"spin": "norm(omega_b)"}, **more})).model == "formulas"
-
-
-@pytest.mark.thorough
-def test_members_of_an_ensemble_have_the_bits_of_single_runs_over_a_closed_form():
-    vary = {"constants.k": {"normal": [0.5, 0.1]}, "initial.omega_b": {"relative": [0.1, 0.1, 0.1]}}
-    one = scene(own=OWN, ensemble={"runs": 6, "vary": vary})
-    planned = plan_ensemble(one)
-    assert planned.model == FREE
-    found = rbfmu.run_ensemble(one, executor=1, planned=planned, progress=False)
-    samples = {key: found.samples[key][4].tolist() for key in vary}
-    alone = rbfmu.simulate(one.replace(samples | {"ensemble": None}), planned=planned)
-    for name in OWN:
-        np.testing.assert_array_equal(found.final[name][4], getattr(alone, name)[-1])
 
 
 # Loads
@@ -159,6 +132,10 @@ def test_a_plan_serves_other_constants_of_its_loads():
 
 
 @pytest.mark.parametrize("more", [
+    {"loads": {"torque_b": "[t, 0, 0]"}},
+    {"states": {"u": {"start": 1.0, "rate": "-u"}}},
+    {"inputs": {"ports": [{"name": "wind"}]}, "own": {"pull": "wind*omega_b[1]"}},
+    {"own": {"wave": "sin(t)"}, "quantities": ()},  # of which no motion is asked
     {"loads": {"torque_b": "0.1*omega_b"}},  # what drives is no damping
     {"loads": {"torque_b": "-c*[omega_b[1], omega_b[2], omega_b[2]]"}},
     {"loads": {"torque_a": "-c*omega_b"}},
@@ -167,5 +144,5 @@ def test_a_plan_serves_other_constants_of_its_loads():
     {"loads": {"torque_b": "-c*omega_b", "damping_b": [0.1, 0.1, 0.1]}},
     {"loads": {"torque_b": "[0, 0, k]"}, "inputs": {"parameters": ["k"]}},
 ])  # fmt: skip
-def test_loads_that_are_more_are_integrated(more):
-    assert rbfmu.plan(scene(**{"initial": ABOUT_Z, **more})).model == "formulas"
+def test_what_is_more_than_own_outputs_and_loads_of_a_scene_is_integrated(more):
+    assert rbfmu.plan(scene(**{"initial": ABOUT_Z, "own": {"spin": "norm(omega_b)"}, **more})).model == "formulas"

@@ -1,4 +1,4 @@
-"""Names of one's own: constants and starts as parameters, outputs, ports, and what they may not be called."""
+"""Names of one's own: constants and starts as parameters, outputs, ports, and what they may not be called or be."""
 
 import copy
 import math
@@ -8,20 +8,9 @@ import numpy as np
 import pytest
 
 import rbfmu
-from tests.library.formulas.test_scenes import CASES, scene
+from rbfmu.runs.steps import motion_of
+from tests.library.formulas.test_scenes import scene
 from tests.support.scenes.balls import ball
-
-
-def test_own_outputs_stand_without_quantities_and_rows_keep_their_neighbours():
-    tables = CASES["gravity gradient"][0]
-    tables = tables | {"outputs": {"turned": {"value": "omega_b[1]", "unit": "rad/s"}}}
-    one = rbfmu.Scene.from_dict(tables | {"constants": tables["constants"] | {"spare": 2.0}})
-    assert one.outputs.names[-1] == "turned"
-    assert "omega_b" in one.outputs.quantities
-    other = one.replace({"constants.n": 0.4, "run.stop": 3.0})
-    assert (other.constants["n"].value, other.constants["n"].unit) == ((0.4,), "rad/s")
-    assert other.constants["spare"] == one.constants["spare"]
-    assert other.outputs.names[-1] == "turned"
 
 
 def test_an_output_that_is_zero_but_for_round_off_is_named():
@@ -32,24 +21,6 @@ def test_an_output_that_is_zero_but_for_round_off_is_named():
     for more in ({}, {"inputs": {"ports": ["torque_b"]}}):
         with pytest.raises(rbfmu.SceneError, match=r"reach \S+, of outputs\.drift \(at most .*all else meets it"):
             rbfmu.plan(rbfmu.Scene.from_dict(tables | more))
-
-
-@pytest.mark.thorough
-def test_constants_and_starts_are_parameters_where_they_are_listed():
-    tables = CASES["spring, thrust and a lag"][0] | {"inputs": {"parameters": ["k", "u_0"]}}
-    one = rbfmu.Scene.from_dict(tables)
-    assert rbfmu.Scene.from_dict(one.to_dict()) == one
-    planned = rbfmu.plan(one)
-    assert {"k", "u_0"}.isdisjoint(planned.pinned)
-    assert {"c", "mass"} <= {*planned.pinned}
-    with pytest.raises(rbfmu.SceneError, match="parameters"):
-        rbfmu.Scene.from_dict(tables | {"inputs": {"parameters": ["kk"]}})
-    simulator = rbfmu.Simulator(one, k=6.0, u_0=0.3)
-    simulator.step()
-    other = rbfmu.simulate(one.replace({"constants.k": 6.0, "states.u": 0.3}), planned=planned)
-    np.testing.assert_array_equal(simulator.position, other.position[1])
-    with pytest.raises(rbfmu.SceneError, match=r"list 'c' in inputs\.parameters"):
-        rbfmu.Simulator(one, c=6.0)
 
 
 POTENTIAL = {"potential": "0.5*k*dot(position, position)", "force_a": [0.1, 0.2, -0.3]}
@@ -145,28 +116,11 @@ def test_ports_of_ones_own_enter_formulas():
     assert simulator.save() == before
 
 
-@pytest.mark.parametrize(("port", "said"), [
-    ({"size": 3}, r"ports\.name is missing"), ({"name": "u", "size": 2}, r"ports\.u\.size = 2: .* 1 or 3"),
-    ({"name": "u", "size": 1, "start": [1, 2, 3]}, r"ports\.u\.start = .* as many numbers"),
-    ({"name": "t"}, "another name"), ({"name": "mass"}, "another name"),
-    ({"name": "h"}, "another name"), ({"name": "2u"}, "letters, digits"),
-])  # fmt: skip
-def test_wrong_ports_are_refused(port, said):
-    with pytest.raises(rbfmu.SceneError, match=said):
-        rbfmu.Scene.from_dict(scene(inputs={"ports": [port]}, loads={"torque_b": "-omega_b"}))
-
-
 def test_no_accuracy_below_round_off_is_promised_beside_ports():
     """1e-20 was promised, with an error of 1e-15: for round-off, of which a motion makes no more, was its excuse."""
     one = scene(inputs={"ports": ["torque_b"]}, loads={"torque_b": "-omega_b*norm(omega_b)"})
     with pytest.raises(rbfmu.SceneError, match=r"accuracy = 1e-20: expected at least 1\.0e-14, what double"):
         rbfmu.plan(rbfmu.Scene.from_dict(one).replace({"run.accuracy": 1e-20}))
-
-
-def test_no_port_of_ones_own_is_called_as_that_of_the_rates():
-    """It was taken for both, and `simulate` said "mass = [0.0]" of a scene without a body."""
-    with pytest.raises(rbfmu.SceneError, match=r"^inputs\.ports\.omega_b: expected another name: omega_b means"):
-        rbfmu.Scene(inputs={"ports": [{"name": "omega_b", "size": 3}]})
 
 
 def test_outputs_of_ones_own_hide_no_attribute_of_results_and_simulators():
@@ -179,14 +133,6 @@ def test_outputs_of_ones_own_hide_no_attribute_of_results_and_simulators():
             rbfmu.Scene.from_dict(scene(loads={"torque_b": "-omega_b"}, outputs={name: "t"}))
 
 
-@pytest.mark.filterwarnings("ignore::rbfmu.planning.judge.PlanningWarning")  # the reference comes no further either
-@pytest.mark.parametrize("text", ["sqrt(1 - t)", "acos(2*t)", "(1 - t)**0.5", "log(1 - t)"])
-def test_an_output_that_is_no_number_from_some_time_on_is_named(text):
-    turning = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, "initial": {"omega_b": [0.1, 0.2, 0.3]}}
-    with pytest.raises(rbfmu.SceneError, match=r"outputs\.x is not finite"):
-        rbfmu.plan(ball(outputs={"x": text}, **turning))
-
-
 @pytest.mark.parametrize("name", ["reach", "begun"])
 def test_an_output_may_be_called_as_what_series_keep(name):
     """Its value stood for theirs: a motion with corners was refused."""
@@ -195,7 +141,7 @@ def test_an_output_may_be_called_as_what_series_keep(name):
     assert found.omega_b[-1, 2] == pytest.approx(1.0 / 3.0, rel=0, abs=1e-8)
 
 
-def test_other_keys_of_a_row_stay_when_one_is_replaced():
+def test_other_keys_of_a_row_stay_when_one_is_replaced_and_none_takes_a_row_away():
     one = ball(
         constants={"c": {"value": 2.0, "unit": "1/s"}}, states={"u": {"start": 1.0, "rate": "-c*u", "unit": "m"}},
         events={"half": {"when": "u - 0.5", "direction": "falling"}}, outputs={"level": {"value": "u", "unit": "m"}},
@@ -205,17 +151,11 @@ def test_other_keys_of_a_row_stay_when_one_is_replaced():
         assert (level.value, level.unit) == ("2*u", "m")  # 2026-11-25: the unit was lost
     other = one.replace({"states.u.start": 3.0, "constants.c.value": 4.0, "events.half.direction": "any"})
     assert (other.states["u"].start, other.states["u"].rate, other.states["u"].unit) == ((3.0,), "-c*u", "m")
-    assert (other.constants["c"].value, other.constants["c"].unit) == ((4.0,), "1/s")
+    for row in (other, one.replace({"constants.c": 4.0})):
+        assert (row.constants["c"].value, row.constants["c"].unit) == ((4.0,), "1/s")
     assert (other.events["half"].when, other.events["half"].direction) == ("u - 0.5", "any")
-
-
-def test_a_name_of_one_s_own_is_taken_away_by_none():
-    one = ball(
-        constants={"c": 2.0}, states={"u": {"start": 1.0, "rate": "-c*u"}}, events={"half": "u - 0.5"},
-        outputs={"level": "u"},
-    )  # fmt: skip
-    kept = ball(constants={"c": 2.0}, events={"half": "t - 0.5"})
-    assert one.replace({"outputs.level": None, "states.u": None, "events.half": "t - 0.5"}) == kept
+    kept = ball(constants={"c": {"value": 2.0, "unit": "1/s"}}, events={"half": {"when": "t", "direction": "falling"}})
+    assert one.replace({"outputs.level": None, "states.u": None, "events.half": "t"}) == kept
     assert kept.replace({"constants.c": None, "events.half": None}) == ball()
     for key in ("constants.d", "outputs.lvel", "run.step"):
         with pytest.raises(rbfmu.SceneError, match=rf"{key}(\.value)? = None: "):
@@ -310,3 +250,52 @@ def test_an_event_may_watch_how_far_a_body_at_rest_tilts():
     found = rbfmu.simulate(scene, {"torque_b": np.tile([0.09, 0.0, 0.0], (40, 1))})
     expected = math.sqrt(2.0 * math.pi / 6.0 / 0.1)  # of a tilt 0.1 t^2 / 2
     assert found.events["flipped"].tolist() == pytest.approx([expected], rel=1e-8)
+
+
+BODY = {"body": {"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}}
+PORT = {"inputs": {"ports": [{"name": "u", "size": 1}]}}
+TRIP = {"events": {"trip": "omega_b[1] - 1"}}
+SPRING = {"loads": {"potential": "dot(position, position)"}, "outputs": {"quantities": ["total_energy"]}}
+
+
+@pytest.mark.parametrize(("tables", "said"), [
+    (PORT | {"outputs": {"u_rate_2": "2*u"}}, r"outputs\.u_rate_2: expected another name: u_rate_2 means"),
+    (TRIP | {"constants": {"trip_time": 1.0}}, r"constants\.trip_time: .* name: that is an FMU's of events\.trip"),
+    (TRIP | {"formulas": {"trip_count": "t"}}, r"formulas\.trip_count: .* name: that is an FMU's of events\.trip"),
+    ({"outputs": {"two": "[1, 2]"}}, r"outputs\.two\.value: expected a scalar or a vector of 3 numbers"),
+    ({"loads": {"potential": "t*position[1]"}}, r"loads\.potential: expected a formula of position and attitude"),
+    (SPRING | {"inputs": {"ports": ["torque_b"]}}, r"expected no total_energy: torque_b has no potential"),
+    ({**SPRING, "loads": SPRING["loads"] | {"damping_b": [0, 1, 0]}}, r"no total_energy: damping_b has no potential"),
+    ({**SPRING, "loads": SPRING["loads"] | {"force_b": [0, 1, 0]}}, r"no total_energy: force_b has no potential"),
+    *(({"inputs": {"ports": [port]}}, said) for port, said in (
+        ({"size": 3}, r"ports\.name is missing"), ({"name": "u", "size": 2}, r"ports\.u\.size = 2: .* 1 or 3"),
+        ({"name": "u", "size": 1, "start": [1, 2, 3]}, r"ports\.u\.start = .* as many numbers"),
+        ({"name": "t"}, "another name"), ({"name": "mass"}, "another name"), ({"name": "2u"}, "letters, digits"),
+    )),
+    ({"body": None, "inputs": {"ports": [{"name": "omega_b", "size": 3}]}},  # it was taken for that of the rates too
+     r"inputs\.ports\.omega_b: expected another name: omega_b means"),
+])  # fmt: skip
+def test_what_means_something_else_or_cannot_be_is_refused(tables, said):
+    with pytest.raises(rbfmu.SceneError, match=said):
+        rbfmu.Scene(**BODY | tables)
+
+
+BALANCED = {"inertia": [[1.0, 0.125, 0.0], [0.125, 1.5, 0.0], [0.0, 0.0, 2.0]], "r_oc_b": [0.25, 0.5, 0.0]}
+"""Of 1 kg on a pivot at o, about which no product of inertia is left."""
+
+
+@pytest.mark.parametrize(("listed", "value", "body"), [
+    ("r_oc_b", [0.1, -0.2, 0.3], {}), ("r_oc_b", [0.1, -0.2, 0.3], {"pivot": True}),
+    ("mass", 3.0, BALANCED | {"pivot": True}), ("inertia", [[2.0, 0.1, 0.2], [0.1, 2.5, 0.3], [0.2, 0.3, 3.0]], {}),
+])  # fmt: skip
+def test_formulas_hold_for_other_values_of_parameters_that_are_listed(listed, value, body):
+    """Also where a number is zero in the scene, of which no formula would have a term."""
+    scene = rbfmu.Scene.from_dict({
+        "body": BODY["body"] | body, "initial": {"omega_b": [0.1, 0.2, 0.3]},
+        "loads": {"gravity_a": [1, 0, -1], "force_b": [0.0 if body else 0.1, 0, 0], "torque_b": "-0.1*omega_b"},
+        "inputs": {"parameters": [listed]}, "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 1.0, "step": 0.5},
+    })  # fmt: skip
+    changed = scene.replace({f"body.{listed}": value})
+    as_an_fmu_has_it = motion_of(changed, rbfmu.plan(scene), [0.5, 0.5], ["omega_b"])["omega_b"]
+    truth = rbfmu.simulate(changed.replace({"inputs": None})).omega_b
+    np.testing.assert_allclose(as_an_fmu_has_it, truth, rtol=0, atol=1e-6)

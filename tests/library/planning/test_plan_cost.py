@@ -10,17 +10,8 @@ import pytest
 
 import rbfmu
 from rbfmu.models.question import Question
-from rbfmu.planning import fitting
-from rbfmu.planning.methods import (
-    KEPT_SERIES_COST,
-    MACHINE,
-    NS,
-    ORDERS_OF_SERIES,
-    likely_order,
-    terms,
-    with_cost,
-    work_of,
-)
+from rbfmu.planning import fitting, methods
+from rbfmu.planning.methods import NS, terms
 from rbfmu.planning.select import plan
 from rbfmu.runs.inputs import HOLD, drive_of, input_tables
 from rbfmu.runs.plan import Plan
@@ -56,7 +47,9 @@ def test_a_step_costs_its_substeps_and_its_own():
         "body under loads, by series",
         "body under loads, by series, loads that turn",
     ]
-    assert with_cost(Question(scene), series).cost == 1000.0 + sum(NS[term] for term in terms(Question(scene), series))
+    assert methods.with_cost(Question(scene), series).cost == 1000.0 + sum(
+        NS[term] for term in terms(Question(scene), series)
+    )
 
 
 def test_a_force_in_b_costs_as_one_that_turns_only_where_its_path_is_asked():
@@ -69,9 +62,9 @@ def test_a_force_in_b_costs_as_one_that_turns_only_where_its_path_is_asked():
 
 
 def test_series_that_serve_many_steps_cost_more_each_and_no_more_than_one_a_step():
-    assert work_of(100.0, 1000.0) == KEPT_SERIES_COST * 100.0
-    assert work_of(900.0, 1000.0) == work_of(1000.0, 1000.0) == 1000.0
-    assert work_of(2000.0, 1000.0) == 2000.0
+    assert methods.work_of(100.0, 1000.0) == methods.KEPT_SERIES_COST * 100.0
+    assert methods.work_of(900.0, 1000.0) == methods.work_of(1000.0, 1000.0) == 1000.0
+    assert methods.work_of(2000.0, 1000.0) == 2000.0
 
 
 def test_a_closed_form_costs_as_often_as_inputs_cut_its_steps():
@@ -88,7 +81,7 @@ def test_the_command_says_cost_step_and_machine():
     name = str(SCENES / "tumbling_brick.toml")
     _, said, *_ = call("plan", name, catch_exceptions=False).stdout.splitlines()
     found = re.fullmatch(r"expected: error \S+, about ([\d,]+) ns a step of 0.1 s on (.+)", said)
-    assert found[2] == MACHINE
+    assert found[2] == methods.MACHINE
     assert float(found[1].replace(",", "")) == pytest.approx(rbfmu.plan(name).cost, rel=0.05)
 
 
@@ -110,7 +103,7 @@ def test_a_sphere_under_a_torque_fixed_in_space_is_planned_whatever_is_asked(ask
 
 @pytest.mark.parametrize("beyond", [-4, -2, 0, 2, 6])
 def test_orders_of_series_are_tried_until_two_in_a_row_are_no_cheaper(beyond, monkeypatch):
-    likely, tried = likely_order(1e-9), []
+    likely, tried = methods.likely_order(1e-9), []
     cheapest = likely + beyond
     monkeypatch.setattr(fitting.methods, "series_of_all", lambda asked, order, accuracy: order)
     search = object.__new__(fitting._Search)
@@ -126,4 +119,4 @@ def test_orders_of_series_are_tried_until_two_in_a_row_are_no_cheaper(beyond, mo
     search.fit = fit
     search._fit_series()
     assert sorted(tried) == list(range(min(likely, cheapest) - 4, max(likely, cheapest) + 5, 2))
-    assert set(tried) < set(ORDERS_OF_SERIES)
+    assert set(tried) < set(methods.ORDERS_OF_SERIES)

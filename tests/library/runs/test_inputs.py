@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 import pytest
@@ -10,8 +10,6 @@ import pytest
 import rbfmu
 from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.runs.inputs import drive_of, input_tables
-from rbfmu.runs.motion import attitude_error
-from tests.support.references.driven_motion_mp import true_motion
 from tests.support.scenes.model_cases import MOVING, OFFSET
 
 PORTS = ("force_a", "force_b", "torque_a", "torque_b")
@@ -34,42 +32,13 @@ def at_rest(port, *shown, **tables):
     return scene(body=body, initial={}, inputs={"ports": [port]}, outputs=outputs, **tables)
 
 
-def pieces(interpolate):
-    """Between communication points and rows: lengths, and inputs with their slopes."""
-    cuts, found = np.union1d(TIMES, STEP * np.arange(5)), []
-    for begin, end in pairwise(cuts):
-        k = np.searchsorted(TIMES, begin, side="right") - 1
-        part = (begin - TIMES[k]) / (TIMES[k + 1] - TIMES[k])
-        inputs = {}
-        for port, rows in VALUES.items():
-            slope = (rows[k + 1] - rows[k]) / (TIMES[k + 1] - TIMES[k])
-            linear = (rows[k] + part * (rows[k + 1] - rows[k]), slope, np.zeros(3))
-            inputs[port] = linear if interpolate == "linear" else (rows[k], np.zeros(3), np.zeros(3))
-        found.append((end - begin, inputs))
-    return cuts[1:], found
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("interpolate", [pytest.param("hold", marks=pytest.mark.thorough), "linear"])
-def test_a_driven_run_meets_its_accuracy_wherever_the_rows_lie(interpolate):
-    result = rbfmu.simulate(scene(), inputs={p: (TIMES, v) for p, v in VALUES.items()}, interpolate=interpolate)
-    ends, found = pieces(interpolate)
-    truth = dict(zip(ends, true_motion(OFFSET, MOVING, found), strict=True))
-    for k, t in enumerate(result.time[1:], 1):
-        q, omega, position, velocity = truth[t]
-        assert attitude_error(result.quaternion[k : k + 1], np.array([q]))[0] < ACCURACY
-        np.testing.assert_allclose(result.omega_b[k], omega, rtol=0, atol=ACCURACY)
-        np.testing.assert_allclose(result.position[k], position, rtol=0, atol=ACCURACY)
-        np.testing.assert_allclose(result.velocity[k], velocity, rtol=0, atol=ACCURACY)
-
-
 @pytest.mark.parametrize(("interpolate", "order"), [("hold", 1), ("linear", 2)])
 def test_a_sampled_torque_is_followed_in_the_order_of_its_interpolation(interpolate, order):
     """torque_b = sin t about a principal axis: omega = 1 - cos t, turned by t - sin t."""
     about_x = at_rest("torque_b", "quaternion", "omega_b", run={"stop": 2.0, "step": 0.5, "accuracy": 1e-10})
     errors = []
     for n in (20, 40):
-        t = np.linspace(0.0, 2.0, n + 1)
+        t = 2.0 * np.linspace(0.0, 1.0, n + 1) ** 1.5  # few at communication points, no two as far apart
         torque = np.column_stack([np.sin(t), 0.0 * t, 0.0 * t])
         found = rbfmu.simulate(about_x, inputs={"torque_b": (t, torque)}, interpolate=interpolate)
         errors.append(abs(2.0 * math.atan2(found.quaternion[-1, 1], found.quaternion[-1, 0]) - (2.0 - math.sin(2.0))))
@@ -215,6 +184,8 @@ BAD = {
     "rows": ({"force_a": np.zeros((7, 3))}, r"shape \(7, 3\): expected \(times, values\), or 4 rows, one a step"),
     "three numbers": ({"force_a": [1.0, 2.0, 3.0]}, r"shape \(3,\): expected \(times, values\), or 4 rows, one a step"),
     "text": ({"force_a": "abc"}, r"inputs 'force_a': values must be real numbers, got 'abc': expected \(times"),
+    "function": ({"force_a": lambda t: ZEROS}, r"'force_a': a function: expected \(times, values\)"),
+    "function of times": ({"force_a": (T, lambda t: ZEROS)}, r"'force_a': a function: expected \(times, values\)"),
     "ragged": ({"force_a": (T, [[0, 0, 0], [0, 0], [0]])}, r"'force_a': values must be a regular array .*: expected"),
     "dates": ({"force_a": (np.array([0, 1, 2], "datetime64[s]"), ZEROS)},
         "times must be real numbers, got an array of dat"),
@@ -280,18 +251,9 @@ FILES = {
     "columns before cells": ("time,force_a[1],force_a[2],torque_x\n0,1,x,y\n1,2\n",
         r'column "torque_x": .*\n.*\'force_a\[3\]\' is missing: .*\n.*force_a\[2\] = "x" .*\n.*row 2 has 2 cells.*\Z'),
     "no time": ("force_a[1],force_a[2],force_a[3]\n1,1,1\n", "column 'time' is missing"),
-    "semicolons": ("time;force_a[1]\n1;1,5\n",
-        "expected it in the header, with commas between columns, not time;force"),
     "twice": ("time,time,force_a[1],force_a[2],force_a[3]\n0,0,1,1,1\n", "column 'time' stands twice"),
-    "text": ("time,force_a[1],force_a[2],force_a[3]\n0,1,x,1\n",
-        r'force_a\[2\] = "x" in row 1: expected a finite numb'),
-    "underscore": ("time,force_a[1],force_a[2],force_a[3]\n0,1_0,1,1\n", r'force_a\[1\] = "1_0" in row 1: expected'),
-    "other digits": ("time,force_a[1],force_a[2],force_a[3]\n0,\u0661,1,1\n",
-        r'force_a\[1\] = ".*" in row 1: expected'),
     "NaN": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1,1\n3,1,nan,1\n", r'force_a\[2\] = "nan" in row 2: expected'),
-    "short": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1\n", "row 1 has 3 cells: expected 4, as many as the header"),
     "header": ("time,force_a[1],force_a[2],force_a[3]\n", "no rows: expected a header, and a row of numbers a time"),
-    "empty": ("", "column 'time' is missing"),
     "bytes": (b"\xff\xfe\x00", "not a CSV file"),
     "order": ("time,force_a[1],force_a[2],force_a[3]\n0,1,1,1\n0,1,1,1\n", "time = 0.0 in row 2: expected a time aft"),
 }  # fmt: skip
@@ -315,12 +277,6 @@ def test_inputs_under_which_a_load_has_no_value_are_refused_and_no_output_is_bla
     )  # fmt: skip
     with pytest.raises(rbfmu.SceneError, match=r"inputs: expected others from t = 0\.5 s on, where a formula is"):
         rbfmu.simulate(one, {"u": ([0.0, 0.5], [1.0, -1.0])})
-
-
-def test_a_function_is_no_input():
-    for given in (lambda t: ZEROS, (T, lambda t: ZEROS)):
-        with pytest.raises(rbfmu.SceneError, match=r"'force_a': a function: expected \(times, values\)"):
-            input_tables(scene(), {"force_a": given})
 
 
 def test_a_file_that_is_not_there_and_a_scene_without_ports_are_refused(tmp_path):

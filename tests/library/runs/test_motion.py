@@ -20,6 +20,21 @@ def test_the_largest_size_leaves_no_range_of_numbers(rows, size):
     assert largest_size(np.array(rows)) == pytest.approx(size, rel=4.0 * EPS)
 
 
+def test_the_largest_error_is_the_worst_of_all_quantities_relative_to_the_largest_of_the_run():
+    """Of positions and velocities relative to 1 m and 1 m/s at least."""
+    motion = {"quaternion": np.array([[1.0, 0.0, 0.0, 0.0]]), "omega_b": np.array([[0.0, 0.0, 2.0]]),
+              "position": np.array([[0.0, 0.5, 0.0]]), "velocity": np.array([[5.0, 0.0, 0.0]])}  # fmt: skip
+    turned = np.array([[math.cos(0.05), math.sin(0.05), 0.0, 0.0]])
+    for name, value, error in [
+        ("quaternion", turned, 0.1), ("quaternion", -turned, 0.1), ("omega_b", np.array([[0.0, 0.5, 2.0]]), 0.25),
+        ("position", np.array([[0.25, 0.5, 0.0]]), 0.25), ("velocity", np.array([[6.0, 0.0, 0.0]]), 0.2),
+        ("velocity", np.array([[math.nan, 0.0, 0.0]]), math.inf), ("velocity", motion["velocity"], 0.0),
+    ]:  # fmt: skip
+        assert largest_error(motion | {name: value}, motion, motion) == pytest.approx(error, rel=8 * EPS)
+    still = {"omega_b": np.zeros((1, 3))}
+    assert largest_error({"omega_b": np.eye(1, 3)}, still, still) == 1.0
+
+
 def test_only_positions_and_velocities_count_by_metres_where_sizes_vary():
     truth = {name: np.array([[100.0, 0.0, 0.0]]) for name in ("position", "omega_b")}
     found = {name: rows + np.array([1.0, 0.0, 0.0]) for name, rows in truth.items()}

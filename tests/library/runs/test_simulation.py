@@ -33,21 +33,8 @@ def scene(run=None, **tables):
 # The grid
 
 
-@pytest.mark.parametrize(("start", "stop", "step", "points"), [
-    (0.0, 1.0, 0.1, 11), (0.0, 30.0, 0.1, 301), (2.0, 3.0, 0.25, 5), (0.0, 1.0, 0.3, 5), (0.1, 0.1 + 0.2, 0.1, 3),
-    (0.0, 0.7, 0.7, 2),
-])  # fmt: skip
-def test_the_grid_goes_from_start_to_stop(start, stop, step, points):
-    time = rbfmu.simulate(scene({"start": start, "stop": stop, "step": step})).time
-    assert len(time) == points
-    assert time[0] == start
-    assert time[-1] == pytest.approx(stop, abs=2 * math.ulp(stop))
-    np.testing.assert_array_equal(time[:-1], start + np.arange(points - 1) * step)
-    assert np.all(np.diff(time) > 0.5 * EPS)
-
-
 def test_the_grid_ends_at_the_last_of_its_steps_which_round_off_parts_from_its_stop():
-    """2026-11-29: importers' last point is that one, and no test found the stop in its place."""
+    """As importers' last point is that one."""
     run = Run()._with(start=0.0, stop=0.3, step=0.1)
     assert run.grid()[-1] == run.end == 3 * 0.1 != run.stop
 
@@ -60,12 +47,13 @@ def test_the_grid_ends_at_its_stop_at_times_of_any_clock(start, step, steps):
     grid = Run()._with(start=start, stop=stop, step=step).grid()
     assert abs(grid[-1] - stop) <= 2 * math.ulp(stop)
     assert len(grid) == math.ceil(steps) + 1
-    assert np.all(np.diff(grid[:-1]) > 0.9 * step)
+    np.testing.assert_array_equal(grid[:-1], start + np.arange(len(grid) - 1) * step)
     assert grid[-1] - grid[-2] > 0.2 * step
 
 
 def test_round_off_in_the_stop_makes_no_step_of_its_own():
     assert Run(stop=0.1 * 3, step=0.1).count == 3  # 0.1 * 3 > 0.3
+    assert Run(start=0.1, stop=0.1 + 0.2, step=0.1).count == 2
     assert Run(stop=1.0 - EPS, step=0.1).count == 10
 
 
@@ -121,42 +109,6 @@ def test_a_result_can_be_copied_and_sent():
     result = rbfmu.simulate(scene())
     for other in (copy.deepcopy(result), pickle.loads(pickle.dumps(result))):
         np.testing.assert_array_equal(other.quaternion, result.quaternion)
-
-
-def test_a_result_begins_with_the_initial_state():
-    attitude = Rotation.from_rotvec([0.3, -0.4, 0.5])
-    initial = {"position": [1.0, 2.0, 3.0], "velocity": [4.0, 5.0, 6.0], "omega_b": [0.1, 0.2, 0.3],
-               "attitude": {"rotvec": [0.3, -0.4, 0.5]}}  # fmt: skip
-    result = rbfmu.simulate(scene(initial=initial))
-    np.testing.assert_allclose(result.position[0], [1.0, 2.0, 3.0], rtol=2 * EPS)
-    np.testing.assert_allclose(result.velocity[0], [4.0, 5.0, 6.0], rtol=2 * EPS)
-    np.testing.assert_array_equal(result.omega_b[0], [0.1, 0.2, 0.3])
-    np.testing.assert_allclose(result.quaternion[0], attitude.as_quat(scalar_first=True), atol=EPS)
-    np.testing.assert_allclose(result.omega_a[0], attitude.apply([0.1, 0.2, 0.3]), atol=2 * EPS)
-
-
-def test_the_quaternion_is_continuous_in_time():
-    result = rbfmu.simulate(scene({"stop": 20.0, "step": 0.1}))
-    assert np.min(result.quaternion[:, 0]) < -0.5  # it has gone around
-    assert np.max(np.linalg.norm(np.diff(result.quaternion, axis=0), axis=1)) < 0.5 * 0.1 * 3.0
-
-
-def test_prescribed_rates_at_zero_stay_where_they_are():
-    result = rbfmu.simulate(Scene(inputs={"ports": ["omega_b"]}, initial={"attitude": {"rotvec": [0.3, -0.4, 0.5]}}))
-    assert set(result.quantities) == {"quaternion", "rpy", "omega_a"}
-    assert np.all(result.quaternion == result.quaternion[0])
-
-
-def test_progress_sees_every_step():
-    seen = []
-
-    def progress(numbers):
-        for number in numbers:
-            seen.append(number)
-            yield number
-
-    rbfmu.simulate(scene(), progress=progress)
-    assert seen == list(range(1, 11))
 
 
 def test_a_motion_that_leaves_the_numbers_is_an_error_that_says_when():

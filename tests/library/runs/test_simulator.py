@@ -102,12 +102,13 @@ def test_a_step_of_no_size_is_refused_and_changes_nothing(h):
     assert sim.save() == before
 
 
-def test_the_clock_is_a_double_whatever_the_step_is():
-    sim, h = rbfmu.Simulator(SATELLITE), np.float32(0.1)
+def test_numbers_are_floats_and_the_clock_is_one_whatever_the_step_is():
+    sim, h = rbfmu.Simulator(SATELLITE.replace({"outputs.quantities": ["kinetic_energy"]})), np.float32(0.1)
     for _ in range(3):
         sim.step(h)
-    assert type(sim.time) is float
+    assert type(sim.time) is type(sim.kinetic_energy) is float
     assert sim.time == float(h) + float(h) + float(h)
+    assert sim.kinetic_energy > 0.0
 
 
 @pytest.mark.parametrize("parts", [(0.05,), (0.05, 0.05), (0.13,), (0.1 - 1e-12,)])
@@ -211,13 +212,6 @@ def test_an_attribute_that_would_do_nothing_is_refused(name):
         setattr(simulator, name, [1.0, 0.0, 0.0])
 
 
-def test_a_number_is_read_as_a_float():
-    scene = SATELLITE.replace({"outputs.quantities": ["kinetic_energy"]})
-    sim = rbfmu.Simulator(scene)
-    assert type(sim.kinetic_energy) is float
-    assert sim.kinetic_energy > 0.0
-
-
 @pytest.mark.thorough
 def test_simulators_of_one_scene_run_in_threads_side_by_side():
     def run(seed):
@@ -281,25 +275,18 @@ def test_what_is_given_wrongly_is_named_with_what_was_expected_and_changes_nothi
 
 
 def test_a_loop_becomes_a_result():
-    sim = rbfmu.Simulator(SATELLITE)
+    scene = SATELLITE.replace({"outputs.turning": {"value": "norm(omega_b)", "unit": "rad/s"}})
+    sim = rbfmu.Simulator(scene)
     rows = [sim.values()]
     for _ in range(3):
         sim.step()
         rows.append(sim.values())
-    looped = rbfmu.Result.of_rows(rows)
-    run = rbfmu.simulate(SATELLITE).until(sim.time)
+    looped, run = rbfmu.Result.of_rows(rows), rbfmu.simulate(scene).until(sim.time)
+    assert looped.turning[-1] == sim.turning
     assert_same(run.columns(), looped.columns())
     assert looped.units == run.units
     with pytest.raises(ValueError, match=r"rows = \[\]: expected at least one"):
         rbfmu.Result.of_rows([])
-
-
-def test_a_loop_becomes_a_result_with_outputs_of_one_s_own():
-    scene = SATELLITE.replace({"outputs.turning": {"value": "norm(omega_b)", "unit": "rad/s"}})
-    sim = rbfmu.Simulator(scene)
-    looped = rbfmu.Result.of_rows([sim.values()])
-    assert looped.turning.tolist() == [sim.turning]
-    assert looped.units["turning"] == "rad/s"
 
 
 def test_a_copy_goes_its_own_way_and_is_not_planned_again(monkeypatch):

@@ -128,7 +128,6 @@ def test_a_loop_ends_after_so_many_substeps(calls, monkeypatch):
 
 
 def test_too_many_substeps_are_said_of_the_time_up_to_which_they_go():
-    """2026-11-29: no test found the begin of the step that took them, in place of its end."""
     scene = rbfmu.Scene.from_dict(PORT | {"run": {"start": 1.0, "stop": 6.0, "step": 0.02, "accuracy": 1e-8}})
     make = lambda: Driven(scene, planned, drive_of(scene, {}, HOLD), ["omega_b"])  # noqa: E731
     planned, most = plan(scene), 20.0

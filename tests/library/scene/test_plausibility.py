@@ -106,9 +106,8 @@ def test_python_is_warned_where_it_called(tmp_path: Path) -> None:
     path = tmp_path / "large.toml"
     path.write_text("[body]\nmass = 1\ninertia = [1e6, 1e6, 1e6]\n[run]\nstop = 0.1\n")
     for ask in (lambda: rbfmu.simulate(path), lambda: rbfmu.plan(rbfmu.load_scene(path))):
-        with pytest.warns(
-            rbfmu.SceneWarning, match="large: the body's radius of gyration is at least 1e\\+03 m"
-        ) as caught:
+        said = r"large: the body's radius of gyration is at least 1e\+03 m"
+        with pytest.warns(rbfmu.SceneWarning, match=said) as caught:
             ask()
         assert [w.filename for w in caught] == [__file__]
 

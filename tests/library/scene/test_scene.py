@@ -21,11 +21,8 @@ from tests.support.scenes.scene_tables import DEFAULTS, SMALLEST, scene, scene_t
 EPS = np.finfo(float).eps
 
 
-def test_the_smallest_scene_has_the_defaults():
+def test_the_smallest_scene_has_the_defaults_and_is_the_scene_that_is_written_out():
     assert scene().to_dict() == DEFAULTS
-
-
-def test_the_written_defaults_are_the_scene_again():
     assert Scene.from_dict(DEFAULTS) == scene()
 
 
@@ -43,13 +40,9 @@ def test_a_byte_order_mark_and_windows_lines_do_no_harm(tmp_path):
     assert load_scene(path).body.mass == 2.0
 
 
-def test_integers_are_numbers():
-    assert repr(scene(body={"mass": 2, "inertia": [1, 2, 2.5]}).body) == repr(scene().body)
-
-
-def test_numpy_arrays_are_numbers_in_python():
-    body = Body(mass=np.float64(2), inertia=np.diag([1, 2, 2.5]), r_oc_b=np.zeros(3))
-    assert repr(body) == repr(scene().body)
+def test_integers_and_numpy_arrays_are_numbers():
+    numpy = Body(mass=np.float64(2), inertia=np.diag([1, 2, 2.5]), r_oc_b=np.zeros(3))
+    assert repr(numpy) == repr(scene().body) == repr(scene(body={"mass": 2, "inertia": [1, 2, 2.5]}).body)
     assert Body(mass=np.int64(2), inertia=[np.float32(1.0), 2, np.array(2.5)]).inertia == scene().body.inertia
 
 
@@ -65,6 +58,8 @@ def test_what_a_scene_prints_makes_it_again(path):
     made = load_scene(path)
     known = {kind.__name__: kind for kind in every_section(Section)}
     assert eval(repr(made), known) == made
+    assert "Loads()" not in repr(made)
+    assert len(repr(made)) < 600 or made.has_formulas
 
 
 def every_section(kind):
@@ -174,13 +169,6 @@ def test_a_scene_survives_json_to_the_bit(tables):
     assert again.to_dict() == made.to_dict()
 
 
-@pytest.mark.parametrize(("start", "stop", "step"), [(0.1, 0.3, 0.2), (-0.3, 0.1, 0.4), (0.35, 2.37, 2.02)])
-def test_a_step_may_be_the_whole_run_to_round_off(start, stop, step):
-    """0.3 - 0.1 is less than 0.2, so that this step was refused."""
-    whole = Scene.from_dict({"inputs": {"ports": ["omega_b"]}, "run": {"start": start, "stop": stop, "step": step}})
-    assert whole.run.grid().tolist() == pytest.approx([start, stop], rel=1e-15)
-
-
 def test_an_accuracy_may_be_as_bad_as_one():
     assert Run(accuracy=1).accuracy == 1.0
 
@@ -205,9 +193,6 @@ def test_dotted_keys_and_tables_say_the_same() -> None:
     assert SCENE.replace({"run.step": 0.5}, run={"stop": 5}) == expected
     assert SCENE.replace(run=Run(stop=5, step=0.5)) == expected
     assert SCENE.run.stop == 3.0
-
-
-def test_nothing_changed_is_the_same_scene() -> None:
     assert SCENE.replace() == SCENE
     assert SCENE.replace({"name": "other"}).name == "other"
 

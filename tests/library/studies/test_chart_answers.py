@@ -111,17 +111,12 @@ def test_noise_is_how_far_halves_of_the_repeats_come_apart() -> None:
 POWER_LAW = [made_row("RK4, quaternion", "classic", n**-4.0, 1e-6 * n) for n in (10.0, 20.0, 40.0, 80.0)]
 
 
-def test_cost_follows_the_power_law_between_points() -> None:
+def test_cost_follows_the_power_law_between_points_of_the_front() -> None:
+    """It is the first point's where that is good enough, and none beyond the last."""
     for n in (15.0, 40.0, 77.0):
         assert cost_of(POWER_LAW, n**-4.0 * (1 + 1e-12)) == pytest.approx(1e-6 * n, rel=1e-9)
-
-
-def test_cost_is_the_first_point_s_where_that_is_good_enough_and_none_beyond_the_last() -> None:
     assert cost_of(POWER_LAW, 1.0) == pytest.approx(1e-5)
     assert cost_of(POWER_LAW, 1e-12) is None
-
-
-def test_front_leaves_out_what_a_cheaper_point_beats() -> None:
     worse = replace(POWER_LAW[1], error=1e-3)
     assert front([worse, *POWER_LAW]) == POWER_LAW
 
@@ -159,10 +154,8 @@ def test_what_is_within_noise_is_even_and_a_cheaper_peer_is_what_to_use(peer: fl
 
 
 def test_a_peer_stopped_by_time_is_not_said_to_be_unable() -> None:
-    rows, slow = (
-        (made_plan(1e-10, 1e-6), made_row("MuJoCo RK4", "peer", 1e-7, 1e-3)),
-        End("MuJoCo", "MuJoCo RK4", 1e-7, ""),
-    )
+    rows = made_plan(1e-10, 1e-6), made_row("MuJoCo RK4", "peer", 1e-7, 1e-3)
+    slow = End("MuJoCo", "MuJoCo RK4", 1e-7, "")
     for why, words in ((STOPPED, STOPPED), ("no more digits", "none reaches it")):
         chart = made_chart(*rows, ends=(slow._replace(why=why),))
         (found,) = verdicts([chart])
@@ -239,6 +232,7 @@ def test_the_table_has_every_answer() -> None:
     text = made_up(3.0, held="at their start").table
     assert "at 1e-6, ports at their start: use" in text
     assert "torque_b at their start all the time" in text
+    assert "the first 2 s of 500 s" in made_up(3.0, whole=500.0).conditions
 
 
 def test_a_method_stopped_by_time_is_not_said_to_be_unable() -> None:
@@ -274,10 +268,6 @@ def test_costs_within_a_decade_have_no_labels_of_another_kind() -> None:
     figure.draw_without_rendering()
     (axes,) = figure.axes
     assert not any(tick.label1.get_text() for tick in axes.yaxis.get_minor_ticks())
-
-
-def test_a_part_of_a_run_is_said_to_be_one() -> None:
-    assert "the first 2 s of 500 s" in made_up(3.0, whole=500.0).conditions
 
 
 @pytest.mark.parametrize(("seconds", "text"), [

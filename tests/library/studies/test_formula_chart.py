@@ -127,11 +127,3 @@ def test_a_scene_with_formulas_has_its_chart(monkeypatch: pytest.MonkeyPatch, tm
     assert found.plan.error <= found.accuracy
     assert found.model == "formulas"
     assert all(file.stat().st_size > 0 for file in found.save(tmp_path))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", sorted(GALLERY.glob("*.toml")), ids=lambda path: path.stem)
-def test_every_scene_of_the_gallery_of_formulas_has_its_chart(path: Path, tmp_path: Path) -> None:
-    found = rbfmu.chart(path, quick=True)
-    assert found.plan.error <= found.accuracy
-    assert all(file.stat().st_size > 0 for file in found.save(tmp_path))

@@ -19,7 +19,7 @@ from tests.support.command_line import call
 from tests.support.paths import ROOT
 from tests.support.references import reference_mp
 
-GALLERY = sorted((ROOT / "examples" / "scenes").glob("*.toml"))
+GALLERY = sorted((ROOT / "examples" / "scenes").rglob("*.toml"))
 MIXED = ((2.0, 0.1, -0.2), (0.1, 2.5, 0.3), (-0.2, 0.3, 3.0))
 SATELLITE = {
     "name": "satellite",
@@ -266,16 +266,6 @@ def test_prescribed_rates_are_charted_at_rest() -> None:
     assert "omega_b at zero" in found.table
     assert "prescribed rates" in found.table
     found.figure()
-
-
-@pytest.mark.thorough
-def test_absent_peers_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measure.Peer, "installed", "")
-    few(monkeypatch, "Taylor, order 12")
-    found = rbfmu.chart(ROOT / "examples/scenes/thrown_ball.toml", quick=True)
-    for name in measure.PEERS:
-        assert f"{name}: not installed" in found.table
-    assert "no peer is charted" in found.table
 
 
 def test_a_peer_that_does_not_load_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,36 +10,10 @@ import numpy as np
 import pytest
 
 import rbfmu
+from rbfmu import viewer
 from rbfmu.ensembles import chunks
-from rbfmu.viewer import (
-    FPS,
-    MAX_PICTURES,
-    MAX_TURN,
-    PLAIN,
-    THINNEST,
-    Motion,
-    Shape,
-    equivalent_box,
-    ghosts_of,
-    motion_of_scene,
-    pictures,
-    shape_of,
-)
-from rbfmu.viewer.page import (
-    AXIS_B,
-    LONGEST,
-    LONGEST_ARROW,
-    TAIL,
-    Geometry,
-    _add_shape,
-    _data,
-    _notes,
-    _pace,
-    _server,
-    _trace,
-    _turn_of_z,
-    motion_page,
-)
+from rbfmu.viewer import PLAIN, Motion, Shape, ghosts_of, motion_of_scene, page, shape_of
+from rbfmu.viewer.page import LONGEST, Geometry, _notes
 from rbfmu_kernels.quantities import own_output
 
 MASS, SIDES = 3.0, (0.3, 0.2, 0.5)
@@ -52,7 +26,7 @@ def scene(**tables: dict) -> rbfmu.Scene:
 
 def test_a_box_is_found_again_from_its_inertia() -> None:
     moments = np.diag(rbfmu.box_inertia(MASS, np.array(SIDES)))
-    assert equivalent_box(MASS, moments) == pytest.approx(SIDES, rel=1e-14)
+    assert viewer.equivalent_box(MASS, moments) == pytest.approx(SIDES, rel=1e-14)
 
 
 def test_a_box_in_any_axes_is_drawn_along_its_own() -> None:
@@ -69,7 +43,7 @@ def test_a_box_in_any_axes_is_drawn_along_its_own() -> None:
 
 @pytest.mark.parametrize(("written", "kind", "sides"), [
     ({"kind": "box", "sides": [1, 2, 3]}, "box", (1, 2, 3)),
-    ({"kind": "beam", "length": 2.0}, "box", (2, 2 * THINNEST, 2 * THINNEST)),
+    ({"kind": "beam", "length": 2.0}, "box", (2, 2 * viewer.THINNEST, 2 * viewer.THINNEST)),
     ({"kind": "cylinder", "radius": 0.5, "length": 3}, "cylinder", (1, 1, 3)),
     ({"kind": "sphere", "radius": 0.5}, "ellipsoid", (1, 1, 1)),
     ({"kind": "ellipsoid", "semiaxes": [1, 2, 3]}, "ellipsoid", (2, 4, 6)),
@@ -86,7 +60,7 @@ STILL = rbfmu.Result([0.0, 1.0], {"quaternion": [[1.0, 0.0, 0.0, 0.0]] * 2})
 @pytest.mark.parametrize("kind", ["box", "cylinder", "ellipsoid"])
 def test_what_is_drawn_is_as_large_as_its_shape(kind: str) -> None:
     shape, scene = Shape(kind, (2.0, 2.0, 3.0), "", (0.1, 0.0, 0.0)), Mock()
-    _add_shape(scene, "/b/body", drawn := Geometry(Motion("", STILL, shape)), 0.5)
+    page._add_shape(scene, "/b/body", drawn := Geometry(Motion("", STILL, shape)), 0.5)
     (call,) = scene.method_calls
     given = call.kwargs
     across = {
@@ -106,13 +80,8 @@ def test_roll_pitch_and_yaw_are_an_attitude() -> None:
 
 
 def test_the_pace_is_said() -> None:
-    said = [_pace(factor) for factor in (0.05, 1.0, 3.0)]
+    said = [page._pace(factor) for factor in (0.05, 1.0, 3.0)]
     assert said == ["slowed down 20 times", "played in real time", "3 times as fast as it is"]
-
-
-def test_a_body_of_unknown_inertia_is_said_to_be_any() -> None:
-    assert shape_of(None) is PLAIN
-    assert PLAIN.text == "the inertia is not known: any body"
 
 
 @pytest.mark.parametrize(
@@ -121,19 +90,16 @@ def test_a_body_of_unknown_inertia_is_said_to_be_any() -> None:
         (10.0, 0.0, 301, 10.0),  # in real time
         (3600.0, 0.0, 601, 20.0),
         (0.1, 0.0, 601, 20.0),
-        (10.0, 20.0, 801, 800 / FPS),  # slowed down
-        (10.0, 1e6, MAX_PICTURES, (MAX_PICTURES - 1) / FPS),
+        (10.0, 20.0, 801, 800 / viewer.FPS),  # slowed down
+        (10.0, 1e6, viewer.MAX_PICTURES, (viewer.MAX_PICTURES - 1) / viewer.FPS),
     ],
 )
 def test_pictures_are_as_many_as_the_eye_needs(span: float, rate: float, number: int, played: float) -> None:
-    found = pictures(span, rate)
+    assert viewer.pictures(60.0, 0.0, rows=11) == (11, 2.2)  # few rows are not shown for minutes
+    found = viewer.pictures(span, rate)
     assert found.number == number
     assert found.played == pytest.approx(played)
-    assert found.number == MAX_PICTURES or rate * span / (found.number - 1) <= MAX_TURN
-
-
-def test_few_rows_are_not_shown_for_minutes() -> None:
-    assert pictures(60.0, 0.0, rows=11) == (11, 2.2)
+    assert found.number == viewer.MAX_PICTURES or rate * span / (found.number - 1) <= viewer.MAX_TURN
 
 
 def test_arrows_and_trace_are_those_of_the_motion() -> None:
@@ -142,12 +108,12 @@ def test_arrows_and_trace_are_those_of_the_motion() -> None:
     for name, vectors in (("h", motion.angular_momentum), ("ω", motion.rate)):
         arrows = drawn.arrows[name]
         sizes = np.linalg.norm(arrows, axis=1)
-        assert sizes.max() == pytest.approx(LONGEST_ARROW[name])
+        assert sizes.max() == pytest.approx(page.LONGEST_ARROW[name])
         np.testing.assert_allclose(arrows * np.linalg.norm(vectors, axis=1)[:, None], vectors * sizes[:, None])
     assert drawn.traced == 1
     assert not any("too large" in note or "where the path begins" in note for note in _notes(drawn))
     R_ab = rbfmu.matrix_from_quaternion(motion.quaternion)
-    np.testing.assert_allclose(drawn.trace, drawn.path + AXIS_B * R_ab[:, :, 1], atol=1e-14)
+    np.testing.assert_allclose(drawn.trace, drawn.path + page.AXIS_B * R_ab[:, :, 1], atol=1e-14)
 
 
 def spun(angles: np.ndarray, **further: Any) -> Motion:
@@ -165,19 +131,22 @@ def test_the_begin_of_a_long_trace_goes_again() -> None:
         return lines[-1]
 
     drawn = Geometry(spun(np.arange(0.0, 60.0, 0.2)))
-    show = _trace(Mock(add_line_segments=add), drawn)
+    show = page._trace(Mock(add_line_segments=add), drawn)
     for k in (150, 299):
         show(k)
         seen = np.concatenate([line.ends for line in lines if line.visible])
         way = np.linalg.norm(seen[:, 1] - seen[:, 0], axis=1).sum()
-        assert way == pytest.approx(min(AXIS_B * 0.2 * k, TAIL), abs=1.0)
+        assert way == pytest.approx(min(page.AXIS_B * 0.2 * k, page.TAIL), abs=1.0)
         np.testing.assert_allclose(seen[-1, 1], drawn.trace[k], atol=0.7)
 
 
 def test_a_spin_that_is_not_seen_as_it_is_has_no_trace() -> None:
     drawn = [Geometry(spun(np.arange(10.0) * turn)) for turn in (0.9, 1.1)]
     assert [one.traced for one in drawn] == [2, None]
-    assert ["63° between pictures, so its spin is not seen" in " ".join(_notes(one)) for one in drawn] == [False, True]
+    assert ["63° between pictures, so its spin is not seen" in " ".join(_notes(one)) for one in drawn] == [
+        False,
+        True,
+    ]
 
 
 def test_arrows_begin_at_the_centre_or_at_a_pivot() -> None:
@@ -199,15 +168,16 @@ def test_the_panel_has_the_time_of_a_run_that_begins_late_and_no_text_that_ends_
     monkeypatch.setattr("rbfmu.viewer.page.record_page", lambda _: "<title></title><body></body>")
     motion, own = spun(np.arange(3.0)), {"spin": own_output("spin", 1, "1", "</script>")}
     quantities = motion.result.quantities | {"spin": np.zeros(3)}
-    page = motion_page(replace(motion, result=rbfmu.Result(motion.result.time, quantities, own)))
-    assert page.count("</script>") == 2
-    time, played = (np.frombuffer(base64.b64decode(str(_data(Geometry(motion))[name]))) for name in ("time", "played"))
+    text = page.motion_page(replace(motion, result=rbfmu.Result(motion.result.time, quantities, own)))
+    assert text.count("</script>") == 2
+    data = page._data(Geometry(motion))
+    time, played = (np.frombuffer(base64.b64decode(str(data[name]))) for name in ("time", "played"))
     assert (time.tolist(), played.tolist()) == ([7.0, 8.0, 9.0], [0.0, 10.0, 20.0])
 
 
 def test_the_server_of_a_drawing_is_stopped(monkeypatch) -> None:
     monkeypatch.setattr("rbfmu.viewer.page.ViserServer", Mock())
-    with suppress(KeyError), _server() as server:
+    with suppress(KeyError), page._server() as server:
         assert not server.stop.called
         raise KeyError
     server.stop.assert_called_once_with()
@@ -228,7 +198,7 @@ def part_of_the_view(drawn: Geometry, points: np.ndarray) -> float:
 
 def test_the_stem_of_a_top_is_turned_to_its_centre() -> None:
     for way in ([0.0, 0.0, 2.0], [0.3, -0.4, 1.2], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]):
-        turned = rbfmu.rotate(_turn_of_z(np.array(way)), [0.0, 0.0, 1.0])
+        turned = rbfmu.rotate(page._turn_of_z(np.array(way)), [0.0, 0.0, 1.0])
         np.testing.assert_allclose(turned, np.array(way) / np.linalg.norm(way), atol=1e-15)
 
 
@@ -267,7 +237,7 @@ def test_members_that_failed_are_no_ghosts(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.parametrize(("ghosts", "error", "said"), [
-    (60, ValueError, "ghosts = 60: expected a whole number from 0 to 50"),
+    *((n, ValueError, f"ghosts = {n}: expected a whole number from 0 to 50") for n in (-1, 51)),
     (1.5, ValueError, "ghosts = 1.5: expected a whole number"), (True, ValueError, "ghosts = true: expected a"),
     (3, rbfmu.SceneError, "ensemble is missing"),
 ])  # fmt: skip

@@ -258,16 +258,6 @@ def test_ghosts_are_runs_of_the_ensemble(tmp_path: Path) -> None:
     assert len(rbfmu.view(scene, tmp_path / "motion.html", ghosts=9).ghosts) == 5
 
 
-@pytest.mark.parametrize(("ghosts", "options", "said"), [
-    (-1, {}, "ghosts = -1: expected a whole number from 0 to 50"),
-    (51, {}, "ghosts = 51: expected a whole number from 0 to 50"),
-    (2, {"inputs": {}}, "ghosts = 2: expected a scene with them, and no inputs"),
-])  # fmt: skip
-def test_ghosts_that_cannot_be_shown_are_refused(tmp_path: Path, ghosts: int, options: dict, said: str) -> None:
-    with pytest.raises(ValueError, match=said):
-        rbfmu.view(rbfmu.Scene.from_dict(TUMBLING), tmp_path / "motion.html", ghosts=ghosts, **options)
-
-
-def test_ghosts_need_an_ensemble(tmp_path: Path) -> None:
-    with pytest.raises(rbfmu.SceneError, match="ensemble is missing"):
-        rbfmu.view(rbfmu.Scene.from_dict(THROWN), tmp_path / "motion.html", ghosts=2)
+def test_ghosts_of_a_driven_scene_are_refused() -> None:
+    with pytest.raises(ValueError, match="ghosts = 2: expected a scene with them, and no inputs"):
+        rbfmu.view(rbfmu.Scene.from_dict(TUMBLING), ghosts=2, inputs={})
