@@ -80,7 +80,7 @@ def test_the_site_is_built_has_every_name_and_no_link_is_broken(tmp_path: Path) 
     )
     assert not [key.name for key in scene_keys() if key.name.rpartition(".")[2] not in keys]
     assert '"ZYX"' in keys
-    assert "3 with --native." in commands
+    assert "3 needs --native." in commands
     assert (built / "index.html").read_bytes() == (built / "README.html").read_bytes()
 
 

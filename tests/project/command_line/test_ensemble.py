@@ -44,7 +44,9 @@ def test_a_damaged_store_is_one_message(tmp_path):
     store = tmp_path / "store.zarr"
     assert call("ensemble", FILE, "-o", store).exit_code == 0
     (store / "quaternion_mean" / "c" / "0" / "0").write_bytes(b"")
-    assert f"Error: {store}: cannot be read (quaternion_mean: " in refused("ensemble", FILE, "-o", store, "--resume")
+    found = call("ensemble", FILE, "-o", store, "--resume")
+    assert (found.exit_code, type(found.exception)) == (2, SystemExit)
+    assert f"Error: {store}: cannot be read (quaternion_mean: " in found.stderr
 
 
 def test_advice_is_about_the_runs_that_are_asked_for(tmp_path):

@@ -43,6 +43,7 @@ def test_a_run_by_a_kept_plan_loads_only_what_it_needs(monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     code = """
 import sys
+from rbfmu.cli import main
 
 main(["run", sys.argv[1]], standalone_mode=False)
 print([m for m in sys.modules if m.split(".")[0] == "rich" or m == "numpy.ma"])
