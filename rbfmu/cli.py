@@ -82,10 +82,8 @@ def show_plan(asked: common.Asked, as_json: bool, code: bool) -> None:
     if code and as_json:
         raise click.UsageError("--code: expected no --json with it, as it prints Python")
     if code:
-        from rbfmu.planning.select import plan
-
         with asked.opened() as scene:
-            if (formulas := plan(scene).formulas) is None:
+            if (formulas := rbfmu.plan(scene).formulas) is None:
                 raise SceneError("--code: expected a scene with formulas in loads, states or outputs", scene.name)
             click.echo(formulas.text)
         return

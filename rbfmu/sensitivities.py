@@ -223,12 +223,17 @@ def keys_of(keys: object) -> list[Any]:
     return [keys] if isinstance(keys, str) or not isinstance(keys, Iterable) else [*keys]
 
 
+def _names_of_numbers(scene: Scene) -> dict[str, tuple[str, list[str]]]:
+    """Return for each key with numbers the block that has them, and their names."""
+    rows = {KEYS[row.name]: row for row in IN_BUFFER_ORDER if row.name != "quaternion_0"} | scene.own_parameters
+    found = {key: (row.block, [key + index for index in indices(row)]) for key, row in rows.items()}
+    return {ATTITUDE: ("rotvec_b", elements(ATTITUDE, 3))} | found
+
+
 def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:
     """Return the numbers that a key of an argument names. Raises ValueError."""
-    rows = {KEYS[row.name]: row for row in IN_BUFFER_ORDER if row.name != "quaternion_0"} | scene.own_parameters
-    known = {ATTITUDE: ("rotvec_b", elements(ATTITUDE, 3))}  # the block that has a key's numbers, and their names
-    known |= {name: (row.block, [name + index for index in indices(row)]) for name, row in rows.items()}
-    whole, expected = key.partition("[")[0] if isinstance(key, str) else "", f"{argument} = {key!r}: expected"
+    known, expected = _names_of_numbers(scene), f"{argument} = {key!r}: expected"
+    whole = key.partition("[")[0] if isinstance(key, str) else ""
     if whole not in known:
         raise ValueError(f"{expected} one of {', '.join(known)}")
     block, names = known[whole]

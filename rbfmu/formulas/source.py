@@ -8,7 +8,6 @@ space has the k-th coefficients of the states and of all factors of the next ord
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
-from pathlib import Path
 
 from rbfmu.formulas.graph import LEAVES, Graph, Number, Symbol, numbers_of
 from rbfmu.formulas.program import RECURRENCES, WIDTH, Factor, Program
@@ -18,8 +17,22 @@ MOST_SUMS = 12
 SERIES = ("constants", "first", "further")
 KERNELS = (*SERIES, "values", "feedthrough")
 KERNELS_OVER = ("values", "feedthrough", "loads")
-HEAD, _MODEL = (Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("head.txt", "model.txt"))
-"""What modules of kernels begin with, and what makes a model of them."""
+HEAD = '''\
+"""Formulas of a scene as kernels, written by rbfmu.formulas.source; places are those of the model's buffer."""
+
+import math
+
+from rbfmu_kernels.buffer import NO_OUTPUTS
+from rbfmu_kernels.compile.decorator import kernel
+from rbfmu_kernels.compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
+from rbfmu_kernels.compile.wide import choose
+from rbfmu_kernels.models import model_named
+from rbfmu_kernels.models.formula_models import make_formulas, make_over
+from rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, logistic, sincos
+from rbfmu_kernels.types import Buffer
+
+'''
+"""What modules of kernels begin with, and of right-hand sides for solvers of others."""
 
 
 Changes = Mapping[int, Mapping[int, Number]]
@@ -60,8 +73,14 @@ def module_of(
     kernels = KERNELS_OVER if base else KERNELS
     maker = f"make_over({constant!r}, model_named({base!r})," if base else f"make_formulas({constant!r},"
     blocks, size = layout
-    parts = {"blocks": blocks, "places": places, "size": size, "maker": maker}
-    return source + _MODEL.format(**parts, kernels=", ".join(f"{name!r}: {name}" for name in kernels))
+    return f"""{source}
+
+inf = math.inf
+BLOCKS = {blocks!r}
+PLACES = {places!r}
+KERNELS = {{{", ".join(f"{name!r}: {name}" for name in kernels)}}}
+MODEL = {maker} (BLOCKS, {size}), KERNELS, PLACES)
+"""
 
 
 def _kernel(name: str, takes: str, gives: str, lines: Iterable[str]) -> str:

@@ -42,6 +42,7 @@ def _general(asked: Question) -> Plan:
 
 def formula_plan(asked: Question, judge: Judge) -> Plan:
     """Return the cheapest plan whose error is within the accuracy. Raises SceneError where none is."""
+    refuse_below(asked, fitting.SMALLEST)
     if asked.varying:
         return _plan_of_varying(asked, judge)
     tried = list[Plan]()
@@ -86,11 +87,13 @@ def closed_plan(asked: Question, judge: Judge) -> Plan | None:
     """
     formulas = _needed(asked.formulas)
     plain = _without_formulas(asked.scene, formulas)
+    if plain is None:
+        return None
     try:
-        found = None if plain is None else closed_forms.exact_plan(plain, Judge(plain))
+        found = closed_forms.exact_plan(plain, Judge(plain))
     except SceneError:  # beyond round-off: series have the same, and say so of what is asked
         return None
-    if plain is None or found is None:
+    if found is None:
         return None
     found = methods.with_cost(plain, found)
     over = OverClosedForm(formulas, found.spec.module)
@@ -142,7 +145,6 @@ def _try_out(asked: Question, judge: Judge, plan: Plan) -> Plan:
 
 def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
     """Return a plan whose tolerance is one of the whole run, as no pilot run has seen what ports supply."""
-    refuse_below(asked, fitting.SMALLEST)
     growth = judge.growth()
     loosest, magnified = fitting.tolerance_of_varying(asked, growth), magnified_round_off(growth)
     for tolerance in (loosest, *methods.ever_tighter(loosest)):

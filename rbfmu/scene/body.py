@@ -40,8 +40,7 @@ def possible_inertia(M: Matrix) -> Matrix:
         raise ValueError(f"finite moments of inertia ({_UNIT})")
     if reason == _inertia.NOT_SYMMETRIC:
         raise ValueError(f"a symmetric 3x3 matrix ({_UNIT})")
-    x, y, z = (M[i][j] if M[i][j] == M[j][i] else 0.5 * (M[i][j] + M[j][i]) for i, j in ((0, 1), (0, 2), (1, 2)))
-    M = ((M[0][0], x, y), (x, M[1][1], z), (y, z, M[2][2]))
+    M = _symmetric(M)
     if reason == _inertia.NEGATIVE:
         raise ValueError(f"principal moments >= 0 ({_UNIT}), not {_moments(M)}")
     if reason == _inertia.TRIANGLE:
@@ -52,6 +51,11 @@ def possible_inertia(M: Matrix) -> Matrix:
 def six_numbers(M: Sequence[Sequence[float]]) -> list[float]:
     """Return the numbers of a symmetric matrix in the order of `TRIANGLE`."""
     return [M[i][j] for i, j in TRIANGLE]
+
+
+def _symmetric(M: Matrix) -> Matrix:
+    x, y, z = (M[i][j] if M[i][j] == M[j][i] else 0.5 * (M[i][j] + M[j][i]) for i, j in ((0, 1), (0, 2), (1, 2)))
+    return ((M[0][0], x, y), (x, M[1][1], z), (y, z, M[2][2]))
 
 
 @lru_cache(maxsize=64)

@@ -52,9 +52,7 @@ class Correlation(rules.Section, path="ensemble.correlation"):
     matrix: Annotated[
         Rows | None, _SQUARE.means("their correlations; for numbers that are not normal, of their normal scores")
     ] = None
-    covariance: Annotated[Rows | None, _SQUARE.means("covariances in place of matrix, if all numbers are normal")] = (
-        None
-    )
+    covariance: Annotated[Rows | None, _SQUARE.means("covariances in place of matrix, of normal numbers")] = None
 
     def _contradictions(self) -> Iterator[str]:
         given = [name for name in ("matrix", "covariance") if getattr(self, name) is not None]

@@ -139,9 +139,7 @@ def test_jerk_of_a_body_point_is_the_derivative_of_its_acceleration_in_space():
 
         in_body = add(*(scaled(mp.mpf(k) / 12, acceleration(t)) for t, k in ((-2, 1), (-1, -8), (1, 8), (2, -1))))
         truth = [*map(float, add(in_body, cross(omega, acceleration(0))))]
-        assert interpreted(newton_euler.relative_jerk)(omega, alpha, alpha_rate, r) == pytest.approx(
-            [*map(float, truth)], rel=1e-13
-        )
+        assert interpreted(newton_euler.relative_jerk)(omega, alpha, alpha_rate, r) == pytest.approx(truth, rel=1e-13)
 
 
 def test_of_one_kilogram_the_acceleration_is_the_force_and_of_none_it_is_infinite():

@@ -116,11 +116,12 @@ def test_ports_of_ones_own_enter_formulas():
     assert simulator.save() == before
 
 
-def test_no_accuracy_below_round_off_is_promised_beside_ports():
-    """1e-20 was promised, with an error of 1e-15: for round-off, of which a motion makes no more, was its excuse."""
-    one = scene(inputs={"ports": ["torque_b"]}, loads={"torque_b": "-omega_b*norm(omega_b)"})
-    with pytest.raises(rbfmu.SceneError, match=r"accuracy = 1e-20: expected at least 1\.0e-14, what double"):
-        rbfmu.plan(rbfmu.Scene.from_dict(one).replace({"run.accuracy": 1e-20}))
+@pytest.mark.parametrize("ports", [[], ["torque_b"]])
+def test_no_accuracy_below_round_off_is_promised(ports):
+    """1e-15 was, and beside ports 1e-20, with an error of 1e-15: round-off that the motion magnifies was its excuse."""
+    one = scene(inputs={"ports": ports}, loads={"torque_b": "-omega_b*norm(omega_b)"})
+    with pytest.raises(rbfmu.SceneError, match=r"accuracy = 1e-15: expected at least 1\.0e-14, what double"):
+        rbfmu.plan(rbfmu.Scene.from_dict(one).replace({"run.accuracy": 1e-15}))
 
 
 def test_outputs_of_ones_own_hide_no_attribute_of_results_and_simulators():
