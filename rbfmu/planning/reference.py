@@ -140,14 +140,14 @@ def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float]:
             continue
         reach, step = _reach(room, now[0] / unit, unit, step, last)
         steps, done = steps + 1, now[0] - begin
-        stalled = stalled + 1 if unit * reach < FINEST * done else 0
-        if not reach > 0.0 or stalled > MOST_STALLED:
+        stalled = stalled + 1 if unit * reach[0] < FINEST * done else 0
+        if not reach[0] > 0.0 or stalled > MOST_STALLED:
             return NOWHERE, now[0]
         half = now[0] if steps == most // 2 else half
         tenth = done if steps == most // 10 else tenth
         if steps > most or (in_a_hurry and steps == most // 5 and done < min(ENOUGH * span, STEADY * tenth)):
             return -1, now[0] - half
-        k = kernels.put_rows(equations, s, unit, reach, now, times, here, rows, k)
+        k = kernels.put_rows(equations, s, unit, reach[0], now, times, here, rows, k)
         if k < times.shape[1]:
             now = kernels.begin_at(equations.states, s, unit, reach, now, here)
             if len(equations.sides):  # a root beside its corner is over soon
@@ -176,14 +176,14 @@ def _settled(room: Room, unit: float, done: float, again: bool) -> bool:
     return False
 
 
-def _reach(room: Room, done: float, unit: float, step: float, last: float) -> tuple[float, float]:
+def _reach(room: Room, done: float, unit: float, step: float, last: float) -> tuple[tuple[float, float], float]:
     """Return how far series reach, and the step, halved until their defect is small; last: the step before."""
     equations, _, _, s, here, sizes, may_hide = room
-    reach, has_corners = step, any(map(len, (equations.sides, equations.touching, equations.rising)))
+    reach, has_corners = (step, 0.0), any(map(len, (equations.sides, equations.touching, equations.rising)))
     for _ in range(MOST_HALVED):
-        reach = kernels.to_corner(equations, s, step, done) if has_corners else step
+        reach = kernels.to_corner(equations, s, step, done) if has_corners else (step, 0.0)
         parts = (FAR_PARTS if step > formula_ends.FARTHER * last else PARTS) if may_hide else 1
-        fault = kernels.first_fault(equations, sizes, s, unit, reach - 2.0 * kernels.BEYOND * step, here, parts)
+        fault = kernels.first_fault(equations, sizes, s, unit, reach[0] - 2.0 * kernels.BEYOND * step, here, parts)
         if fault == 0.0:
             break
         step = 0.5 * fault

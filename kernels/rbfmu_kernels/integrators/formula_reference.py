@@ -21,8 +21,8 @@ ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
 there is 1 - ln(1e-22) / 2 (Jorba & Zou 2005, 3.2). How far beyond a touch a series ends, and how far it goes from where
 the number under a root begins at zero: parts of its reach."""
 LENGTH = ORDER + 1
-CORNER_KNOWN = 1e-17
-"""The part of its size to which what has a corner is known there."""
+CORNER_KNOWN, NEAR = 1e-17, 1e-9
+"""The part of its size to which what has a corner is known there; and of the time to it, to which doubles find it."""
 LARGEST, LIFT = 1e290, 2.0**60
 """The largest coefficients: near the end of the range of doubles products of double-double numbers are none. And what
 both sides of an error are multiplied by, as TOLERANCE of what begins with e^-700 is none either.
@@ -154,8 +154,11 @@ def turn_side(equations: Equations, s: Array, done: float) -> int:
 
 
 @kernel(inline=False)
-def to_corner(equations: Equations, s: Array, longest: float, done: float) -> float:
-    """Return how far the series reach, at most `longest`, and note at whose corner they end; done: of `turn_side`."""
+def to_corner(equations: Equations, s: Array, longest: float, done: float) -> dd.DoubleDouble:
+    """Return how far the series reach, at most `longest`, and note at whose corner they end; done: of `turn_side`.
+
+    A pulse may last no longer than the round-off of its time, so that a corner is known better than doubles tell it.
+    """
     operations, sides, touching, corner = equations.operations, equations.sides, equations.touching, -1
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
@@ -182,24 +185,38 @@ def to_corner(equations: Equations, s: Array, longest: float, done: float) -> fl
             touch = polynomials.first_touch(s[0], at, 1, ORDER, 0.0, longest, 1.0, polynomials.OF_ROOTS)
             if touch < longest and touch + BEYOND * longest < reach:
                 reach, corner = touch + BEYOND * longest, at
+    rest = 0.0
     if corner >= 0:
-        reach = polynomials.known_until(s[0], corner, 1, ORDER, reach, CORNER_KNOWN)
+        root, reach = reach, polynomials.known_until(s[0], corner, 1, ORDER, reach, CORNER_KNOWN)
+        rest = _rest_of_root(s, corner, root) if reach == root else 0.0
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
         ends_there = reach < longest and ends.ends_at_corner(s[0], at, 1, ORDER, sides[i, 1], reach, longest)
         sides[i, 2] = 1.0 - min(sides[i, 1], 0.0) if ends_there else 0.0
-    return reach
+    return dd.quick_two_sum(reach, rest)
+
+
+@kernel(inline=False)
+def _rest_of_root(s: Array, i: int, t: float) -> float:
+    """Return how far beyond t, which is nearly the root of a series, it is: by a step of Newton's, 0 if not near."""
+    value, slope = _value(s, i, (t, 0.0))[0], polynomials.slope_of(s[0], i, 1, ORDER, t)
+    return -value / slope if abs(value) < NEAR * abs(slope * t) else 0.0
+
+
+@kernel(inline=False)
+def _value(s: Array, i: int, t: dd.DoubleDouble) -> dd.DoubleDouble:
+    """Return the value of the series that begins at s[:, i]."""
+    total = dd.at(s, i + ORDER)
+    for k in range(ORDER - 1, -1, -1):
+        total = dd.add(dd.multiply(t, total), dd.at(s, i + k))
+    return total
 
 
 @kernel(inline=False)
 def _put_states(states: Indices, s: Array, at: dd.DoubleDouble, found: Array) -> None:
     """Set the states at a time after the series' beginning, in the places of the operations."""
     for m in range(states.shape[0]):
-        i = states[m, 0] * LENGTH
-        total = dd.at(s, i + ORDER)
-        for k in range(ORDER - 1, -1, -1):
-            total = dd.add(dd.multiply(at, total), dd.at(s, i + k))
-        dd.put(found, states[m, 0], total)
+        dd.put(found, states[m, 0], _value(s, states[m, 0] * LENGTH, at))
 
 
 @kernel(inline=False)
@@ -286,10 +303,10 @@ def put_rows(
 
 @kernel(inline=False)
 def begin_at(
-    states: Indices, s: Array, unit: float, reach: float, now: dd.DoubleDouble, here: Array
+    states: Indices, s: Array, unit: float, reach: dd.DoubleDouble, now: dd.DoubleDouble, here: Array
 ) -> dd.DoubleDouble:
     """Let the next series begin where those from `now` end; return the time there."""
-    _put_states(states, s, (reach, 0.0), here)
+    _put_states(states, s, reach, here)
     for m in range(states.shape[0]):
         dd.put(s, states[m, 0] * LENGTH, dd.at(here, states[m, 0]))
-    return dd.add(now, dd.scale(unit, (reach, 0.0)))
+    return dd.add(now, dd.scale(unit, reach))

@@ -1,6 +1,7 @@
 """Where formulas jump: the angle of atan2, friction, roots beside their zero, inputs that jump, conditions at zero."""
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -72,6 +73,15 @@ def test_a_pulse_that_is_nothing_long_before_and_after_is_not_stepped_over(load,
     found, area = rbfmu.simulate(scene).omega_b[:, 2], 1e-2 * math.sqrt(math.pi)
     after = w_0 + area if "t" in load else math.sqrt(w_0**2 + 2.0 * area)
     np.testing.assert_allclose(found[[4, 6, -1]], [w_0, after, after], rtol=0, atol=1e-9 * after)
+
+
+def test_the_judge_knows_a_time_of_a_jump_better_than_a_double():
+    """A pulse of 2 ms was judged as long as the doubles of its ends: 1.9e-9 were wrong where 1e-10 was promised."""
+    scene, mid = ball("where(abs(t - 70000.3) < 1e-3, 1, 0)", 8e4), Fraction(70000.3)
+    found = reference_motion(scene, [8e4], 10000)["omega_b"][-1, 2]
+    assert found == pytest.approx(float(mid + Fraction(1e-3) - (mid - Fraction(1e-3))), rel=1e-15)
+    with pytest.raises(rbfmu.SceneError, match="the methods here reach"):
+        rbfmu.plan(scene.replace({"run.accuracy": 1e-10}))
 
 
 def turned_for_100_s(load, accuracy):
