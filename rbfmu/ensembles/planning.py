@@ -19,7 +19,7 @@ from rbfmu.ensembles import draws, fitting, members, variables
 from rbfmu.models import question, registry
 from rbfmu.planning import closed_forms, methods, select
 from rbfmu.planning.fitting import held_over_a_run
-from rbfmu.planning.judge import Judge, least_accuracy, magnified_round_off
+from rbfmu.planning.judge import Judge, magnified_round_off, what_is_reached
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.ensemble import SOBOL
 from rbfmu.scene.scene import Scene, SceneError, faults_of, warn
@@ -306,7 +306,7 @@ def _accurate(found: Plan, judges: list[Judge]) -> tuple[Plan, float]:
             found = replace(found, tolerance=tolerance)
             error = _error(judge, found)
         if not error <= accuracy:
-            expected = f"one that all members can meet; the methods here reach {least_accuracy(error)}"
+            expected = f"one that all members can meet; {what_is_reached(error)}"
             raise SceneError(f"run.accuracy = {accuracy!r}: expected {expected}", f"{judge.scene.name}, a pilot member")
         worst = max(worst, error)
         if 0.0 < found.tolerance <= methods.TIGHTEST:

@@ -261,6 +261,8 @@ def power(x: Number, exponent: Number) -> Number:
             return power(square_root(x), 2.0 * exponent)
     if isinstance(exponent, Symbol) and not exponent.is_constant:
         return exponential(exponent * logarithm(x))
+    if isinstance(x, Symbol) and x.operation.kind == "sqrt":  # which would have no series beside zero either
+        return power(Symbol(x.graph, x.operation.of[0]), 0.5 * exponent)
     return _operation("power")(x, exponent)
 
 
@@ -337,7 +339,7 @@ _PARTIALS: Mapping[str, Callable[[Symbol, Symbol, Symbol, Symbol], Sequence[Numb
     "logistic": lambda y, a, b, c: (y * (1.0 - y), 0.0),  # the last, -x, is there for where series end
     "log": lambda y, a, b, c: (1.0 / a,),
     "atan2": lambda y, a, b, c: (b / c, -(a / c), 0.0),  # the last, x^2 + y^2, is there for its series alone
-    "power": lambda y, a, b, c: (b * y / a, y * logarithm(a)),
+    "power": lambda y, a, b, c: (b * power(a, b - 1.0), y * logarithm(a)),
     "select": lambda y, a, b, c: (0.0, select(a, 1.0, 0.0), select(a, 0.0, 1.0)),
 }
 """The derivatives of an operation y by each of the numbers that it is of; those of a side are zero."""

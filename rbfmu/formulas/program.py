@@ -9,7 +9,7 @@ f' = g x', such as exp with g = f, gives k f[k] as the sum of g[k - j] times the
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from rbfmu.formulas.graph import Graph, Number, Symbol, cosine, sine
+from rbfmu.formulas.graph import Graph, Number, Operation, Symbol, cosine, sine
 
 WIDTH = 4
 """How many sums are made at once."""
@@ -38,7 +38,7 @@ RECURRENCES: Mapping[str, Recurrence] = {
     "sin": Recurrence(("a' z",), "{0} * inverse"),
     "cos": Recurrence(("a' z",), "-{0} * inverse"),
     "log": Recurrence(("y' a",), "({a} - {0} * inverse) / {x}", "a"),
-    "power": Recurrence(("a' y", "a y'"), "({b} * {0} - {1}) / {x} * inverse", "a"),
+    "power": Recurrence(("a' y", "a y'"), "choose({x} != 0.0, ({b} * {0} - {1}) / {x} * inverse, 0.0)", "a"),
     # x y' - y x', then its quotient by x^2 + y^2
     "atan2": Recurrence(("b a'", "a b'", "c y'"), "({0} - {1} - {2}) / {x} * inverse", "c"),
 }
@@ -51,6 +51,9 @@ PAIRS = ("sin", "cos", "logistic")
 RISING = ("exp", "logistic")
 """Operations that may be nothing until what they are of has risen; a logistic function is one until its second number,
 the negative of the first, has."""
+ROOTS = ("sqrt", "power")
+TOUCHING = (*ROOTS, "atan2")
+"""Operations that have no series where what they are of is zero: see `under`."""
 
 
 class Factor(NamedTuple):
@@ -80,7 +83,7 @@ class Program:
 
     constants: those that stay as they are over a series, in order; levels: the others, so that each level needs sums
     that the level before has completed; level_of: of each of them; sums: of all; sides: of what changes, on which side
-    of zero it is, which stays over a series, that ends where it changes; touching: roots, and angles of points (x, y):
+    of zero it is, which stays over a series, that ends where it changes; touching: ROOTS, and angles of points (x, y):
     where that which a root is of, or x^2 + y^2, comes down to zero, the series would go on with the wrong sign, and
     ends; rising: what exponentials are of, which may be nothing before; groups: sums of one level that are made at
     once. head: where their factors begin in a row; beside_at: where the numbers beside; row: its length, in which
@@ -106,7 +109,7 @@ class Program:
         self.levels = [tuple(i for i in reached if self.level_of.get(i) == n) for n in range(count)]
         kinds = {i: graph.operations[i] for i in reached}
         self.sides = tuple(i for i, x in kinds.items() if x.kind == "side" and x.of[0] in self.level_of)
-        self.touching = tuple(i for i, x in kinds.items() if x.kind in ("sqrt", "atan2") and x.of[-1] in self.level_of)
+        self.touching = tuple(i for i, x in kinds.items() if x.kind in TOUCHING and under(x) in self.level_of)
         rising = (x.of for i, x in kinds.items() if x.kind in RISING and i in self.level_of)
         self.rising = tuple(dict.fromkeys(i for of in rising for i in of))
         known = {*self.level_of, *self.sides}
@@ -155,8 +158,13 @@ class Program:
     def watched(self) -> list[Symbol]:
         """Return what has sides, what may touch zero and its roots, and what rises: they stand after the states."""
         known = self.graph.operations
-        found = [*(known[i].of[0] for i in self.sides), *(known[i].of[-1] for i in self.touching), *self.touching]
+        found = [*(known[i].of[0] for i in self.sides), *(under(known[i]) for i in self.touching), *self.touching]
         return [Symbol(self.graph, i) for i in (*found, *self.rising)]
+
+
+def under(operation: Operation) -> int:
+    """Return what one of TOUCHING has no series beside the zero of: of an angle it is x^2 + y^2."""
+    return operation.of[2 if operation.kind == "atan2" else 0]
 
 
 def _whole(count: int) -> int:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
 from rbfmu.formulas.graph import LEAVES, Graph, Number, Symbol, numbers_of
-from rbfmu.formulas.program import RECURRENCES, WIDTH, Factor, Program
+from rbfmu.formulas.program import RECURRENCES, ROOTS, WIDTH, Factor, Program
 
 MOST_SUMS = 12
 """How many groups of sums a loop makes beside one another: more find no register, of 16, and go through memory."""
@@ -95,7 +95,7 @@ class _Writer:
         self._columns = {name: at for at, name in enumerate(program.rates)}
         self._factors = [one for g in range(len(program.groups)) for one in self._factors_of(g)]
         roots = enumerate(program.touching if program.sides else ())
-        self._resting = {i: n for n, i in roots if program.graph.operations[i].kind == "sqrt"}
+        self._resting = {i: n for n, i in roots if program.graph.operations[i].kind in ROOTS}
         self._sums = {i: [one.name for one in own] for i, own in groupby(program.sums, lambda one: one.of)}
 
     def series(self) -> Iterator[str]:
@@ -162,9 +162,11 @@ class _Writer:
             return f"z[{self._place('series.sides') + self._sides[i]}]"
         if in_row and kind == "state":
             return f"z[r + {self._columns[str(value)]}]"
-        text = f"z[{self._place(value)}]" if kind in LEAVES else VALUES[kind].format(*map(self._name, of))
+        names = [*map(self._name, of)]
+        text = f"z[{self._place(value)}]" if kind in LEAVES else VALUES[kind].format(*names)
         if in_row and i in self._resting:
-            return f"choose(z[{self._place('series.resting') + self._resting[i]}] != 0.0, 0.0, {text})"
+            of_zero = VALUES[kind].format("0.0", *names[1:])
+            return f"choose(z[{self._place('series.resting') + self._resting[i]}] != 0.0, {of_zero}, {text})"
         return text
 
     def _put(self, text: Callable[[Number], str], divided: str = "") -> Iterator[str]:

@@ -165,7 +165,7 @@ class FormulaModel:
             **{f"{n}{end}": given.ports[n] for end in _ENDS for n in given.ports if n not in memory.INPUTS},
             **{f"{CONSTANT}{n}": s for n, s in given.constants.items()},
             **{f"{STATE}{n}_0": s for n, s in given.states.items()},
-            **{f"{STATE}{n}": s for n, s in given.states.items()}, "series.resting": len(self.program.touching),
+            **{f"{STATE}{n}": s for n, s in given.states.items()}, "series.resting": 2 * len(self.program.touching),
             **templates.SERIES, **dict.fromkeys(templates.CORNERS, len(self.program.sides)),
             "series.sizes": max(len(self.groups), 1), "series.held_inputs": max(sum(given.ports.values()), 1),
             **self.own_outputs, **{f"{EVENT}{n}": 1 for n in self.events}, **self.more_blocks,

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from rbfmu.models.question import GROWING, Question
 from rbfmu.models.registry import FREE_BODY_FORCE, FREE_TRIAXIAL, LOADED_TAYLOR, ONE_AXIS_TAYLOR
 from rbfmu.planning import methods
-from rbfmu.planning.judge import Judge, least_accuracy, magnified_round_off, refuse_below
+from rbfmu.planning.judge import Judge, magnified_round_off, refuse_below, what_is_reached
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import SceneError
 from rbfmu_kernels.compile.tiered import evaluated
@@ -116,7 +116,7 @@ def of_path_alone(asked: Question, judge: Judge) -> Plan | None:
 def refuse_accuracy(asked: Question, error: float, why: str = "") -> SceneError:
     """Return the error for an accuracy below what methods reach; why: of which quantities, where that is known."""
     reached = error / REACHED
-    expected = f"expected one that this scene can meet; the methods here reach {least_accuracy(reached)}{why}"
+    expected = f"expected one that this scene can meet; {what_is_reached(reached)}{why}"
     if not why and 1e-3 < reached < math.inf:
         expected += "; perhaps the motion magnifies round-off (see `rbfmu stability`, or ask for a shorter run)"
         expected += ", or a formula has a pulse (give it edges by where(...))" if asked.scene.loads.formulas else ""

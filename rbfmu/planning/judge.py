@@ -320,6 +320,13 @@ def too_long(scene: Scene, why: str) -> SceneError:
     return SceneError(f"run.stop = {scene.run.stop!r}: expected a shorter run, as {why}", scene.name)
 
 
+def what_is_reached(error: float) -> str:
+    """Return what is said of the least error of all methods."""
+    if not error < math.inf:
+        return "no method here ends with finite numbers"
+    return f"the methods here reach {least_accuracy(error)}"
+
+
 def least_accuracy(error: float) -> str:
     """Return an error with two digits as no less than it is, so that the accuracy so told can be met."""
     text = f"{error:.1e}"

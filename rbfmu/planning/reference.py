@@ -24,7 +24,7 @@ from rbfmu_kernels.buffer_access import matrix_at, put_quaternion_at
 from rbfmu_kernels.compile.decorator import kernel
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.integrators import formula_ends, formula_reference as kernels
-from rbfmu_kernels.integrators.formula_operations import KINDS, SQRT
+from rbfmu_kernels.integrators.formula_operations import KINDS, ROOTS
 from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
 
@@ -130,7 +130,7 @@ def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float]:
     now, half, tenth = (begin, float(times[1, 0])), begin, 0.0
     usual = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
     unit, step, shortened, steps, stalled, k = usual, 0.0, 0, 0, 0, 0
-    equations.sides[:, 1:], s[:, :: kernels.LENGTH] = 0.0, here
+    equations.sides[:, 1:], equations.touching[:, 2], s[:, :: kernels.LENGTH] = 0.0, 0, here
     while k < times.shape[1]:
         if not _settled(room, unit, now[0] / unit, shortened > 0):
             return NOWHERE, now[0]
@@ -161,8 +161,8 @@ def _settled(room: Room, unit: float, done: float, again: bool) -> bool:
     done: the time that has passed, in units; again: whether the series is the same in another unit.
     """
     equations, sides, turned = room.equations, room.equations.sides, -1
-    roots = [n for n in equations.touching[:, 1] if equations.operations[n, 0] == SQRT] if len(sides) else []
-    equations.operations[roots, 2] = 0
+    roots = [n for n in equations.touching[:, 1] if equations.operations[n, 0] in ROOTS] if len(sides) else []
+    equations.operations[roots, 3] = 0
     if not again:
         sides[:, 1], sides[:, 2] = sides[:, 2], 0.0
     for _ in range(3 * len(sides) + len(roots) + 1):
@@ -223,8 +223,8 @@ class Listed:
         self.wanted = np.array([place[x.index] for x in wanted], np.int64)
         known = [(n, self.graph.operations[i]) for n, i in enumerate(self.found)]
         self.sides = [n for n, one in known if one.kind == "side"]
-        touching = [(place[one.of[-1]], n) for n, one in known if one.kind in ("sqrt", "atan2")]
-        self.touching = np.array(touching, np.int64).reshape(-1, 2)
+        touching = [(place[program.under(one)], n, 0) for n, one in known if one.kind in program.TOUCHING]
+        self.touching = np.array(touching, np.int64).reshape(-1, 3)
         rising = {place[i] for _, one in known if one.kind in program.RISING for i in one.of}
         self.rising = np.array([*rising], np.int64)
         self.time = dict(zip(names, self.states[:, 0].tolist(), strict=True)).get("t", -1)

@@ -15,7 +15,7 @@ import numpy as np
 from rbfmu.models import registry
 from rbfmu.models.question import Question
 from rbfmu.planning import closed_forms, fitting, methods
-from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, least_accuracy, refuse_unfinished, watched_sizes
+from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, refuse_unfinished, watched_sizes, what_is_reached
 from rbfmu.runs.inputs import Drive
 from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan
@@ -131,7 +131,7 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
             cost = _cost_under(asked, plan, found, substeps_counted(run.kernels, run.z), drive)
             return replace(plan, error=error, cost=cost, reasons=tuple(reasons))
         best = min(best, error)
-    expected = f"one that these inputs allow; the methods here reach {least_accuracy(best)} with them"
+    expected = f"one that these inputs allow; {what_is_reached(best)} with them"
     raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", scene.name)
 
 

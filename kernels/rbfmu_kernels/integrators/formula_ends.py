@@ -77,14 +77,17 @@ def rest_roots(z: Buffer, at: int, row: int, sides: int, touching: int, to: int,
     """Let roots count as zero beside it where a corner is; return whether any does that did not before.
 
     at: where the polynomials stand of so many sides and of what roots are of; to: what says of each root whether it
-    counts as zero. A root has no series there, only ever shorter ones beside it.
+    counts as zero, and then, whether what it is of was zero where the last series ended. A root has no series there,
+    only ever shorter ones beside it, and none at all where round-off makes that less than zero.
     """
     corner, changed = False, False
     for i in range(sides):
         corner |= at_zero(z, at + i, row, t)
     for i in range(sides, sides + touching):
-        if corner and z[to + i - sides] == 0.0 and at_zero(z, at + i, row, t):
-            z[to + i - sides], changed = 1.0, True
+        root = to + i - sides
+        is_less = z[root + touching] != 0.0 and z[at + i] < 0.0
+        if z[root] == 0.0 and (is_less or (corner and at_zero(z, at + i, row, t))):
+            z[root], changed = 1.0, True
     return changed
 
 
@@ -114,6 +117,13 @@ def ends_at_corner(z: Buffer, i: int, row: int, n: int, begun: float, t: float, 
     after the beginning is known to a part of h alone. What is zero all along ends nowhere.
     """
     first = 1 if begun > 0.0 else 0
-    size, slope = polynomials.bound_of(z, i + first * row, row, n - first, t)
-    at_end = abs(polynomials.polynomial(z, i + first * row, row, n - first, t))
-    return bool(size > 0.0) and bool(at_end <= max(polynomials.AT_CORNER * size, LAST_HALF * h * slope))
+    size, _ = polynomials.bound_of(z, i + first * row, row, n - first, t)
+    return bool(size > 0.0) and is_zero_at_end(z, i + first * row, row, n - first, t, h)
+
+
+@kernel(inline=False)
+def is_zero_at_end(z: Buffer, i: int, row: int, n: int, t: float, h: float) -> bool:
+    """Return whether a polynomial is zero at t, to round-off; h: how far its root was searched."""
+    size, slope = polynomials.bound_of(z, i, row, n, t)
+    at_end = abs(polynomials.polynomial(z, i, row, n, t))
+    return bool(at_end <= max(polynomials.AT_CORNER * size, LAST_HALF * h * slope))

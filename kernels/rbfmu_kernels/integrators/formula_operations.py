@@ -16,9 +16,10 @@ KINDS = (
 )  # fmt: skip
 """The last is a product with what stays as it is, its second factor: of that a coefficient needs the first alone."""
 (
-    _NUMBER, _PLACE, _INPUT, STATE, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, SQRT, _EXP, _LOG, _SIN, _COS, _ATAN2, _POWER,
+    _NUMBER, _PLACE, _INPUT, STATE, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, SQRT, _EXP, _LOG, _SIN, _COS, _ATAN2, POWER,
     _LOGISTIC, SIDE, _SELECT, _SCALE,
 ) = range(len(KINDS))  # fmt: skip
+ROOTS = (SQRT, POWER)
 
 
 @kernel
@@ -63,7 +64,9 @@ def value_of(kind: int, i: int, a: int, b: int, c: int, s: Array) -> dd.DoubleDo
         return functions.sine_and_cosine(x)[1]
     if kind == _ATAN2:
         return functions.angle_of(x, y)
-    if kind == _POWER:
+    if kind == POWER and x[0] == 0.0:
+        return (0.0 if y[0] > 0.0 else math.inf, 0.0)
+    if kind == POWER:
         return functions.exponential(dd.multiply(y, functions.natural_logarithm(x)))
     if kind == _LOGISTIC:
         return functions.logistic(x)
@@ -104,9 +107,9 @@ def coefficient_of(kind: int, i: int, a: int, b: int, c: int, s: Array, k: int) 
         turned = dd.subtract(_sum_of_slopes(s, a, b, k, k), _sum_of_slopes(s, b, a, k, k))
         rest = dd.subtract(turned, _sum_of_slopes(s, i, c, k, k - 1))
         return dd.divide(rest, dd.multiply_float(dd.at(s, c), n))
-    if kind == _POWER:
-        rest = dd.multiply(dd.at(s, b), _sum_of_slopes(s, a, i, k, k))
-        return dd.divide(dd.subtract(rest, _sum_of_slopes(s, i, a, k, k - 1)), dd.multiply_float(dd.at(s, a), n))
+    if kind == POWER:
+        rest = dd.subtract(dd.multiply(dd.at(s, b), _sum_of_slopes(s, a, i, k, k)), _sum_of_slopes(s, i, a, k, k - 1))
+        return dd.divide(rest, dd.multiply_float(dd.at(s, a), n)) if s[0, a] != 0.0 else (0.0, 0.0)
     if kind == _SELECT:
         return dd.at(s, b + k) if s[0, a] > 0.0 else dd.at(s, c + k)
     return (0.0, 0.0)

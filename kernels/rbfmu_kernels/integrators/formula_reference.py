@@ -14,7 +14,7 @@ from ..compile.decorator import kernel
 from ..numerics import double_double as dd
 from ..types import Array, Indices
 from . import formula_ends as ends, polynomials
-from .formula_operations import SIDE, SQRT, STATE, coefficient_of, value_of
+from .formula_operations import ROOTS, SIDE, SQRT, STATE, coefficient_of, value_of
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
 """The order of series, and the error of a step, relative to sizes: far below what doubles have. The order of least work
@@ -38,10 +38,11 @@ what they leave out there, which is much more. A corner is found to an ulp of th
 class Equations(NamedTuple):
     """What is walked, in rows.
 
-    operations (n, 5): kind, what it is of, and whether it changes. states (m, 3): which operation it is and that of its
-    rate, and its group. least: of each group, the least size that its errors are relative to, negative where that alone
-    counts. sides (n, 3): operation, whether a series began and ends at its corner. touching (n, 2): what may come down
-    to zero, and the root or angle of it. rising: what exponentials are of. wanted: operations. time: that which is the
+    operations (n, 5): kind, what it is of (third of a root: whether it counts as zero), and whether it changes. states
+    (m, 3): which operation it is and that of its rate, and its group. least: of each group, the least size that its
+    errors are relative to, negative where that alone counts. sides (n, 3): operation, whether a series began and ends
+    at its corner. touching (n, 3): what may come down to zero, the root or angle of it, and whether it was zero where
+    the last series ended at a corner. rising: what exponentials are of. wanted: operations. time: that which is the
     time, or -1.
     """
 
@@ -63,8 +64,8 @@ def evaluate(operations: Indices, s: Array, stride: int, with_sides: bool) -> No
     """
     for n in range(operations.shape[0]):
         kind, a, b, c = operations[n, 0], operations[n, 1], operations[n, 2], operations[n, 3]
-        if kind == SQRT and b != 0 and stride == LENGTH:
-            dd.put(s, n * stride, (0.0, 0.0))
+        if kind in ROOTS and c != 0 and stride == LENGTH:
+            dd.put(s, n * stride, (0.0 if kind == SQRT or s[0, b * stride] > 0.0 else math.inf, 0.0))
         elif kind > STATE and (with_sides or kind != SIDE):
             dd.put(s, n * stride, value_of(kind, n * stride, a * stride, b * stride, c * stride, s))
 
@@ -128,9 +129,11 @@ def rest_roots(equations: Equations, s: Array, done: float) -> bool:
     for i in range(sides.shape[0]):
         corner |= ends.at_zero(s[0], operations[int(sides[i, 0]), 1] * LENGTH, 1, FINER * done)
     for m in range(touching.shape[0]):
-        n, is_beside = touching[m, 1], ends.at_zero(s[0], touching[m, 0] * LENGTH, 1, FINER * done)
-        if corner and is_beside and operations[n, 0] == SQRT and operations[n, 2] == 0:
-            operations[n, 2], changed = 1, True
+        n, at = touching[m, 1], touching[m, 0] * LENGTH
+        is_less = touching[m, 2] != 0 and s[0, at] < 0.0
+        rests = is_less or (corner and ends.at_zero(s[0], at, 1, FINER * done))
+        if rests and operations[n, 0] in ROOTS and operations[n, 3] == 0:
+            operations[n, 3], changed = 1, True
     return changed
 
 
@@ -160,6 +163,7 @@ def to_corner(equations: Equations, s: Array, longest: float, done: float) -> dd
     A pulse may last no longer than the round-off of its time, so that a corner is known better than doubles tell it.
     """
     operations, sides, touching, corner = equations.operations, equations.sides, equations.touching, -1
+    at_corner = False
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
         longest = polynomials.known_until(s[0], at, 1, ORDER, longest, polynomials.ROUGHLY)
@@ -177,7 +181,7 @@ def to_corner(equations: Equations, s: Array, longest: float, done: float) -> dd
             reach, corner = root, at
     for m in range(touching.shape[0]):
         at = touching[m, 0] * LENGTH
-        if operations[touching[m, 1], 0] == SQRT and operations[touching[m, 1], 2] != 0:
+        if operations[touching[m, 1], 0] in ROOTS and operations[touching[m, 1], 3] != 0:
             reach, corner = min(reach, ends.SOON_AFTER * FINER * done), -1
         elif polynomials.begins_at_zero(s[0], at, 1, ORDER):
             reach, corner = min(reach, AT_REST * longest), -1
@@ -193,6 +197,10 @@ def to_corner(equations: Equations, s: Array, longest: float, done: float) -> dd
         at = operations[int(sides[i, 0]), 1] * LENGTH
         ends_there = reach < longest and ends.ends_at_corner(s[0], at, 1, ORDER, sides[i, 1], reach, longest)
         sides[i, 2] = 1.0 - min(sides[i, 1], 0.0) if ends_there else 0.0
+        at_corner = at_corner or ends_there
+    for m in range(touching.shape[0]):
+        is_zero = at_corner and ends.is_zero_at_end(s[0], touching[m, 0] * LENGTH, 1, ORDER, reach, longest)
+        touching[m, 2] = 1 if is_zero else 0
     return dd.quick_two_sum(reach, rest)
 
 

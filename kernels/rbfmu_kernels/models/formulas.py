@@ -132,7 +132,7 @@ def reach_to_corner(z: Buffer, h: float) -> float:
     What has corners is no state: its own series must be known there, or a series ends before. So must that of a root
     beside its zero, whose coefficients lose more digits with each: sums of them may lose all, and no state shows it.
     """
-    n, corner = int(z[ORDER]), -1
+    n, corner, at_corner = int(z[ORDER]), -1, False
     for i in range(WATCHED, WATCHED + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING):
         h = polynomials.known_until(z, i, ROW, n, h, polynomials.ROUGHLY)
     for i in range(NUMBER_OF_SIDES):
@@ -165,6 +165,10 @@ def reach_to_corner(z: Buffer, h: float) -> float:
     for i in range(NUMBER_OF_SIDES):
         ends_there = reach < h and formula_ends.ends_at_corner(z, WATCHED + i, ROW, n, z[ON + i], reach, h)
         z[NEXT + i] = 1.0 - min(z[ON + i], 0.0) if ends_there else 0.0
+        at_corner = at_corner or ends_there
+    for i in range(NUMBER_TOUCHING):
+        is_zero = at_corner and formula_ends.is_zero_at_end(z, WATCHED + NUMBER_OF_SIDES + i, ROW, n, reach, h)
+        z[RESTING + NUMBER_TOUCHING + i] = 1.0 if is_zero else 0.0
     return reach
 
 
@@ -182,7 +186,7 @@ def prepare_series(z: Buffer) -> None:
     for i in range(NUMBER_OF_SIDES):
         z[ON + i], z[FLIPS + i] = z[NEXT + i] if ended else 0.0, 0.0
     for i in range(NUMBER_TOUCHING):
-        z[RESTING + i] = 0.0
+        z[RESTING + i], z[RESTING + NUMBER_TOUCHING + i] = 0.0, z[RESTING + NUMBER_TOUCHING + i] if ended else 0.0
 
 
 def make_series(z: Buffer) -> bool:
