@@ -146,8 +146,10 @@ def _gaps(path: Path, d: Description) -> list[str]:
     """Return variables, units and dependencies that an importer needs and does not find."""
     model = fmpy.read_model_description(str(path), validate=False)
     found, version = {v.name: v for v in model.modelVariables}, version_in(model)
-    names = {one.name for one in version.references(d)}
-    problems = [f"variable {name} is missing" for name in sorted(names - set(found))]
+    names = {one.name: k for k, one in enumerate(version.references(d))}
+    problems = [f"variable {name} is missing" for name in sorted({*names} - {*found})]
+    wrong = [found[name] for name, k in names.items() if name in found and found[name].valueReference != k]
+    problems += [f"variable {v.name} has the value reference {v.valueReference}, not {names[v.name]}" for v in wrong]
     problems += [f"variable {v.name} has no unit" for v in found.values() if v.type == version.real and not v.unit]
     outputs = {v.name for v in found.values() if v.causality == "output"}
     for kind, listed in _with_dependencies(path, model).items():

@@ -110,12 +110,14 @@ def test_an_fmu_without_the_name_of_its_script_is_refused_before_it_crashes(fmu:
 
 
 def _poorer(renamed: str) -> Callable[[str, bytes], bytes]:
-    """What leaves units and dependencies out of a description, and gives a variable another name."""
+    """What leaves units and dependencies out of a description, and gives variables another name and reference."""
 
     def change(name: str, content: bytes) -> bytes:
         if name != "modelDescription.xml":
             return content
         content = content.replace(b' unit="m/s2"', b"").replace(b' dependencies=""', b"")
+        reference = content.partition(b'name="kinetic_energy" valueReference="')[2].partition(b'"')[0]
+        content = content.replace(b'Reference="%s"' % reference, b'Reference="9%s"' % reference)
         return content.replace(f'name="{renamed}"'.encode(), b'name="rate"')
 
     return change
@@ -133,6 +135,7 @@ def test_missing_variables_units_and_dependencies_are_found(version: str, tmp_pa
     assert f"variable acceleration{element} has no unit" in found.problems
     assert f"position{element} is not among the outputs with dependencies" in found.problems
     assert f"variable omega_b{element} is missing" in found.problems
+    assert any(text.startswith("variable kinetic_energy has the value reference 9") for text in found.problems)
     assert not found.passed
     assert version == "2" or verify(fmu).passed
 

@@ -25,6 +25,8 @@ FAR = 1e300
 """How far what has not come to zero yet counts as away: finite, as all numbers of a saved state are."""
 TOUCHED = 1e-15
 """The part which round-off makes of what touches zero, over the largest that it has been and what it is by the time."""
+AT_ONCE = 1e-9
+"""By which part of a series' step what it touches and its begin differ where they are one."""
 TOGETHER = 0.01
 """The part by which two times since zeros differ where they are one, and how long that is at most, over a series' step:
 what the series before was off. What jumps over zero was there at no time."""
@@ -112,12 +114,15 @@ def root_of_event(z: Buffer, i: int, h: float) -> float:
 
 def reach_to_touches(z: Buffer, h: float, reach: float) -> float:
     """Return how far series reach, a little beyond the first touch, and keep when that is."""
-    n = int(z[ORDER])
+    n, soon = int(z[ORDER]), AT_ONCE * h
     for e in range(NUMBER_OF_EVENTS):
         i = EVENT_SIDES[e]
         begin_at = leaves_band(z, WATCHED + i, ROW, n, reach, round_off_of(z, e))
         touch = first_touch(z, WATCHED + i, ROW, n, begin_at, reach, z[SIDES + i], TOUCHING)
-        z[TOUCHES + e] = touch
+        if reach < h and touch > reach:  # a root of something else may end the series just before
+            begin_at = max(begin_at, reach - soon)
+            touch = first_touch(z, WATCHED + i, ROW, n, begin_at, reach + soon, z[SIDES + i], TOUCHING)
+        z[TOUCHES + e] = min(touch, reach) if touch <= reach + soon else 2.0 * h
         reach = min(reach, touch + formula_ends.BEYOND * h)
     return reach
 
@@ -153,7 +158,7 @@ def note_events(z: Buffer, ended: bool) -> None:
     one did not end before. Round-off may take what touches zero, or crosses it slowly, to and fro: as long as it is no
     further away than that, all this is one event, of which the sides before and after tell the kind.
     """
-    n, begun, reach = int(z[ORDER]), z[BEGUN], z[REACH]
+    n, begun, reach, soon = int(z[ORDER]), z[BEGUN], z[REACH], AT_ONCE * z[driven.STEP_SIZE]
     for e in range(NUMBER_OF_EVENTS):
         at = WATCHED + EVENT_SIDES[e]
         side, before, slope = z[SIDES + EVENT_SIDES[e]], z[NOTED + e], z[at + ROW]
@@ -164,7 +169,8 @@ def note_events(z: Buffer, ended: bool) -> None:
             t = leaves_band(z, at, ROW, n, reach, least)
             origin = -side if t <= reach and side * polynomial(z, at, ROW, n, -t) < 0.0 else side
         else:
-            happens = side != before or (ended and (touch > 0.0 or abs(z[at]) <= least or turns_at_corner(z, e)))
+            touched = 0.0 < touch <= begun + max(soon, leaves_band(z, at, ROW, n, reach, least))  # or as inputs change
+            happens = side != before or touched or (ended and (abs(z[at]) <= least or turns_at_corner(z, e)))
             origin = z[ORIGINS + e] if near else before
         if happens:
             t = touch if side == before and touch > 0.0 else begun
@@ -173,4 +179,5 @@ def note_events(z: Buffer, ended: bool) -> None:
             list_event(z, e, t, kind, not near)
         z[AWAY + e] = middle if happens else max(z[AWAY + e], middle)
         z[NOTED + e], z[ORIGINS + e], z[LARGEST + e] = side, origin, max(z[LARGEST + e], max(abs(z[at]), middle))
-        z[LAST_TOUCHES + e] = begun + z[TOUCHES + e] if z[TOUCHES + e] < reach else 0.0
+        is_new = (soon if happens else 0.0) < z[TOUCHES + e] <= reach
+        z[LAST_TOUCHES + e] = begun + z[TOUCHES + e] if is_new else 0.0

@@ -112,6 +112,16 @@ def test_what_touches_zero_is_said_to_touch_it(step):
     assert [len(kind["beside"]) for kind in (found.events, found.touches)] == [0, 0]
 
 
+def test_what_touches_zero_as_inputs_change_is_said_to_touch_it():
+    """2026-11-30: some were not said where inputs change just then, nor just above zero at another event's root."""
+    one = scene(0.25, 3.75, touch="1 - cos(2*pi*t)", above="(t - 2.3)**2 + 1e-13", root="t - 2.3")
+    torque = np.random.default_rng(0).normal(size=(15, 3))
+    found = rbfmu.simulate(one.replace({"inputs.ports": ["torque_b"]}), inputs={"torque_b": torque})
+    assert {name: len(times) for name, times in found.events.items()} == {"touch": 0, "above": 0, "root": 1}
+    np.testing.assert_allclose(found.touches["touch"], [0.0, 1.0, 2.0, 3.0], atol=1e-6)
+    np.testing.assert_allclose(found.touches["above"], [2.3], atol=1e-6)
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("accuracy", [1e-4, 1e-9])
 def test_what_touches_zero_at_its_corner_is_said_to_touch_it_once(accuracy):
