@@ -35,7 +35,7 @@ def point_velocity(v_o: Vec3, omega: Vec3, r: Vec3, dr: Vec3) -> Vec3:
 
     Units: v_o and dr in m/s, omega in rad/s, r in m; the result in m/s.
     Frames: all in one frame; dr is as seen from the body, 0 for a point fixed in it.
-    Error <= 1.5 eps of the sum of the terms' sizes.  Singular: nowhere.  Source: E&G 6.12.
+    Error <= 1.5 eps (|v_o| + |dr| + |omega| |r|).  Singular: nowhere.  Source: E&G 6.12.
     """
     return add(add(v_o, dr), cross(omega, r))
 
@@ -47,7 +47,8 @@ def point_acceleration(a_o: Vec3, omega: Vec3, alpha: Vec3, r: Vec3, dr: Vec3, d
     The terms are the transport, relative, Coriolis, Euler and centripetal acceleration.
     Units: a_o and ddr in m/s^2, omega in rad/s, alpha in rad/s^2, r in m, dr in m/s; the result in m/s^2.
     Frames: all in one frame; dr and ddr are as seen from the body.
-    Error <= 3 eps of the sum of the terms' sizes.  Singular: nowhere.  Source: E&G 6.12.
+    Error <= 3 eps (|a_o| + |ddr| + |alpha| |r| + 2 |omega| |dr| + |omega|^2 |r|).  Singular: nowhere.
+    Source: E&G 6.12.
     """
     coriolis_and_centripetal = cross(omega, add_scaled(cross(omega, r), 2.0, dr))
     return add(add(add(a_o, ddr), cross(alpha, r)), coriolis_and_centripetal)

@@ -256,13 +256,22 @@ def test_a_root_may_begin_and_end_beside_its_zero(text, gained):
     "abs(omega_b[3])**0.75*omega_b[3]", "abs(omega_b[3])**n*omega_b[3]", "norm(omega_b)**0.75*omega_b[3]",
     "(max(omega_b[3], 0)**1.75 - max(-omega_b[3], 0)**1.75)",
 ])  # fmt: skip
-@pytest.mark.parametrize("start", [1.0, 0.0])
+@pytest.mark.parametrize("start", [1.0, 0.1, 0.0])
 def test_drag_by_a_power_of_the_rate_turns_with_it(drag, start):
     """It was refused where the rate came to zero: round-off made what the power is of less than zero there."""
     scene = ball(f"-1 - 0.5*{drag}", accuracy=1e-9, initial={"omega_b": [0.0, 0.0, start]}, constants={"n": 0.75})
     w = rbfmu.simulate(scene if "n*" in drag else scene.replace({"constants.n": None})).omega_b[-1, 2]
     passed = mpmath.quad(lambda u: 1 / (1 + abs(u) ** mpmath.mpf(0.75) * u / 2), [w, 0, start])
     assert float(passed) == pytest.approx(2.0, rel=0, abs=1e-9)
+
+
+def test_a_norm_under_a_power_may_come_to_zero():
+    """No method came to an end, as the root of the norm has no series there, and the power of it none either."""
+    scene = ball("cos(t) - norm(omega_b)**0.4*omega_b[3]", 6.0, 0.5, 1e-6, initial={"omega_b": [0.0, 0.0, 0.5]})
+    w = rbfmu.simulate(scene).omega_b[:, 2]
+    exact = solve_ivp(lambda t, y: np.cos(t) - abs(y) ** 0.4 * y, (0.0, 6.0), [0.5], "DOP853",
+                      np.arange(13) * 0.5, rtol=1e-11, atol=1e-13, max_step=1e-2).y[0]  # fmt: skip
+    assert np.abs(w - exact).max() < 1e-6
 
 
 @pytest.mark.parametrize("text", ["max(t - 0.3, 0)**-0.3", "max(t - 0.3, 0)**n"])
