@@ -36,13 +36,9 @@ def keep_script(names: dict[str, object]) -> None:
     _increment(names)
 
 
-def keep_after_exception(slave: type, *instances: Any) -> None:
-    """Keep alive what is released twice, once after the exception and once when freed: the process would end.
-
-    Where bytes are refused, that is all instances: they are made a state by a call of the class, and who is released is
-    not named.
-    """
-    for one in (slave, *instances, *(instance.log_queue for instance in instances)):
+def keep_after_exception(instance: Any) -> None:
+    """Keep alive what is released twice, once after the exception and once when freed: the process would end."""
+    for one in (type(instance), instance, instance.log_queue):
         _increment(one)
 
 

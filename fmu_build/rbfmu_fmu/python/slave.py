@@ -20,7 +20,8 @@ OK, STEP_REJECTED, PAST_STOP = range(3)
 
 _INFINITY = math.inf
 _MAY_STEP, _MAY_SET_INPUTS = CALLS["do_step"].phases, SETTABLE["input"]
-_LIVE: "weakref.WeakSet[Slave]" = weakref.WeakSet()
+_LIVE: "weakref.WeakValueDictionary[type, Slave]" = weakref.WeakValueDictionary()
+"""Instances by their classes, each of which the FMU's script makes for one."""
 
 
 class Slave(Fmi2Slave):  # type: ignore[misc]
@@ -40,7 +41,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         outputs, self._first_output = access.output_struct
         self._pack_inputs, self._unpack_outputs = inputs.pack_into, outputs.unpack_from
         self._phase, self._status, self._stale = INSTANTIATED, OK, True
-        _LIVE.add(self)
+        _LIVE[type(self)] = self
         self._logger = kwargs["logger"]
         traps.forget_resources(kwargs["resources"])
         traps.release_at_exit(self._logger)
@@ -222,7 +223,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
     def _survivable(self, call: str, error: BaseException) -> BaseException:
         """Log an error that is about to be raised, and return it."""
-        traps.keep_after_exception(type(self), self)
+        traps.keep_after_exception(self)
         traps.drop_messages_without_category(self._logger, self.instance_name)
         self._tell(f"{call}: {error}", Fmi2Status.fatal)
         return error
@@ -254,12 +255,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         try:
             cls.access.state_content(data)
         except ValueError as error:
-            traps.keep_after_exception(cls, *_LIVE)
-            for instance in _LIVE:  # the class is called, and nobody knows for which of them
-                traps.drop_messages_without_category(instance._logger, instance.instance_name)
-                instance.log(f"fmi2DeSerializeFMUstate, of this or another unit: {error}", Fmi2Status.fatal)
-            tell(f"rbfmu: fmi2DeSerializeFMUstate: {error}")
-            raise
+            raise _LIVE[cls]._survivable("fmi2DeSerializeFMUstate", error) from None
         return data
 
     @staticmethod

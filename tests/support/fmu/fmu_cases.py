@@ -227,6 +227,22 @@ def errors_again_and_again(folder):
     return _rows(fmu.started()) == rows(folder)[0]
 
 
+def refused_beside_others(folder):
+    """Bytes are refused beside neighbours that are freed without another call; what each was told."""
+    fmu = imported(folder)
+    instance, *neighbours = [fmu.instance(name, logging=0) for name in ("it", *"abcdefgh")]
+    for one in (instance, *neighbours):
+        assert one.set_debug_logging(1) == OK
+    for neighbour in neighbours:
+        assert instance.deserialized(b"no state")[0] == FATAL
+        neighbour.free()
+    told = [[(category.decode(), text.decode()) for _, category, text in it.log] for it in (instance, *neighbours)]
+    instance.free()
+    gc.collect()
+    (left,) = (sys.modules[name]._LIVE for name in sys.modules if name.endswith(".slave"))
+    return told, len(left)
+
+
 def foreign_state(folder, other):
     """The state of another FMU is refused, and of the same FMU from another folder is not."""
     with tempfile.TemporaryDirectory() as place:
