@@ -73,7 +73,12 @@ NOTHING = 1e-290
 
 @kernel(inline=False)
 def known_until(z: Buffer, i: int, row: int, n: int, h: float, part: float) -> float:
-    """Return how far, at most h, a series cut at degree n leaves out no more than a part of its size."""
+    """Return how far, at most h, a series cut at degree n leaves out no more than a part of its size.
+
+    Where its last coefficients are no numbers, as beside the zero of a root, it is until the first two may cancel.
+    """
+    if 0.0 < abs(z[i + row]) < math.inf and not abs(z[i + (n - 1) * row]) < math.inf:
+        return min(h, abs(z[i] / z[i + row]))
     for _ in range(100):
         size, _ = bound_of(z, i, row, n, h)
         last = power_of(h, n - 1) * max(abs(z[i + (n - 1) * row]), abs(z[i + n * row]) * h)

@@ -274,6 +274,13 @@ def test_a_norm_under_a_power_may_come_to_zero():
     assert np.abs(w - exact).max() < 1e-6
 
 
+@pytest.mark.parametrize(("root", "on"), [("sqrt(abs(t - 1e-3))", 0.251), ("abs(t - 1)**0.3", 2 * 0.5 ** (1 / 0.3))])
+def test_a_condition_on_a_root_is_followed_from_its_corner(root, on):
+    """2026-11-30: 5.0, told to be exact: coefficients beside the corner were beyond all numbers, and no zero found."""
+    found = rbfmu.simulate(ball(f"where({root} < 0.5, 1, 0)", 5.0)).omega_b[-1, 2]
+    assert found == pytest.approx(on, rel=0, abs=1e-6 * on)
+
+
 @pytest.mark.parametrize("text", ["max(t - 0.3, 0)**-0.3", "max(t - 0.3, 0)**n"])
 def test_what_is_infinite_at_its_corner_is_refused(text):
     with pytest.raises(rbfmu.SceneError, match="is not finite"):
