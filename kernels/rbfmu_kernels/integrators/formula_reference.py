@@ -189,10 +189,9 @@ def to_corner(equations: Equations, s: Array, longest: float, done: float) -> dd
             touch = polynomials.first_touch(s[0], at, 1, ORDER, 0.0, longest, 1.0, polynomials.OF_ROOTS)
             if touch < longest and touch + BEYOND * longest < reach:
                 reach, corner = touch + BEYOND * longest, at
-    rest = 0.0
+    root = reach
     if corner >= 0:
-        root, reach = reach, polynomials.known_until(s[0], corner, 1, ORDER, reach, CORNER_KNOWN)
-        rest = _rest_of_root(s, corner, root) if reach == root else 0.0
+        reach = polynomials.known_until(s[0], corner, 1, ORDER, reach, CORNER_KNOWN)
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1] * LENGTH
         ends_there = reach < longest and ends.ends_at_corner(s[0], at, 1, ORDER, sides[i, 1], reach, longest)
@@ -201,6 +200,7 @@ def to_corner(equations: Equations, s: Array, longest: float, done: float) -> dd
     for m in range(touching.shape[0]):
         is_zero = at_corner and ends.is_zero_at_end(s[0], touching[m, 0] * LENGTH, 1, ORDER, reach, longest)
         touching[m, 2] = 1 if is_zero else 0
+    rest = _rest_of_root(s, corner, reach) if at_corner and corner >= 0 and reach == root else 0.0
     return dd.quick_two_sum(reach, rest)
 
 
