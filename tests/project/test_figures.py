@@ -187,24 +187,20 @@ def test_rows_of_peers_are_quoted_with_every_accuracy() -> None:
 
 
 def test_who_is_ahead_where_is_what_the_readme_says() -> None:
-    """DOP853 at 1e-3; with many outputs LSODA up to 1e-6 as well, and heyoka.py from 1e-9 on with the thruster."""
-    behind = [row for row in record.read("peers")[1] if row["even"] == "False"]
-    behind = [row for row in behind if not float(row["seconds"]) < float(row["peer_seconds"])]
+    """DOP853 at 1e-3, with many outputs LSODA there; from 1e-6 on others by no more than noise."""
+    behind = [row for row in record.read("peers")[1] if not float(row["seconds"]) < float(row["peer_seconds"])]
+    noise = {float(row["peer_seconds"]) / float(row["seconds"]) for row in behind if row["even"] == "True"}
+    assert 0.93 <= min(noise)
+    behind = [row for row in behind if row["even"] == "False"]
     ahead = {(row["case"], row["peer"], float(row["accuracy"]), int(row["outputs"]) > CASES[row["case"]].outputs):
              float(row["peer_seconds"]) / float(row["seconds"]) for row in behind}  # fmt: skip
     few = {key: ratio for key, ratio in ahead.items() if not key[-1]}
     assert {key[1:3] for key in few} == {("numbalsoda DOP853", 1e-3)}
-    assert 0.75 <= min(few.values()) < 0.8
+    assert 0.815 <= min(few.values()) < 0.825
     coarse = {key: ratio for key, ratio in ahead.items() if key[1] == "numbalsoda LSODA"}
-    assert {key[2] for key in coarse} == {1e-3, 1e-6}
-    assert 0.595 <= min(coarse.values()) < 0.605
-    finer = {key[0]: ratio for key, ratio in coarse.items() if key[2] == 1e-6}
-    assert {*finer} == {"d", "f"}
-    assert 0.815 <= min(finer.values()) <= max(finer.values()) < 0.885
-    others = {key: ratio for key, ratio in ahead.items() if key not in few and key not in coarse}
-    assert 0.925 <= others.pop(("c'", "numbalsoda DOP853", 1e-3, True)) < 0.935
-    assert {key[:3] for key in others} == {("f", "heyoka.py", 1e-9), ("f", "heyoka.py", 1e-12)}
-    assert 0.845 <= min(others.values()) <= max(others.values()) < 0.875
+    assert {key[2] for key in coarse} == {1e-3}
+    assert 0.725 <= min(coarse.values()) < 0.735
+    assert ahead.keys() == few.keys() | coarse.keys()
     many = [row for row in record.read("peers")[1] if int(row["outputs"]) > CASES[row["case"]].outputs]
     sure = [row for row in many if "**" in pages.times(row)]
     assert [
