@@ -26,7 +26,9 @@ FAR = 1e300
 TOUCHED = 1e-15
 """The part which round-off makes of what touches zero, over the largest that it has been and what it is by the time."""
 AT_ONCE = 1e-9
-"""By which part of a series' step what it touches and its begin differ where they are one."""
+"""How far apart, as a part of a series' step, a touch of zero and where the series begins may be and still be one time.
+A touch is found as a zero of the slope, which round-off moves by far less.
+"""
 TOGETHER = 0.01
 """The part by which two times since zeros differ where they are one, and how long that is at most, over a series' step:
 what the series before was off. What jumps over zero was there at no time."""
