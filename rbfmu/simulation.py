@@ -70,9 +70,8 @@ def simulate(
     """Run a scene, or that of a scene file: its FMU's bits at the same communication steps and inputs.
 
     inputs: what drives the ports: a mapping from a port's name to `(times (m,), values (m, 3))` or to an array (n, 3)
-    with a row for each communication step, linear ones with one for its end too, or the path of a CSV file in FMPy's
-    format (`time`, then FMU variables such as `torque_b[1]`). Ports that are not named stay at zero, those of your own
-    at their start.
+    with a row for each communication step, and if linear one for the end, or the path of a CSV file in FMPy's format
+    (`time`, then `torque_b[1]` and so on). Ports that are not named stay at zero, those of your own at their start.
     interpolate: "hold", a value from its time on, or "linear" between times. Communication steps are cut where a time
     lies inside. Of linear inputs a model that takes no input derivatives sees the mean over each step.
     planned: a plan, whose model and method are used as they are; without one, a plan that meets the accuracy under the

@@ -38,7 +38,7 @@ _LAST_X = 0.4334246564202994  # u = 600 on the separatrix: from there on the bod
 
 @kernel(inline=False)
 def free_rotation_setup(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3) -> FreeRotationNumbers:
-    """Return the constants of a body's torque-free motion, for `free_rotation_at`, as 62 floats.
+    """Return the constants of a body's torque-free motion, for `free_rotation_at`, as a tuple of floats.
 
     moments: principal, any unit, any order; q_0: body to inertial axes; omega_b_0: rad/s, body components.
     One zero moment (a slender beam, the others equal) is the limit of a thin rod: the rate about it stays constant.
