@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from rbfmu.formulas.graph import Graph, Number, Operation, Symbol, cosine, sine
+from rbfmu_kernels.integrators import formula_operations
 
 WIDTH = 4
 """How many sums are made at once."""
@@ -51,7 +52,7 @@ PAIRS = ("sin", "cos", "logistic")
 RISING = ("exp", "logistic")
 """Operations that may be nothing until what they are of has risen; a logistic function is one until its second number,
 the negative of the first, has."""
-ROOTS = ("sqrt", "power")
+ROOTS = tuple(formula_operations.KINDS[kind] for kind in formula_operations.ROOTS)
 TOUCHING = (*ROOTS, "atan2")
 """Operations that have no series where what they are of is zero: see `under`."""
 

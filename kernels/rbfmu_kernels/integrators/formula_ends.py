@@ -72,21 +72,28 @@ def at_zero(z: Buffer, i: int, row: int, t: float) -> bool:
     return t * z[i + row] != 0.0 and abs(z[i]) <= polynomials.AT_CORNER * abs(t * z[i + row])
 
 
+@kernel
+def has_no_root(z: Buffer, i: int, row: int, at_corner: bool, was_zero: bool, t: float) -> bool:
+    """Return whether the root of a polynomial has no series; was_zero: whether it was where the last one ended.
+
+    Beside a zero there are ever shorter ones, and none at all where round-off makes of it less than zero.
+    """
+    return (was_zero and z[i] < 0.0) or (at_corner and at_zero(z, i, row, t))
+
+
 @kernel(inline=False)
 def rest_roots(z: Buffer, at: int, row: int, sides: int, touching: int, to: int, t: float) -> bool:
     """Let roots count as zero beside it where a corner is; return whether any does that did not before.
 
     at: where the polynomials stand of so many sides and of what roots are of; to: what says of each root whether it
-    counts as zero, and then, whether what it is of was zero where the last series ended. A root has no series there,
-    only ever shorter ones beside it, and none at all where round-off makes that less than zero.
+    counts as zero, and then, whether what it is of was zero where the last series ended.
     """
     corner, changed = False, False
     for i in range(sides):
         corner |= at_zero(z, at + i, row, t)
     for i in range(sides, sides + touching):
         root = to + i - sides
-        is_less = z[root + touching] != 0.0 and z[at + i] < 0.0
-        if z[root] == 0.0 and (is_less or (corner and at_zero(z, at + i, row, t))):
+        if z[root] == 0.0 and has_no_root(z, at + i, row, corner, z[root + touching] != 0.0, t):
             z[root], changed = 1.0, True
     return changed
 
@@ -117,8 +124,8 @@ def ends_at_corner(z: Buffer, i: int, row: int, n: int, begun: float, t: float, 
     after the beginning is known to a part of h alone. What is zero all along ends nowhere.
     """
     first = 1 if begun > 0.0 else 0
-    size, _ = polynomials.bound_of(z, i + first * row, row, n - first, t)
-    return bool(size > 0.0) and is_zero_at_end(z, i + first * row, row, n - first, t, h)
+    at, n = i + first * row, n - first
+    return is_zero_at_end(z, at, row, n, t, h) and bool(polynomials.bound_of(z, at, row, n, t)[0] > 0.0)
 
 
 @kernel(inline=False)

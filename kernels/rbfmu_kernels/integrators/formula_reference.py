@@ -130,8 +130,7 @@ def rest_roots(equations: Equations, s: Array, done: float) -> bool:
         corner |= ends.at_zero(s[0], operations[int(sides[i, 0]), 1] * LENGTH, 1, FINER * done)
     for m in range(touching.shape[0]):
         n, at = touching[m, 1], touching[m, 0] * LENGTH
-        is_less = touching[m, 2] != 0 and s[0, at] < 0.0
-        rests = is_less or (corner and ends.at_zero(s[0], at, 1, FINER * done))
+        rests = ends.has_no_root(s[0], at, 1, corner, touching[m, 2] != 0, FINER * done)
         if rests and operations[n, 0] in ROOTS and operations[n, 3] == 0:
             operations[n, 3], changed = 1, True
     return changed
