@@ -50,6 +50,8 @@ MOST_HALVED, FAR_PARTS, PARTS = 60, 64, 16
 """How often a series is halved for its defect at most; and the parts of one that goes far, and of others, between which
 it is looked at: more than of what is judged.
 """
+CREEPING = 1e-6
+"""The part of the time before that the last half of all steps takes a motion on by which comes to no end."""
 FINEST, MOST_STALLED = 2.0**-52, 500
 """How many series on end may reach no farther than this part of the time since the start, which doubles tell as one: 13
 where a force grows from 1e-300, ever more where a motion ends in a pole."""
@@ -83,9 +85,9 @@ def reference_motion(scene: Scene, steps: Sequence[float], most: int, progress: 
         chunk = slice(max(first - 1, 0), first + CHUNK)
         some = np.ascontiguousarray(times[:, chunk])
         room = Room(equations, some, rows[chunk], work, here, sizes, scene.has_formulas)
-        taken, lately = follow(room, most, not scene.has_formulas)
-        if taken == NOWHERE and scene.has_formulas:
-            raise _ends_early(scene, lately, listed.keys_at_fault(work, sides))
+        taken, done, lately = follow(room, most, not scene.has_formulas)
+        if scene.has_formulas and (taken == NOWHERE or (taken < 0 and lately < CREEPING * done)):
+            raise _ends_early(scene, done, listed.keys_at_fault(work, sides))
         starts = scene.has_formulas and np.isfinite(rows[0]).all()  # else a start in doubles says what is wrong
         if taken >= 0 and starts and not np.isfinite(rows[chunk]).all():
             row, column = np.argwhere(~np.isfinite(rows))[0].tolist()
@@ -119,10 +121,10 @@ class Room(NamedTuple):
     may_hide: bool
 
 
-def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float]:
-    """Set the rows; return the steps, and how far the last of them went: those after half of `most`.
+def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float, float]:
+    """Set the rows; return the steps, how far they went, and how far the last of them did: those after half of `most`.
 
-    The steps are -1 beyond `most`, and NOWHERE with the time where numbers are not finite or slide along a corner; in a
+    The steps are -1 beyond `most`, and NOWHERE where numbers are not finite or slide along a corner; in a
     hurry -1 after a fifth of them as well, where these did too little, and the later ones no more than those before.
     """
     equations, times, rows, s, here, sizes, _ = room
@@ -133,7 +135,7 @@ def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float]:
     equations.sides[:, 1:], equations.touching[:, 2], s[:, :: kernels.LENGTH] = 0.0, 0, here
     while k < times.shape[1]:
         if not _settled(room, unit, now[0] / unit, shortened > 0):
-            return NOWHERE, now[0]
+            return NOWHERE, now[0], 0.0
         last, step = step, min(kernels.longest_step(equations, sizes, s), 2.0 * span / unit)
         if math.isnan(step) and shortened < MOST_SHORTENED:
             unit, step, shortened = SHORTER * unit, last / SHORTER, shortened + 1
@@ -142,17 +144,17 @@ def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float]:
         steps, done = steps + 1, now[0] - begin
         stalled = stalled + 1 if unit * reach[0] < FINEST * done else 0
         if not reach[0] > 0.0 or stalled > MOST_STALLED:
-            return NOWHERE, now[0]
+            return NOWHERE, now[0], 0.0
         half = now[0] if steps == most // 2 else half
         tenth = done if steps == most // 10 else tenth
         if steps > most or (in_a_hurry and steps == most // 5 and done < min(ENOUGH * span, STEADY * tenth)):
-            return -1, now[0] - half
+            return -1, now[0], now[0] - half
         k = kernels.put_rows(equations, s, unit, reach[0], now, times, here, rows, k)
         if k < times.shape[1]:
             now = kernels.begin_at(equations.states, s, unit, reach, now, here)
             if len(equations.sides):  # a root beside its corner is over soon
                 unit, step, shortened = usual, step * (unit / usual), 0
-    return steps, now[0] - half
+    return steps, now[0], now[0] - half
 
 
 def _settled(room: Room, unit: float, done: float, again: bool) -> bool:
@@ -275,12 +277,16 @@ class Listed:
                 x = work[0, self.found.index(of[0]) * kernels.LENGTH]
                 said += f": exp({x:.6g}) is too large for a number"
             return said
-        sliding = [int(n) for n, begun, _ in sides if begun == SLIDES]
-        if not sliding:
-            return "the motion changes ever faster"
-        named = " or ".join(key for n in sliding for key in self.formulas.keys_of(self.found[n]))
         corner = "a corner of abs, min, max, clip, where or a table; give it a slope: clip(x/w, -1, 1) for a sign of x"
-        return f"{named or 'the motion'} slides along {corner}"
+        at_fault, why = [int(n) for n, begun, _ in sides if begun == SLIDES], f"slides along {corner}"
+        if not at_fault:
+            root, slope = np.abs(work[0].reshape(-1, kernels.LENGTH)[self.touching[:, 1], :2]).T
+            at_fault = self.touching[root <= CREEPING * slope, 1].tolist()
+            why = "has a root or norm that comes to zero; give it a least value: x/max(norm(x), w) for x/norm(x)"
+        if not at_fault:
+            return "the motion changes ever faster"
+        named = " or ".join(dict.fromkeys(key for n in at_fault for key in self.formulas.keys_of(self.found[n])))
+        return f"{named or 'the motion'} {why}"
 
     def at_start(self, values: Mapping[str, Decimal]) -> list[Decimal]:
         """Return the numbers, the values of parameters, states and inputs at the start, and sides of what is zero."""

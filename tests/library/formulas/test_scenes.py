@@ -320,6 +320,14 @@ def test_a_motion_that_becomes_too_fast_is_refused_and_not_followed_for_minutes(
         reference_motion(rbfmu.Scene.from_dict(fast), [0.05] * 20, 100_000)
 
 
+def test_what_comes_to_rest_by_a_root_is_told_when_and_why(monkeypatch):
+    """2026-11-30: it was told "expected a shorter run", and neither the time nor the formula."""
+    monkeypatch.setattr(reference, "MOST_WORK", 100_000)
+    drains = scene(states={"h": {"start": 1.0, "rate": "-0.5*sqrt(abs(h))"}}, outputs={"own": "h"})
+    with pytest.raises(rbfmu.SceneError, match=r"before t = 4 s, where states\.h has a root or norm that comes to"):
+        reference_motion(rbfmu.Scene.from_dict(drains), [0.05] * 100, 100_000)
+
+
 def test_many_series_in_a_step_are_not_taken_for_creeping():
     one = rbfmu.Scene.from_dict(scene(loads={"torque_b": "-0.5*norm(omega_b)*omega_b"}))
     planned = rbfmu.plan(one)
