@@ -1,4 +1,4 @@
-"""Where series of formulas end: for pulses, which no term tells of before, at corners, and beyond touches of zero."""
+"""Where series of formulas end: before pulses that their terms cannot show, at corners, and beyond double zeros."""
 
 import math
 
@@ -7,43 +7,44 @@ from ..types import Buffer
 from . import polynomials
 
 BEYOND = 1e-7
-"""How far beyond a touch a series goes on, as a part of its reach."""
+"""How far a series goes on beyond a double zero (a touch), as a part of its reach."""
 FARTHER, PARTS = 8.0, 8
-"""The first series, and each that reaches so many times as far as the last one, has its defect looked at between so
-many parts as well: no term of it need tell of a pulse such as 1/(1 + (t - 50)**20).
+"""The defect of the first series, and of each that reaches FARTHER times as far as the last one, is also checked
+between PARTS equal parts: a pulse such as 1/(1 + (t - 50)**20) need not show in any of its terms.
 """
 LEAST_EXPONENT, RISE, PART_OF_RISE, OF_EXPONENT = -745.0, 16.0, 0.25, 1e-6
-"""The exponent below which an exponential is zero in doubles; how far one may rise in a series, at least and as a part;
-and the part of itself to which a large negative one may, of which round-off is left.
+"""The exponent below which exp is zero in doubles; by how much an exponent may rise within a series: at least RISE, or
+this part of its size; and the part of a large negative exponent that is only round-off.
 
-A pulse such as exp(-((t - 50) / w)**2) is nothing before and after, and no term of a series tells that it comes. What
-rises by 16 within a series is seen by its terms: 16**n / n! and more of them.
+A pulse such as exp(-((t - 50) / w)**2) is zero in doubles before and after, so that no term of a series shows that it
+comes. An exponent that rises by no more than 16 shows: the terms of exp are then as large as 16**n / n!.
 """
 MOST_AGAIN = 40
-"""How many series on end may begin beside the corner at which the last one ended.
+"""How many series in a row may begin just before the corner at which the last one was to end.
 
-A series finds the zero of (t - 1)^n early, by the n-th root of round-off: for n = 4 by 1e-4 of its reach. What it ends
-at is no corner yet: the first coefficient of the next one is right there, which finds the zero so much better. The
-power 64, the highest that is multiplied out, comes to 1e-10 in 40 of them, and what slides along its corner to an end.
+A series finds an n-fold zero, (t - 1)^n, too early by the n-th root of round-off: for n = 4 by 1e-4 of its reach. The
+next series begins nearer to the zero, has accurate coefficients there, and finds it much better. For the power 64, the
+highest that is multiplied out, 40 series come within 1e-10; a motion that slides along its corner is stopped by it.
 """
 LAST_HALF = polynomials.LEAST * 2.0**-63
-"""The part of [0, h] to which 64 halvings of the least step of a search find a root."""
+"""The part of [0, h] to which 64 bisections of the shortest step of a search find a zero."""
 SOON_AFTER = 8.0 * polynomials.AT_CORNER
-"""The part of the time that has passed after which the side after a corner is looked at: some of its round-off."""
+"""How long after a corner its side is evaluated, as a part of the time since the start: a few times round-off."""
 AROUND = 100.0
-"""How far such a series goes at most, in times in which its first two terms come to zero: of (t - 1)^n the zero is at n
-of them. In a longer one the zero is passed by 1e-9 of it, and searched for in steps as small.
+"""How far a series that begins beside its corner goes at most: so many times -z[0]/z[1], where its first terms cancel.
+The zero of (t - 1)^n is n of these times away. A longer series would pass its zero by 1e-9 of its length, and would
+search for it in steps as small.
 """
 
 
 @kernel(inline=False)
 def risen_at(z: Buffer, i: int, row: int, n: int, h: float) -> float:
-    """Return how far, at most h, an exponent that is this polynomial rises no further than a series may follow it."""
+    """Return the longest step, at most h, over which this exponent, a polynomial, rises as little as a series needs."""
     begin = z[i]
     low = max(begin, min(LEAST_EXPONENT, OF_EXPONENT * begin))
     level = low + max(RISE, PART_OF_RISE * abs(low))
     size, _ = polynomials.bound_of(z, i, row, n, h)
-    if begin + (size - abs(begin)) <= level or not size < math.inf:  # such an h is halved for its defect
+    if begin + (size - abs(begin)) <= level or not size < math.inf:  # an h that overflows is halved for its defect
         return h
     h = polynomials.known_until(z, i, row, n, h, polynomials.ROUGHLY)
     size, _ = polynomials.bound_of(z, i, row, n, h)
@@ -56,10 +57,10 @@ def risen_at(z: Buffer, i: int, row: int, n: int, h: float) -> float:
 
 @kernel
 def begins_again(z: Buffer, i: int, row: int, begun: float, t: float) -> float:
-    """Return how many series on end began at a corner with this one, negative where it begins beside it; 0 if none.
+    """Return how many series in a row, this one included, began at a corner; negative where this begins beside it.
 
-    begun: how many did by where the last one ended. At a corner the coefficients z[i], z[i + row], ... come to zero in
-    a time that is round-off of t, the time that has passed.
+    begun: that number as the end of the last series gave it; 0: none. A series begins at the corner where the zero of
+    its polynomial z[i], z[i + row], ... is within round-off of t, the time passed since the start.
     """
     if 0.0 < begun <= MOST_AGAIN and abs(z[i]) > max(polynomials.AT_CORNER * abs(t * z[i + row]), polynomials.NOTHING):
         return -begun
@@ -68,25 +69,26 @@ def begins_again(z: Buffer, i: int, row: int, begun: float, t: float) -> float:
 
 @kernel
 def at_zero(z: Buffer, i: int, row: int, t: float) -> bool:
-    """Return whether a polynomial comes to zero, or came there, in a time that is round-off of t."""
+    """Return whether a polynomial's zero is within round-off of the present time t, before or after it."""
     return t * z[i + row] != 0.0 and abs(z[i]) <= polynomials.AT_CORNER * abs(t * z[i + row])
 
 
 @kernel
 def has_no_root(z: Buffer, i: int, row: int, at_corner: bool, was_zero: bool, t: float) -> bool:
-    """Return whether the root of a polynomial has no series; was_zero: whether it was where the last one ended.
+    """Return whether a square root or power of this polynomial has no Taylor series here.
 
-    Beside a zero there are ever shorter ones, and none at all where round-off makes of it less than zero.
+    was_zero: whether the polynomial was zero where the last series ended. Near a zero such series are ever shorter, and
+    there is none where round-off makes the polynomial negative.
     """
     return (was_zero and z[i] < 0.0) or (at_corner and at_zero(z, i, row, t))
 
 
 @kernel(inline=False)
 def rest_roots(z: Buffer, at: int, row: int, sides: int, touching: int, to: int, t: float) -> bool:
-    """Let roots count as zero beside it where a corner is; return whether any does that did not before.
+    """Set square roots and powers to zero at a corner where their arguments are round-off; return whether any is new.
 
-    at: where the polynomials stand of so many sides and of what roots are of; to: what says of each root whether it
-    counts as zero, and then, whether what it is of was zero where the last series ended.
+    at: where the polynomials begin: those of so many sides, then the arguments of so many roots (`touching`). to: two
+    flags for each root: whether it counts as zero, and whether its argument was zero where the last series ended.
     """
     corner, changed = False, False
     for i in range(sides):
@@ -100,9 +102,9 @@ def rest_roots(z: Buffer, at: int, row: int, sides: int, touching: int, to: int,
 
 @kernel
 def side_after(z: Buffer, i: int, row: int, n: int, begun: float, t: float) -> float:
-    """Return the side to which a series leads, 0 where all is zero; begun: of `begins_again`.
+    """Return the sign that a polynomial has just after its beginning, 0 where it is zero; begun: of `begins_again`.
 
-    At a corner it is the one after a time that is round-off of t: -(t - 1)^2 rises for as long as that at most.
+    At a corner the sign is taken a few round-offs of t later: until then -(t - 1)^2 may still rise towards its zero.
     """
     if begun > 0.0:
         later = polynomials.polynomial(z, i + row, row, n - 1, SOON_AFTER * t)
@@ -112,16 +114,16 @@ def side_after(z: Buffer, i: int, row: int, n: int, begun: float, t: float) -> f
 
 @kernel
 def around_corner(z: Buffer, i: int, row: int, begun: float, h: float) -> float:
-    """Return how far, at most h, a series goes; begun: of `begins_again`."""
+    """Return h, cut to AROUND where the series begins beside its corner; begun: of `begins_again`."""
     return min(h, AROUND * abs(z[i] / z[i + row])) if begun < 0.0 and z[i + row] != 0.0 else h
 
 
 @kernel
 def ends_at_corner(z: Buffer, i: int, row: int, n: int, begun: float, t: float, h: float) -> bool:
-    """Return whether a series is zero at its end t, to round-off; begun: of `begins_again`; h: how far it was searched.
+    """Return whether a polynomial is zero at the end t of a series, to round-off, but not zero throughout.
 
-    Of one that began at its corner the first coefficient is left out, as where its root is looked for: one 2e-16 s
-    after the beginning is known to a part of h alone. What is zero all along ends nowhere.
+    begun: of `begins_again`; h: how far its zero was searched. If the series began at its corner, the first coefficient
+    is left out, as in the search for the next zero: a zero 2e-16 s after the beginning is known only to a part of h.
     """
     first = 1 if begun > 0.0 else 0
     at, n = i + first * row, n - first
@@ -130,7 +132,7 @@ def ends_at_corner(z: Buffer, i: int, row: int, n: int, begun: float, t: float, 
 
 @kernel(inline=False)
 def is_zero_at_end(z: Buffer, i: int, row: int, n: int, t: float, h: float) -> bool:
-    """Return whether a polynomial is zero at t, to round-off; h: how far its root was searched."""
+    """Return whether a polynomial is zero at t, to round-off; h: how far its zero was searched."""
     size, slope = polynomials.bound_of(z, i, row, n, t)
     at_end = abs(polynomials.polynomial(z, i, row, n, t))
     return bool(at_end <= max(polynomials.AT_CORNER * size, LAST_HALF * h * slope))

@@ -1,4 +1,4 @@
-"""Polynomials in a buffer: values, first roots and least values near zero, where series end at corners."""
+"""Polynomials in a buffer: their values, first zeros and double zeros, at which series of formulas end."""
 
 import math
 
@@ -28,7 +28,7 @@ def slope_of(z: Buffer, i: int, row: int, n: int, t: float) -> float:
 
 @kernel
 def bound_of(z: Buffer, i: int, row: int, n: int, h: float) -> tuple[float, float]:
-    """Return the largest that the polynomial, and its derivative, can be in [0, h]."""
+    """Return upper bounds of the absolute values of the polynomial and of its derivative in [0, h]."""
     size, slope, power = abs(z[i]), 0.0, 1.0
     for k in range(1, n + 1):
         slope += k * abs(z[i + k * row]) * power
@@ -39,7 +39,7 @@ def bound_of(z: Buffer, i: int, row: int, n: int, h: float) -> tuple[float, floa
 
 @kernel
 def bend_of(z: Buffer, i: int, row: int, n: int, h: float) -> float:
-    """Return the largest that the polynomial's second derivative can be in [0, h]."""
+    """Return an upper bound of the absolute value of the polynomial's second derivative in [0, h]."""
     bend, power = 0.0, 1.0
     for k in range(2, n + 1):
         bend += k * (k - 1) * abs(z[i + k * row]) * power
@@ -49,10 +49,11 @@ def bend_of(z: Buffer, i: int, row: int, n: int, h: float) -> float:
 
 @kernel
 def away(value: float, slope: float, bend: float) -> float:
-    """Return how far what has this value > 0 and slope stays above zero, as its second derivative is at most `bend`.
+    """Return a distance over which a function with this value > 0 and slope stays positive.
 
-    The root of value + slope d - bend d^2 / 2, without cancellation: beside a double root steps shrink with the
-    distance, and beside a simple one they are Newton's.
+    bend: a bound of its second derivative. The distance d is the positive zero of value + slope d - bend d^2 / 2,
+    computed without cancellation. Near a simple zero this is Newton's step; near a double zero steps shrink with the
+    distance.
     """
     root = math.sqrt(slope * slope + 2.0 * bend * value)
     if slope >= 0.0:
@@ -61,21 +62,22 @@ def away(value: float, slope: float, bend: float) -> float:
 
 
 ROUGHLY = 1e-4
-"""The part of its size to which what has corners must be known, so that none is passed over.
+"""The truncation error of a corner's polynomial, over its size, up to which it is searched, so that no zero is missed.
 
-It bounds how far the search goes, not how well a corner is found: a root is bisected to the last bit of its time.
+It limits how far the search goes, not how accurately a corner is found: its time is bisected to the last bit.
 """
 
 
 NOTHING = 1e-290
-"""What is less has too few digits for its terms to tell how well it is known."""
+"""Numbers below this are too near the end of the range of doubles for their terms to estimate an error."""
 
 
 @kernel(inline=False)
 def known_until(z: Buffer, i: int, row: int, n: int, h: float, part: float) -> float:
-    """Return how far, at most h, a series cut at degree n leaves out no more than a part of its size.
+    """Return the longest step, at most h, over which the truncation error of degree n is at most this part of the size.
 
-    Where its last coefficients are no numbers, as beside the zero of a root, it is until the first two may cancel.
+    Where the last coefficients overflow, as beside the zero of a square root, it is the time at which the first two
+    terms may cancel.
     """
     if 0.0 < abs(z[i + row]) < math.inf and not abs(z[i + (n - 1) * row]) < math.inf:
         return min(h, abs(z[i] / z[i + row]))
@@ -90,13 +92,13 @@ def known_until(z: Buffer, i: int, row: int, n: int, h: float, part: float) -> f
 
 @kernel
 def last_terms(z: Buffer, i: int, row: int, n: int, t: float) -> float:
-    """Return the sizes of the last two terms together."""
+    """Return the sum of the absolute values of the last two terms at t."""
     return power_of(t, n - 1) * (abs(z[i + (n - 1) * row]) + abs(z[i + n * row]) * t)
 
 
 @kernel
 def begins_at_zero(z: Buffer, i: int, row: int, n: int) -> bool:
-    """Return whether a polynomial is zero at 0, but not everywhere."""
+    """Return whether a polynomial is zero at its beginning, but not everywhere."""
     size = 0.0
     for k in range(1, n + 1):
         size += abs(z[i + k * row])
@@ -104,7 +106,7 @@ def begins_at_zero(z: Buffer, i: int, row: int, n: int) -> bool:
 
 
 AT_CORNER = 1e-13
-"""The size, relative to its terms, below which a number at a series' end is at its corner, whose side rates rest on."""
+"""The value of a polynomial, relative to its terms, below which it counts as zero at a series' end: at its corner."""
 
 
 @kernel
@@ -117,26 +119,26 @@ def side_from(z: Buffer, i: int, row: int, first: int, n: int) -> float:
 
 
 CLOSE, TOUCHING, OF_ROOTS = 1e-4, 1e-10, 1e-7
-"""The parts of its bound below which a polynomial's least value is looked for, and counts as zero; and that of roots.
+"""Parts of a polynomial's bound: below CLOSE its minimum is searched for; below TOUCHING a minimum counts as a double
+zero; below OF_ROOTS one does whose square root or power is taken.
 
-Where a root is taken of it, digits that the root has lost are lost by what comes of it, and by the polynomial in turn.
-
-CLOSE has to be above the others, or what counts as zero is passed by. Of 400 polynomials of degree 20 any from 1e-8 to
-0.1 finds the same; a search takes 25 values at 1e-8, 38 at 1e-4, and 150 at 1e-2. TOUCHING and what a series leaves out
-(LEFT_OUT) find the same touches of two formulas from 1e-16 to 1e-6; what stays above zero by less than TOUCHING is told
-as a touch too. A body thrown up against drag, norm(v) v, is planned to 1e-9 with OF_ROOTS from 1e-14 to 9e-5; where it
-turns at 1e-5 of the largest speed, from 1e-8 on for a third less.
+The last is larger, as a square root loses half of its argument's digits, and the motion that it drives loses them too.
+CLOSE must be above the others, or the search passes by what counts as zero. For 400 polynomials of degree 20 every
+value from 1e-8 to 0.1 finds the same; a search takes 25 evaluations at 1e-8, 38 at 1e-4 and 150 at 1e-2. With TOUCHING
+from 1e-16 to 1e-6, and with LEFT_OUT, the same double zeros of two formulas are found; a minimum above zero by less
+than TOUCHING counts as one too. A body thrown up against drag, norm(v) v, is planned to 1e-9 with OF_ROOTS from 1e-14
+to 9e-5; where it turns at 1e-5 of its largest speed, values from 1e-8 on make the plan a third cheaper.
 """
 LEFT_OUT = 100.0
-"""How much more than its last two terms what a polynomial leaves out may be: a least value below is zero as well.
+"""The truncation error over the last two terms, at most: a minimum that is smaller counts as a double zero as well.
 
-What passes zero a little above loses nothing by it: a series ends there, and the next one goes on.
+A minimum that is really a little above zero loses nothing by it: the series ends there, and the next one goes on.
 """
 
 
 @kernel(inline=False)
 def leaves_band(z: Buffer, i: int, row: int, n: int, h: float, band: float) -> float:
-    """Return about the least t in [0, h] where a polynomial is further from zero than a band, or 2 h."""
+    """Return roughly the first t in [0, h] at which the absolute value of a polynomial exceeds `band`, or 2 h."""
     t = 0.0
     while abs(polynomial(z, i, row, n, t)) <= band:
         if t >= h:
@@ -146,14 +148,14 @@ def leaves_band(z: Buffer, i: int, row: int, n: int, h: float, band: float) -> f
 
 
 LEAST, MOST_STEPS = 1e-9, 100_000
-"""The part of [0, h] that a search goes on by at least, and how often it does."""
+"""The shortest step of a search, as a part of [0, h], and the largest number of steps."""
 
 
 @kernel(inline=False)
 def first_touch(z: Buffer, i: int, row: int, n: int, start: float, h: float, side: float, near: float) -> float:
-    """Return the least t in (start, h] where what has this sign (1, -1) comes to zero and goes back, or 2 h.
+    """Return the first double zero in (start, h], or 2 h: where a polynomial of this sign (1, -1) touches zero.
 
-    near: the part of its bound that counts as zero.
+    near: the part of the polynomial's bound in [0, h] below which its minimum counts as zero.
     """
     size, slope = bound_of(z, i, row, n, h)
     if not slope > 0.0:
@@ -166,7 +168,7 @@ def first_touch(z: Buffer, i: int, row: int, n: int, start: float, h: float, sid
         if value > CLOSE:
             t += max(away(value - 0.5 * CLOSE, slope, bend), LEAST * h)
             continue
-        if slope >= 0.0:  # it does not fall before its slope can have come to zero
+        if slope >= 0.0:  # it cannot fall before its slope has reached zero
             t += max(slope / bend if bend > 0.0 else h, 1e-3 * part)
             continue
         low, high = t, t + part
@@ -187,15 +189,16 @@ def first_touch(z: Buffer, i: int, row: int, n: int, start: float, h: float, sid
 
 
 SOON = 10
-"""How many steps a search takes by what bends it most in [0, h], which finds simple roots, before it looks closer."""
+"""The steps of a search by the bound of p'' in [0, h], enough for simple zeros, before it uses all derivatives."""
 
 
 @kernel(inline=False)
 def without_roots(z: Buffer, i: int, row: int, n: int, t: float) -> float:
-    """Return how far after t a polynomial that is not zero there has no root, as its derivatives there tell.
+    """Return a step after t over which a polynomial p, not zero at t, has no zero, from all its derivatives at t.
 
-    With s = min_k |p / p_k|^(1/k) / 2, where p_k = p^(k)(t) / k!, the terms p_k s^k come to less than (1/2 + 1/4 + ...)
-    of p. Beside a root that is n-fold this is its distance over 2 n, where a bound of p'' in [0, h] falls to nothing.
+    With s = min_k |p / p_k|^(1/k) / 2, where p_k = p^(k)(t) / k!, the terms p_k s^k add up to less than |p| (1/2 + 1/4
+    + ...). Near an n-fold zero s is its distance over 2 n, while a step by the bound of p'' in [0, h] would shrink to
+    nothing.
     """
     value, step, chosen = abs(polynomial(z, i, row, n, t)), math.inf, 1.0
     for k in range(1, n + 1):
@@ -211,13 +214,13 @@ def without_roots(z: Buffer, i: int, row: int, n: int, t: float) -> float:
 
 @kernel(inline=False)
 def first_root(z: Buffer, i: int, row: int, n: int, start: float, h: float, noise: float) -> float:
-    """Return the least t in (start, h] where the polynomial z[i], z[i + row], ... of degree n is zero, or 2 h.
+    """Return the first zero in (start, h] of the polynomial z[i], z[i + row], ... of degree n, or 2 h.
 
-    noise: the part of its terms that counts as zero beside a multiple root, where it ends before the root, by what the
-    series leaves out as well.
+    noise: near a multiple zero, values below this part of the sum of terms, and below the truncation error, count as
+    zero; the search then ends before the true zero. 0: never.
 
-    It goes on by what the largest second derivative in [0, h] takes to come to zero, so that no root is passed over but
-    two that are nearer to each other than 1e-9 h. Where the sign changes, 64 halvings find the last bit of t.
+    Each step is one over which the polynomial cannot reach zero, by its value, its slope and a bound of its second
+    derivative: only two zeros closer together than 1e-9 h can be missed. 64 bisections find t to the last bit.
     """
     size, slope = bound_of(z, i, row, n, h)
     if not slope > 0.0:
@@ -251,17 +254,18 @@ def first_root(z: Buffer, i: int, row: int, n: int, start: float, h: float, nois
 
 
 CORNER_NOISE = 4e-15
-"""The part of its terms that is round-off of a polynomial: it moves the zero of (t - 1)^3 by 2e-5 of its reach.
+"""The round-off of a polynomial, over the sum of its terms' sizes: it moves the zero of (t - 1)^3 by 2e-5 of its reach.
 
-A series that ends before its corner leaves it to the next one; one that ends beyond has passed it on the old side.
+So the search ends early: the next series finds the corner from nearer by, while one that ended beyond the corner would
+have passed it on the wrong side.
 """
 
 
 @kernel
 def first_root_after(z: Buffer, i: int, row: int, n: int, first: int, h: float) -> float:
-    """Return the least root in (0, h], or 2 h; coefficients before `first` count as zero.
+    """Return the first zero in (0, h], or 2 h; coefficients before `first` count as zero.
 
-    A root at 0 is left out however many there are: of t^3, which begins at a corner, 64 halvings find one at 1e-28.
+    Zeros at 0 are divided out, whatever their multiplicity: else the bisection for t^3 would find one at 1e-28.
     """
     while first < n and z[i + first * row] == 0.0:
         first += 1

@@ -1,10 +1,10 @@
 """How far series of formulas are in error, in templates that `formula_models.make_formulas` binds.
 
-What the last two terms tell (A. Jorba & M. Zou, Experimental Mathematics 14, 2005) does not hold beside branch points
-that lie close to a real corner, as sqrt(x**2 + e**2) has at x = -ie and ie: the terms that come of these have only the
-size e**2, by which a series may look converged far beyond them. It then goes on as if x had kept its side. Its defect
-tells: by how much its slopes differ from the rates of its states (W. H. Enright, Journal of Computational and Applied
-Mathematics 125, 2000), and what it has of events and corners from what they are there.
+The estimate from the last two terms (A. Jorba & M. Zou, Experimental Mathematics 14, 2005) fails near branch points
+close to the real axis, as sqrt(x**2 + e**2) has at x = -ie and ie: their terms have only the size e**2, so that a
+series may look converged far beyond them. It then goes on as if x had not changed its sign. The defect shows this: the
+difference of the series' slopes from the rates of its states (W. H. Enright, Journal of Computational and Applied
+Mathematics 125, 2000), and of the series of watched numbers from their values there.
 """
 
 import math
@@ -17,10 +17,10 @@ from ..types import Buffer
 from .formula_events import excess_of_events, size_of_event
 
 MOST_DEFECT, OF_DOUBLES, OF_TERMS = 10.0, 2.0**-50, 1e-9
-"""The excess of a series' defect with which it is made shorter; and the least error that is asked for there: less is
-round-off, of which a shorter series has as much. What an event watches may be 1e6 times less than its terms, as
-norm(position) - 6.9e6 of an orbit is, and has their round-off. Less than OF_TERMS is therefore not asked for of it, or
-series got ever shorter, to where that is zero by chance. A corner that hides in an event is far more.
+"""A series is cut where its defect is more than MOST_DEFECT times what is allowed. That is at least OF_DOUBLES, as less
+is round-off, which a shorter series has as well. A watched number may be 1e6 times smaller than its terms, and has
+their round-off, as norm(position) - 6.9e6 of an orbit: for it at least OF_TERMS is allowed, else series would be cut to
+nothing. The defect of an overlooked corner is far larger.
 """
 
 # What templates are bound to, see `formulas`.
@@ -35,20 +35,20 @@ SPARE = WORK = ROWS = ROW = 0
 
 
 def size_of_group(z: Buffer, g: int, h: float) -> float:
-    """Return what errors of a group of states over a step h are relative to."""
+    """Return the size to which errors of a group of states over a step h are relative."""
     slope, bend = 0.0, 0.0
     for i in range(FIRSTS[g], ENDS[g]):
         slope = max(slope, abs(z[ROWS + ROW + i]))
         bend = max(bend, abs(z[ROWS + 2 * ROW + i]))
     size = max(max(z[SIZES + g], LEASTS[g]), max(slope * h, bend * h * h) if RELATIVE[g] else 0.0)
-    if size == 0.0 and RELATIVE[g]:  # what begins at zero with its first slopes, as under a torque sin(t)**2 from rest
+    if size == 0.0 and RELATIVE[g]:  # its first derivatives are zero too, as from rest under a torque sin(t)**2
         for i in range(FIRSTS[g], ENDS[g]):
             size = max(size, bound_of(z, ROWS + i, ROW, int(z[ORDER]), h)[0])
     return size
 
 
 def excess_of(z: Buffer, h: float) -> float:
-    """Return the estimated error of a step h over that which is allowed."""
+    """Return the estimated error of a step h over the allowed one."""
     n = int(z[ORDER])
     power, worst = substeps.power_of(h, n - 1), 0.0
     for g in range(len(FIRSTS)):
@@ -67,10 +67,10 @@ def excess_of(z: Buffer, h: float) -> float:
 
 
 def excess_of_defect(z: Buffer, t: float) -> float:
-    """Return the error that the defect at a time t of the series tells of, over that which is allowed.
+    """Return the error of the series at t, estimated from its defect there, over the allowed one.
 
-    The first term that is left out, c t^(n + 1), has the defect (n + 1) c t^n. What has corners must be known as well
-    as `reach_to_corner` takes it to be.
+    The first term that is left out, c t^(n + 1), has the defect (n + 1) c t^n. Numbers with corners must be as accurate
+    as `reach_to_corner` assumes.
     """
     n, inputs = int(z[ORDER]), SPARE + 2 * ROW
     anew, worst = inputs + NUMBER_OF_INPUTS, 0.0
@@ -105,9 +105,9 @@ def excess_of_defect(z: Buffer, t: float) -> float:
 
 
 def first_fault_inside(z: Buffer, t: float) -> float:
-    """Return the first of some times before t at which the series has not the rates of its states; 0 where it has.
+    """Return the first of some times before t at which the defect of the series is too large; 0 where there is none.
 
-    What is nearly nothing at first, and at the end again, as a pulse is, no term of a series need tell.
+    A pulse that is nearly zero at the series' beginning and end need not show in its terms.
     """
     for k in range(1, formula_ends.PARTS):
         at = t * k / formula_ends.PARTS

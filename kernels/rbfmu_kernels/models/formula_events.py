@@ -1,7 +1,7 @@
-"""Events of formulas: when what they watch comes to zero, in templates that `formula_models.make_formulas` binds.
+"""Events of formulas: times at which a watched number is zero. Templates that `formula_models.make_formulas` binds.
 
-A series of the motion has the numbers that events watch beside its states, and ends where one of them comes to zero, so
-that it changes side where the next series begins.
+The numbers that events watch have series beside those of the states. A series ends where one of them is zero, so that
+its side (its sign) changes where the next series begins.
 """
 
 import math
@@ -16,22 +16,22 @@ EVENTS = (
     "events.noted", "events.counts", "events.times", "events.times_before", "events.earliest", "events.touches",
     "events.last_touches", "events.largest", "events.away", "events.origins", "events.entries", "events.counted",
 )  # fmt: skip
-"""Of each event: the side that was noted last; how often it happened, when at last, before that, and first; how long
-after a series' begin it touches zero, and when it did in the last series; the largest that it has been, how far it went
-since it came to zero, from which side that was, where this stands on the list and whether it counted."""
+"""For each event: the side noted last; its count; its latest time, the one before, and the first; how long after the
+beginning of the series the number touches zero, and the time at which it did in the last one; its largest size so far,
+and since its last zero; the side from which it came there; that zero's place on the list, and whether it counted."""
 TOUCH, NOT_ASKED = 0.0, 2.0
-"""What is watched comes to zero and goes back, or goes on in a direction that is not asked for; else 1 or -1."""
+"""The kind of a zero: the number turns back there, or crosses in a direction that is not asked for; else 1 or -1."""
 FAR = 1e300
-"""How far what has not come to zero yet counts as away: finite, as all numbers of a saved state are."""
+"""The distance from zero before the first zero: finite, as all numbers of a saved state are."""
 TOUCHED = 1e-15
-"""The part which round-off makes of what touches zero, over the largest that it has been and what it is by the time."""
+"""The round-off of a number at its zero, over its largest size so far and over its rate times the time."""
 AT_ONCE = 1e-9
-"""How far apart, as a part of a series' step, a touch of zero and where the series begins may be and still be one time.
+"""A touch of zero within this part of a series' step from the series' beginning counts as at its beginning.
 A touch is found as a zero of the slope, which round-off moves by far less.
 """
 TOGETHER = 0.01
-"""The part by which two times since zeros differ where they are one, and how long that is at most, over a series' step:
-what the series before was off. What jumps over zero was there at no time."""
+"""Two numbers were zero at one time if the times since their zeros differ by less than this part; and the longest such
+time, over a series' step: the last series' error. A number that jumps over zero has had none."""
 
 # What templates are bound to, see `formulas`.
 OF_EVENT: tuple[int, ...] = ()
@@ -43,7 +43,7 @@ ORDER = TIME = STARTS = BEGUN = REACH = WATCHED = NUMBER_OF_SIDES = SIDES = ON =
 
 
 def set_up_events(z: Buffer) -> None:
-    """Set what is known of events before the run."""
+    """Set the blocks of events as they are before the run."""
     for e in range(NUMBER_OF_EVENTS):
         z[LISTED] = z[NOTED + e] = z[COUNTS + e] = z[LAST_TOUCHES + e] = z[LARGEST + e] = 0.0
         z[TIMES + e] = z[EARLIEST + e] = z[STARTS]
@@ -51,19 +51,19 @@ def set_up_events(z: Buffer) -> None:
 
 
 def clear_list(z: Buffer) -> None:
-    """Begin the list of another step."""
+    """Clear the list of events before a step."""
     for e in range(NUMBER_OF_EVENTS):
         z[LISTED], z[ENTRIES + e] = 0.0, -1.0
 
 
 def size_of_event(z: Buffer, e: int, h: float) -> float:
-    """Return what errors of what an event watches over a step h are relative to."""
+    """Return the size to which errors of a watched number over a step h are relative."""
     at = WATCHED + EVENT_SIDES[e]
     return max(z[LARGEST + e], max(abs(z[at]), max(abs(z[at + ROW]) * h, abs(z[at + 2 * ROW]) * h * h)))
 
 
 def excess_of_events(z: Buffer, h: float) -> float:
-    """Return the estimated error of what events watch over its size, so that it comes to zero when its series does."""
+    """Return the largest estimated error of watched numbers over their sizes, so that zeros are found in time."""
     n, worst = int(z[ORDER]), 0.0
     power = substeps.power_of(h, n - 1)
     for e in range(NUMBER_OF_EVENTS):
@@ -76,9 +76,10 @@ def excess_of_events(z: Buffer, h: float) -> float:
 
 
 def round_off_of(z: Buffer, e: int) -> float:
-    """Return how far from zero round-off may take what an event watches where it is zero.
+    """Return how far from zero round-off may take a watched number at its zero.
 
-    At a corner that is what it is by the time to which the corner is found: where |x| turns, x is passed by so much.
+    Just after a corner the time of the corner is uncertain as well: where |x| turns, x may have gone so far beyond
+    zero.
     """
     at, late = WATCHED + EVENT_SIDES[e], TOUCHED * abs(z[TIME])
     for i in range(NUMBER_OF_SIDES):
@@ -88,9 +89,9 @@ def round_off_of(z: Buffer, e: int) -> float:
 
 
 def turns_at_corner(z: Buffer, e: int) -> bool:
-    """Return whether what an event watches was zero at a corner that has just been passed, and goes away from zero.
+    """Return whether a watched number was zero at the corner that has just been passed, and moves away from zero.
 
-    As |x| does, where the series before was off by so much that x has changed its sign already.
+    So does |x| at the zero of x. By the error of the last series x may be a little beyond its zero already.
     """
     at, turns = WATCHED + EVENT_SIDES[e], False
     for i in range(WATCHED, WATCHED + NUMBER_OF_SIDES):
@@ -102,26 +103,26 @@ def turns_at_corner(z: Buffer, e: int) -> bool:
 
 
 def side_that_counts(z: Buffer, i: int) -> float:
-    """Return the side of zero to which what an event watches goes, further than round-off; 0 where it stays."""
+    """Return the side of zero to which a watched number goes by more than round-off; 0 where it stays at zero."""
     n, at = int(z[ORDER]), WATCHED + i
     t = leaves_band(z, at, ROW, n, z[driven.STEP_SIZE], round_off_of(z, OF_EVENT[i]))
     return math.copysign(1.0, polynomial(z, at, ROW, n, t)) if t <= z[driven.STEP_SIZE] else 0.0
 
 
 def root_of_event(z: Buffer, i: int, h: float) -> float:
-    """Return the first root in (0, h] of what an event watches, beyond where round-off may have it at zero; or 2 h."""
+    """Return the first zero in (0, h] of a watched number, after it has left the band of round-off at zero; or 2 h."""
     n, at = int(z[ORDER]), WATCHED + i
     return first_root(z, at, ROW, n, leaves_band(z, at, ROW, n, h, round_off_of(z, OF_EVENT[i])), h, 0.0)
 
 
 def reach_to_touches(z: Buffer, h: float, reach: float) -> float:
-    """Return how far series reach, a little beyond the first touch, and keep when that is."""
+    """Return the reach, cut a little beyond the first touch of zero by a watched number, and note when that is."""
     n, soon = int(z[ORDER]), AT_ONCE * h
     for e in range(NUMBER_OF_EVENTS):
         i = EVENT_SIDES[e]
         begin_at = leaves_band(z, WATCHED + i, ROW, n, reach, round_off_of(z, e))
         touch = first_touch(z, WATCHED + i, ROW, n, begin_at, reach, z[SIDES + i], TOUCHING)
-        if reach < h and touch > reach:  # a root of something else may end the series just before
+        if reach < h and touch > reach:  # the zero of another number may end the series just before
             begin_at = max(begin_at, reach - soon)
             touch = first_touch(z, WATCHED + i, ROW, n, begin_at, reach + soon, z[SIDES + i], TOUCHING)
         z[TOUCHES + e] = min(touch, reach) if touch <= reach + soon else 2.0 * h
@@ -130,12 +131,12 @@ def reach_to_touches(z: Buffer, h: float, reach: float) -> float:
 
 
 def list_event(z: Buffer, e: int, t: float, kind: float, anew: bool) -> None:
-    """Put an event on the step's list and count it; anew: or else the last one of e turns out to be of this kind.
+    """Put a zero of event e on the step's list and count it; not anew: correct the kind of its last zero.
 
-    Its number on the list may be beyond the end, which refuses the step.
+    Its place may be beyond the end of the list, for which the step is refused.
     """
     entry, was, counts = int(z[ENTRIES + e]), z[COUNTED + e] != 0.0 and not anew, abs(kind) == 1.0
-    if anew or (entry < 0 and counts and not was):  # else it stands on an earlier step's list
+    if anew or (entry < 0 and counts and not was):  # else it is on an earlier step's list
         entry = int(z[LISTED])
         z[LISTED] += 1.0
         z[ENTRIES + e] = entry
@@ -154,11 +155,11 @@ def list_event(z: Buffer, e: int, t: float, kind: float, anew: bool) -> None:
 
 
 def note_events(z: Buffer, ended: bool) -> None:
-    """Note on which side of zero the series leads what each event watches, and list what is new.
+    """Note on which side of zero each watched number is in this series, and list its zeros that are new.
 
-    A series ends where that comes to zero, so that it changes side where the next one begins; ended: whether the last
-    one did not end before. Round-off may take what touches zero, or crosses it slowly, to and fro: as long as it is no
-    further away than that, all this is one event, of which the sides before and after tell the kind.
+    ended: whether the last series was followed to its end, where a watched number may have been zero. Round-off may
+    take a number that touches zero, or crosses it slowly, to and fro. Until it is further away than round-off all this
+    is one zero, whose kind follows from the sides before and after.
     """
     n, begun, reach, soon = int(z[ORDER]), z[BEGUN], z[REACH], AT_ONCE * z[driven.STEP_SIZE]
     for e in range(NUMBER_OF_EVENTS):

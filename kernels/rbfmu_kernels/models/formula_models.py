@@ -1,9 +1,9 @@
 """Models of one scene's formulas: templates bound to generated kernels and to places of a buffer, one body or several.
 
-`run_in_lanes` and what it calls are templates too, of members of an ensemble side by side in lanes. Making series takes
-most of the time, and is the same work for all bodies: it is done for numbers of several at once. All else, a step's
-size, corners, events, and what serves communication points, each has in a buffer of its own, by the code of single
-runs. A lane goes on with its body's run, whatever the others' time, until that needs the next series.
+`run_in_lanes` and the functions that it calls are templates too, for members of an ensemble side by side in lanes. Most
+of the time goes into making series, the same operations for every body: they are done for several bodies at once. All
+else (step sizes, corners, events, outputs) is done for each body in its own buffer by the code of single runs. Each
+lane follows its own body, whatever the times of the others, until that needs its next series.
 
 `initialize_over`, `step_over` and `outputs_over` are those of outputs of your own over a closed form, which are
 functions of its motion and of the time.
@@ -26,7 +26,7 @@ from . import formulas
 from .formulas import begin_step, evaluate_at_end, go_on_by_series, prepare_series, reaches_over, settle_sides
 
 SETTLED = STATUS + 1
-"""The mark that tells whether the last series of a lane was settled."""
+"""The mark that says whether all sides agree with the last series of a lane."""
 
 # What templates are bound to, see `formulas`.
 _missing: Any = None
@@ -39,13 +39,13 @@ WIDE_ROW = RESTING = TIME = STARTS = ACTIVE = KEPT = MEMORY = MEMORY_SIZE = 0
 
 
 def put_head_in_lane(z: Buffer, c: Buffer, lane: int) -> None:
-    """Give a lane all numbers of a body but its work space."""
+    """Copy all numbers of a body but its work space into a lane."""
     for i in range(WORK):
         put_lane_at(c, i, lane, z[i])
 
 
 def put_starts_in_lane(z: Buffer, c: Buffer, lane: int) -> None:
-    """Give a lane what changes from series to series: states, inputs, sides, roots that count as zero."""
+    """Copy what changes from series to series into a lane: states, inputs, sides, roots that count as zero."""
     for i in range(len(STATES)):
         put_lane_at(c, ROWS + i, lane, z[ROWS + i])
     for i in range(NUMBER_OF_INPUTS):
@@ -59,14 +59,14 @@ def put_starts_in_lane(z: Buffer, c: Buffer, lane: int) -> None:
 
 
 def take_series_of_lane(z: Buffer, c: Buffer, lane: int) -> None:
-    """Take a body's series, of its states and of what ends them, out of a lane."""
+    """Copy a body's series, of its states and of the numbers that end series, out of a lane."""
     for k in range(int(z[ORDER]) + 1):
         for i in range(len(STATES) + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING + NUMBER_RISING):
             z[ROWS + k * ROW + i] = lane_at(c, ROWS + k * WIDE_ROW + i, lane)
 
 
 def make_series_of_lanes(c: Buffer, buffers: Array, marks: Array) -> None:
-    """Make the series of all lanes, again where sides change: those of the others come to the same bits."""
+    """Make the series of all lanes, again where sides change: those of other lanes get the same bits once more."""
     n = 0
     for lane in range(width_of(c)):
         z = buffers[lane]
@@ -94,7 +94,7 @@ def make_series_of_lanes(c: Buffer, buffers: Array, marks: Array) -> None:
 
 
 def go_on(z: Buffer, h: float) -> int:
-    """Go on with a step as far as the series that stands leads."""
+    """Begin a step and go on as far as the present series reaches."""
     return evaluate_at_end(z, h) if reaches_over(z, h) else begin_step(z, h)
 
 
@@ -123,7 +123,7 @@ def run_in_lanes(
 
 
 def begin_in_lane(z: Buffer, state: Array, mark: Array, c: Buffer, lane: int, i: int, run: Run) -> int:
-    """Let a lane begin with the next member, from i on, that needs series; return the number of the one after it."""
+    """Begin the next member, from i on, that needs series, in a lane; return the number of the one after it."""
     i = begin_next(z, state, mark, i, run)
     if mark[MEMBER] >= 0.0:
         put_head_in_lane(z, c, lane)
@@ -134,7 +134,7 @@ def begin_in_lane(z: Buffer, state: Array, mark: Array, c: Buffer, lane: int, i:
 
 
 def initialize_over(z: Buffer) -> int:
-    """Set up the closed form, which also shows what own outputs read, then these."""
+    """Set up the closed form, with the quantities that own outputs read among its outputs, then own outputs."""
     loads(z)
     for i in range(len(SHOWN)):
         z[ACTIVE + i] = max(z[ACTIVE + i], SHOWN[i])
@@ -164,11 +164,12 @@ Kernels = Mapping[str, Callable[..., Any]]
 _HOME = formulas.__name__
 """The module of all that is bound."""
 _TEMPLATES = f"{__package__}.formula", lanes.__name__
-"""What the names of modules begin with whose functions are templates."""
+"""The beginnings of the names of modules whose functions are templates."""
 
 
 def _bound(template: Callable[..., Any], constant: str, own: dict[str, Any]) -> Any:
-    """Return a template's kernel, with own as its globals; the templates that it calls are bound before, and put there.
+    """Return a template's kernel with `own` as its globals, to which the templates that it calls are added, bound
+    first.
 
     constant: a name that no other scene's kernels have.
     """
@@ -183,8 +184,8 @@ def _bound(template: Callable[..., Any], constant: str, own: dict[str, Any]) -> 
 def make_formulas(constant: str, layout: Layout, generated: Kernels, places: Mapping[str, Any]) -> Model:
     """Return the model of one scene's formulas.
 
-    constant: a name that no other scene's formulas have; generated: its kernels, by name; places: what the templates'
-    globals are.
+    constant: a name that no other scene's formulas have; generated: its kernels, by name; places: the values of the
+    templates' globals.
     """
     own = {**places, **generated}
     advance = _bound(formulas.advance_formulas, constant, own)
@@ -194,7 +195,7 @@ def make_formulas(constant: str, layout: Layout, generated: Kernels, places: Map
 
 
 def make_over(constant: str, base: Model, layout: Layout, generated: Kernels, places: Mapping[str, Any]) -> Model:
-    """Return the model of own outputs over a closed form, whose blocks the layout begins with; else as above."""
+    """Return the model of own outputs over a closed form, with whose blocks the layout begins; else as above."""
     own = {**places, **generated, "begin": base.initialize, "advance": base.step, "refresh": base.outputs}
     return Model(
         f"formulas.{constant}",
@@ -214,7 +215,7 @@ def make_lanes(model: Model, own: Mapping[str, Any], constant: str, wide: Mappin
     of series over numbers of several bodies, by name, and WIDE_ROW, the length of a row there.
     """
     found = {**own}
-    _bound(formulas.advance_formulas, model.name.partition(".")[2], found)  # what steps call, which lanes call too
+    _bound(formulas.advance_formulas, model.name.partition(".")[2], found)  # functions that lanes call as well
     found |= {**wide, "initialize": model.initialize, "go_on": _bound(go_on, constant, found)}
     scratch = own["ROWS"] + wide["WIDE_ROW"] * (max(formulas.ORDERS) + 1)
     return Lanes(_bound(run_in_lanes, constant, found), WIDEST * scratch)

@@ -1,14 +1,15 @@
-"""Variations of a motion: what errors of its start and of parameters become, in templates bound as those of `formulas`.
+"""Variations of a motion: how errors of its start and of parameters grow. Templates that are bound as in `formulas`.
 
-Errors e of the motion obey e' = A(t) e + B(t), linear along it, with a column for each number that varies. The scene's
-generated kernels make the series of what is not zero in A and B beside those of the motion; from these the series of e
-follow by the same recurrence, e[k + 1] = (sum over j of A[j] e[k - j] + B[k]) / (k + 1), for four columns at a time.
-They reach as far as those of the motion, with the bits of a run without them, or less far where they bound substeps as
-well (BOUNDED): how well a motion is known does not tell how well its derivatives are, which a body at rest has too.
+Errors e of the motion obey the linear variational equations e' = A(t) e + B(t), with a column for each number that
+varies. The scene's generated kernels make the series of the entries of A and B that are not zero, beside those of the
+motion. The series of e follow from e[k + 1] = (sum over j of A[j] e[k - j] + B[k]) / (k + 1), four columns at a time.
+They are used over the reach of the motion's series, which keeps the bits of a run without them; or over less where they
+bound the reach as well (BOUNDED), as an accurate motion need not have accurate derivatives: a body at rest has them
+too.
 
-Where rates jump, at a side of what loads depend on, errors move the time at which that happens, and so the motion after
-it: e jumps by (rates before - rates after) times that shift of time (the saltation matrix: R. I. Leine & H. Nijmeijer,
-Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, ch. 7).
+Where rates jump at a corner of a load, errors shift the time of the jump, and so the motion after it: e jumps by (rates
+before - rates after) times that shift (the saltation matrix: R. I. Leine & H. Nijmeijer, Dynamics and Bifurcations of
+Non-Smooth Mechanical Systems, 2004, ch. 7).
 """
 
 import math
@@ -29,13 +30,13 @@ GROUPS: tuple[tuple[int, int], ...] = ((0, 0),)
 ORDER = TOLERANCE = SPAN = REACH = ON = NEXT = WATCHED = NUMBER_OF_SIDES = ROWS = ROW = 0
 
 ONE_SHIFT, NO_JUMP = 1e-6, 1e-9
-"""The parts by which shifts of corners, and rates before and after them, differ at least."""
+"""The relative differences from which on shifts of two corners, and rates before and after one, count as different."""
 BEGINNING = 4
-"""The last of the terms that set the size of errors: those of a path, by a torque's, begin to grow with t^4."""
+"""The last of the terms that set the size of errors: a path's errors by a torque begin to grow with t^4."""
 
 
 def corner_at_end(z: Buffer) -> int:
-    """Return which side comes to its corner where the series end, the first of several; or -1."""
+    """Return which number is at its corner where the series ends, the first of several; or -1."""
     for i in range(NUMBER_OF_SIDES):
         if z[NEXT + i] != 0.0:
             return i
@@ -43,9 +44,9 @@ def corner_at_end(z: Buffer) -> int:
 
 
 def shift_by(z: Buffer, side: int, d: int) -> float:
-    """Return how far the errors of a column shift the time at which this side comes to its corner.
+    """Return by how much the errors of a column shift the time of this corner.
 
-    Of (t - p)^9 both slopes are round-off at the end of a series; one that begins beside its corner has them there.
+    For (t - p)^9 both slopes are round-off at the series' end; a series that begins beside its corner has them there.
     """
     n, at_corner, change = int(z[ORDER]), z[REACH] if z[ON + side] >= 0.0 else 0.0, 0.0
     for e in range(NUMBER_OF_SLOPES):
@@ -60,9 +61,10 @@ def shift_by(z: Buffer, side: int, d: int) -> float:
 
 
 def shift_of_corner(z: Buffer) -> None:
-    """Note how errors shift the time of the corner at which the series end, and the rates before it; or no shift.
+    """Note by how much errors shift the time of the corner at the series' end, and the rates before it; or no shift.
 
-    Where several come there at one time and go on apart, nothing tells which of them rates jump by: NaN.
+    NaN where several corners coincide that errors shift by different times, as it is unknown which of them rates jump
+    at.
     """
     n, reach, first = int(z[ORDER]), z[REACH], -1
     for d in range(COLUMNS):
@@ -91,7 +93,7 @@ def add_products_of(z: Buffer, to: int, term: int, of: int, last: int) -> None:
 
 
 def vary_series(z: Buffer, ended: bool) -> None:
-    """Make the series of errors; ended: whether that of the motion before ended, at a corner if a shift is noted."""
+    """Make the series of errors, after a jump where the last series ended at a corner; ended: whether it has ended."""
     n = int(z[ORDER])
     if ended:
         for i in range(NUMBER_OF_ERRORS):
@@ -122,7 +124,7 @@ def vary_series(z: Buffer, ended: bool) -> None:
 
 
 def squares_at(z: Buffer, h: float, first: int, end: int, at: int, last: int) -> Lanes:
-    """Return the sums of squares of what terms at .. last make of rows first .. end by h, for four columns."""
+    """Return the sums of squares of the terms of orders at .. last at h, over rows first .. end, for four columns."""
     total, power = lanes(0.0, 0.0, 0.0, 0.0), substeps.power_of(h * h, at)
     for k in range(at, last + 1):
         four = lanes(power, power, power, power)
@@ -133,9 +135,9 @@ def squares_at(z: Buffer, h: float, first: int, end: int, at: int, last: int) ->
 
 
 def excess_of_errors(z: Buffer, h: float) -> float:
-    """Return by how much the last two terms of the errors' series at h are beyond the tolerance.
+    """Return the ratio of the last two terms of the errors' series at h to the tolerance, the largest of all columns.
 
-    Of each column, relative to what the first terms make of a vector's errors by then.
+    Terms are relative to the size that the first terms give to the same vector's errors by then.
     """
     n, worst = int(z[ORDER]), 0.0
     for first, end in GROUPS:
@@ -150,11 +152,11 @@ def excess_of_errors(z: Buffer, h: float) -> float:
 
 
 def reach_of_errors(z: Buffer, h: float) -> float:
-    """Return how far the series of errors reach, at most h: where their last two terms are within the tolerance.
+    """Return how far, at most h, the last two terms of the errors' series are within the tolerance.
 
-    Where errors turn much faster than the motion, as those of a flywheel's rate across its axis do, sizes at h are far
-    too large, and at what is left of it much smaller: it is cut again, as long as that brings the terms down. Where
-    terms overflow, nothing tells by how much.
+    Where errors turn much faster than the motion, as those of a flywheel's rate across its axis, their sizes at h are
+    far too large, and much smaller after h was cut: it is cut again for as long as that brings the ratio down. Where
+    terms overflow it is cut to a tenth.
     """
     n, before, excess = int(z[ORDER]), math.inf, excess_of_errors(z, h)
     while excess > 1.0 and (excess < 0.5 * before or excess == math.inf):
@@ -164,7 +166,7 @@ def reach_of_errors(z: Buffer, h: float) -> float:
 
 
 def put_errors_at(z: Buffer, t: float) -> None:
-    """Set the errors to those at t of their series."""
+    """Set the errors to their series at t."""
     n, times = int(z[ORDER]), lanes(t, t, t, t)
     for i in range(0, NUMBER_OF_ERRORS * COLUMNS, 4):
         total = lanes_at(z, OF_ERRORS + n * ROW + i)

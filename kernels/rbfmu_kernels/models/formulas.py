@@ -1,10 +1,10 @@
 """Models of formulas for loads, states and outputs: Taylor series of all that outputs depend on, in steps of their own.
 
 What stands here are templates: `formula_models` binds them to one scene's generated kernels (`constants`, `first`,
-`further`, `values`) and to the places of its numbers. A series serves as many communication steps as it reaches over
-while inputs hold, so that an output is an evaluation. Its reach is where its last two terms are within the tolerance
-(A. Jorba & M. Zou, Experimental Mathematics 14, 2005): of the attitude in rad, of other states relative to the largest
-that they have been, or to what their first terms make of them by then, as a state may begin at zero.
+`further`, `values`) and to the places of its numbers. While inputs hold, one series is evaluated at all communication
+points within its reach. That is how far its last two terms are within the tolerance (A. Jorba & M. Zou, Experimental
+Mathematics 14, 2005): for the attitude in rad; for other states relative to their largest value so far, or to the size
+that their first terms give them, as a state may begin at zero.
 """
 
 import math
@@ -29,39 +29,39 @@ SERIES = {
     "series.stands": 1, "series.reach": 1, "series.since": 2, "series.begun": 2,
     "series.rest": 1, "series.crept": 1, "series.tried": 1,
 }  # fmt: skip
-"""Whether a series stands; how far it reaches, and how far it has served, s; the time at which it began; what is left
-of the step, s, and how often series in it have crept and were asked for."""
+"""Whether there is a valid series; its reach, and how far it has been used, s; the time at which it began; what is left
+of the communication step, s; the number of its series that were very short, and of all its series."""
 CORNERS = ("series.sides", "series.on", "series.next_on", "series.flips")
-"""Of what has sides: on which it is; how many series on end ended at its corner before this one (negative where it
-begins beside it, see `formula_ends`), and with it; and how often it changed.
+"""For each number whose sign the coefficients depend on (in abs, min, max, where, a table's rows): its side, 1 or -1;
+how many series in a row ended at its corner before this one (negative where this one begins beside it, see
+`formula_ends`), and with this one; and how often its side changed while the series was made.
 
-A series ends where a number comes to zero whose side its coefficients rest on (abs, min, max, where, a table's rows).
-The side after a corner is that to which the first derivative that is not zero leads. Where either side leads back to
-the corner, what slides along it is refused. Where a motion begins at a corner from which either side leads away, it
-takes the side that formulas have there, 1: of where(x >= 0, 1, -1) as the rate of x it rises, of x > 0 it falls.
+A series ends where such a number passes zero. The side after it is the sign of the first derivative that is not zero.
+Where both sides lead back to zero, the motion would slide along the corner, and is refused. Where a motion begins at a
+corner and both sides lead away, it takes side 1, as formulas do at zero: with where(x >= 0, 1, -1) as its rate x rises.
 """
 AT_REST = 1e-8
-"""How far a series goes that begins at a touch, as a part of its reach; it goes on beyond one by `BEYOND`.
+"""The length of a series that begins where the argument of a square root is zero, as a part of its reach.
 
-The root of what touches zero is smooth there but for its sign: the series has it negative beyond, and the next one,
-which begins beyond, positive. A root that begins at zero counts as zero for the first of its series. What either
-misses is the square of these parts. At a corner, as that of max(x, 0)**1.5, a root counts as zero also where round-off
-has it beside its zero (`formula_ends.rest_roots`), and series beside it reach 0.8 of the time to there, or from there.
+Beyond a double zero of its argument a square root only changes its sign: the series goes on by `BEYOND` of its reach,
+and the next one begins with the positive root. A root that begins at zero is taken as zero in its first series. The
+errors of both are the squares of these parts. At a corner, as of max(x, 0)**1.5, a root also counts as zero where
+round-off has moved it from there (`formula_ends.rest_roots`); a series beside it reaches 0.8 of the time to its zero.
 """
 CREEPING, MOST_CREPT = 1e-7, 20_000
-"""Series that reach over so small a part of a communication step, and how many: what creeps on comes to no end."""
+"""A communication step is given up after so many series that each reach over less than this part of it."""
 JUMP = 1e-9
-"""The part of an input by which it is still the one that was kept: one that is linear comes there with round-off."""
+"""The relative change up to which an input counts as unchanged: a linear input arrives with some round-off."""
 SHORTER, OF_ROUND_OFF = 40, 1.0 / 16.0
-"""How often a series is halved at most for its defect, and the part of it that halving leaves at most: of what is left
-out 2^-7 or less, but half of what is round-off, for which the series stays as it was.
+"""How often a series is halved for its defect at most, and the part of the defect that halving must leave at most. Of a
+truncation error halving leaves 2^-7 or less, but of round-off a half, for which the series is not cut.
 """
 NEAR = 0.2
-"""How far from the size that it was estimated for, as a part of it, a step is not estimated once more."""
+"""A step is estimated anew until it is within this part of the step that its error was estimated for."""
 
-# What templates are bound to. Of a group of states: where it stands in a row, the least size that its errors are
-# relative to, and whether they are relative to the largest that it has been. Of inputs: the places of their numbers and
-# of the rates of these, at least one each, as an empty tuple has no type.
+# What templates are bound to. For each group of states: its columns in a row of coefficients, the least size that its
+# errors are relative to, and whether they are relative to its largest value so far. For inputs: the places of their
+# numbers and rates, at least one each, as an empty tuple has no type.
 _missing: Any = None
 constants = first = further = values = _missing
 _places: tuple[int, ...] = ()
@@ -89,11 +89,11 @@ def set_up_formulas(z: Buffer) -> int:
 
 
 def reach_of_truth(z: Buffer, h: float) -> tuple[float, float]:
-    """Return a step, at most h, at whose end the series still has the rates of its states, and how far it reaches."""
+    """Return a step, at most h, at whose end the defect of the series is small, and the reach of the series."""
     far = z[REACH] == 0.0 or h > formula_ends.FARTHER * z[driven.STEP_SIZE]
     step, reach, before = h, reach_to_corner(z, h), 0.0
     for _ in range(SHORTER):
-        t = reach - 2.0 * formula_ends.BEYOND * step  # where a root touches zero, a series goes on beyond
+        t = reach - 2.0 * formula_ends.BEYOND * step  # as a series goes on beyond a double zero
         excess = excess_of_defect(z, t) if t > 0.0 else 0.0
         inside = first_fault_inside(z, t) if far and excess <= MOST_DEFECT else 0.0
         if excess <= MOST_DEFECT and inside == 0.0:
@@ -107,7 +107,7 @@ def reach_of_truth(z: Buffer, h: float) -> tuple[float, float]:
 
 
 def settle_sides(z: Buffer) -> bool:
-    """Return whether all sides are those to which the series lead; else change one, for which they are made again."""
+    """Return whether all sides agree with the series; else change one of them, for which the series is made again."""
     if formula_ends.rest_roots(z, WATCHED, ROW, NUMBER_OF_SIDES, NUMBER_TOUCHING, RESTING, z[TIME] - z[STARTS]):
         return False
     for i in range(NUMBER_OF_SIDES):
@@ -117,7 +117,7 @@ def settle_sides(z: Buffer) -> bool:
             since = z[TIME] - z[STARTS]
             z[ON + i] = formula_ends.begins_again(z, WATCHED + i, ROW, z[ON + i], since)
             side = formula_ends.side_after(z, WATCHED + i, ROW, int(z[ORDER]), z[ON + i], since)
-            side = 1.0 if side == 0.0 and z[FLIPS + i] == 0.0 else side  # what stays at zero, as formulas have it there
+            side = 1.0 if side == 0.0 and z[FLIPS + i] == 0.0 else side  # if it stays zero: as formulas have it at zero
         side = 1.0 if side == 0.0 and z[SIDES + i] == 0.0 else side
         if side != 0.0 and side != z[SIDES + i]:
             z[SIDES + i] = side
@@ -127,10 +127,10 @@ def settle_sides(z: Buffer) -> bool:
 
 
 def reach_to_corner(z: Buffer, h: float) -> float:
-    """Return how far the series reach, at most h, and keep of what they end at the corner.
+    """Return how far the series reach, at most h, and note which numbers are at their corners there.
 
-    What has corners is no state: its own series must be known there, or a series ends before. So must that of a root
-    beside its zero, whose coefficients lose more digits with each: sums of them may lose all, and no state shows it.
+    The number that has a corner is no state, so that its own truncation error must be small up to there as well. So
+    must that of a square root near its zero: its coefficients lose digits with each order, which no state need show.
     """
     n, corner, at_corner = int(z[ORDER]), -1, False
     for i in range(WATCHED, WATCHED + NUMBER_OF_SIDES + 2 * NUMBER_TOUCHING):
@@ -158,7 +158,7 @@ def reach_to_corner(z: Buffer, h: float) -> float:
             touch = polynomials.first_touch(z, i, ROW, n, 0.0, h, 1.0, polynomials.OF_ROOTS)
             if touch < h and touch + formula_ends.BEYOND * h < reach:
                 reach, corner = touch + formula_ends.BEYOND * h, i
-    if corner >= 0:  # known well enough, or reached for by the next series
+    if corner >= 0:  # where it is not known well enough, the next series finds it from nearer by
         reach = polynomials.known_until(z, corner, ROW, n, reach, tolerance_of_substep(z[TOLERANCE], z[SPAN], h))
     if NUMBER_OF_EVENTS:
         reach = reach_to_touches(z, h, reach)
@@ -173,7 +173,7 @@ def reach_to_corner(z: Buffer, h: float) -> float:
 
 
 def prepare_series(z: Buffer) -> None:
-    """Set what series begin with from the states now."""
+    """Set the first coefficients of the series from the present states, and which corners and roots it begins at."""
     ended = z[SINCE] >= z[REACH]
     if NUMBER_OF_ERRORS and ended:
         shift_of_corner(z)
@@ -190,7 +190,7 @@ def prepare_series(z: Buffer) -> None:
 
 
 def make_series(z: Buffer) -> bool:
-    """Make the series, again where sides change; return whether they are settled."""
+    """Make the series, again after each change of a side; return whether all sides agree with it in the end."""
     for _ in range(3 * NUMBER_OF_SIDES + NUMBER_TOUCHING + 1):
         constants(z, WORK)
         first(z, WORK)
@@ -202,7 +202,7 @@ def make_series(z: Buffer) -> bool:
 
 
 def begin_to_serve(z: Buffer, settled: bool) -> bool:
-    """Set how far series reach that were made, from now on; return whether they lead anywhere."""
+    """Set the reach of the series that was made; return whether the motion can go on by it."""
     n, ended = int(z[ORDER]), z[SINCE] >= z[REACH]
     h, longest = z[driven.STEP_SIZE], z[LONGEST]
     for _ in range(200):
@@ -229,7 +229,7 @@ def begin_to_serve(z: Buffer, settled: bool) -> bool:
 
 
 def put_states_at(z: Buffer, t: float) -> None:
-    """Set the states to those at t of the series, whose even and odd powers are summed apart: neither waits."""
+    """Set the states to the series at t. Even and odd powers are summed apart, as neither sum then waits."""
     square = t * t
     n, once, twice = int(z[ORDER]), lanes(t, t, t, t), lanes(square, square, square, square)
     for i in range(0, len(STATES), 4):
@@ -248,7 +248,7 @@ def put_states_at(z: Buffer, t: float) -> None:
 
 
 def holds_inputs(z: Buffer) -> bool:
-    """Return whether the inputs are those that the series was made with, and do not change within the step."""
+    """Return whether the inputs are those of the series, and constant over the step."""
     same = True
     for i in range(NUMBER_OF_INPUTS):
         same &= bool(z[INPUTS[i]] == z[HELD + i]) & bool(z[RATES[i]] == 0.0) & bool(z[RATES_2[i]] == 0.0)
@@ -256,7 +256,7 @@ def holds_inputs(z: Buffer) -> bool:
 
 
 def inputs_jump(z: Buffer) -> bool:
-    """Return whether inputs are others than those that were kept, by more than round-off of what they change by."""
+    """Return whether an input differs from the one that was kept by more than round-off of a linear change."""
     jump = False
     for i in range(NUMBER_OF_INPUTS):
         now, before = z[INPUTS[i]], z[HELD + i]
@@ -271,32 +271,32 @@ def keep_inputs(z: Buffer) -> None:
 
 
 def change_inputs(z: Buffer, h: float) -> None:
-    """Set the inputs to what they have become a time h after the step's beginning, from where they change on."""
+    """Advance the inputs, quadratic in time, and their rates by h."""
     for i in range(NUMBER_OF_INPUTS):
         z[INPUTS[i]] += h * z[RATES[i]] + 0.5 * h * h * z[RATES_2[i]]
         z[RATES[i]] += h * z[RATES_2[i]]
 
 
 def reaches_over(z: Buffer, h: float) -> bool:
-    """Return whether the series that stands serves a whole step."""
+    """Return whether the present series is valid over a whole step h."""
     serves = bool(z[STANDS] != 0.0 and z[SINCE] + h <= z[REACH] and holds_inputs(z))
     return serves and not end_together(z, z[SINCE] + h)
 
 
 def end_together(z: Buffer, t: float) -> bool:
-    """Return whether series end at t, or later by round-off: at a corner errors jump there, see `follow_series`."""
+    """Return whether the series ends at t or later by round-off: errors jump at a corner there, see `follow_series`."""
     passed = z[BEGUN] + z[REACH] - z[STARTS]
     return NUMBER_OF_ERRORS != 0 and bool(t >= z[REACH] - polynomials.AT_CORNER * passed)
 
 
 def evaluate_at_end(z: Buffer, h: float) -> int:
-    """Advance by h, over which the series serves."""
+    """Advance by h, over which the present series is valid, by evaluating it."""
     if NUMBER_OF_EVENTS:
         clear_list(z)
     since, time = pair_at(z, SINCE), pair_at(z, TIME)
     put_pair_at(z, SINCE, dd.add_float(since, h))
     put_states_at(z, z[SINCE])
-    put_pair_at(z, TIME, dd.add_float(time, h))  # of the states' series it would have their round-off
+    put_pair_at(z, TIME, dd.add_float(time, h))  # from its own series it would have more round-off
     if memory.is_finite(z) and values(z) == 0:
         return outputs.outputs(z)
     put_pair_at(z, SINCE, since)
@@ -317,7 +317,7 @@ def advance_formulas(z: Buffer, h: float) -> int:
 
 
 def begin_step(z: Buffer, h: float) -> int:
-    """Advance by h as far as the series that stands leads; return a status, PENDING where the next one is due."""
+    """Begin a step h and advance as far as the present series reaches; return a status, PENDING for the next series."""
     if NUMBER_OF_EVENTS:
         clear_list(z)
     keep_before_step(z)
@@ -326,12 +326,12 @@ def begin_step(z: Buffer, h: float) -> int:
 
 
 def go_on_by_series(z: Buffer, h: float, settled: bool) -> int:
-    """Go on with a step by the series that was made; settled: whether all sides are; return as `begin_step` does."""
+    """Go on with a step by the series that was made; settled: of `make_series`; return as `begin_step` does."""
     return go_on_with_step(z, h) if begin_to_serve(z, settled) else end_of_step(z, h, STEP_REJECTED)
 
 
 def go_on_with_step(z: Buffer, h: float) -> int:
-    """Go on with a step until it is done, or refused, or needs a series, as it does where none stands further."""
+    """Go on with a step until it is done, is refused, or needs the next series."""
     while z[STANDS] != 0.0 and z[SINCE] < z[REACH]:
         status = follow_series(z, h)
         if status != PENDING:
@@ -341,9 +341,9 @@ def go_on_with_step(z: Buffer, h: float) -> int:
 
 
 def keep_before_step(z: Buffer) -> None:
-    """Keep what a step that is refused leaves as it was; a series that other inputs were made with serves no more.
+    """Keep what a refused step must restore; a series that was made with other inputs is valid no more.
 
-    What stood at its corner need not be there with inputs that jump: its side is then that of its value.
+    Where inputs jump, a number at its corner need not be there any more: its side is then the sign of its value.
     """
     copy_numbers(z, MEMORY, KEPT, MEMORY_SIZE)
     if not holds_inputs(z):
@@ -355,10 +355,10 @@ def keep_before_step(z: Buffer) -> None:
 
 
 def follow_series(z: Buffer, h: float) -> int:
-    """Follow the series that stands to the end of a step h, or as far as it reaches; return as `begin_step` does."""
+    """Follow the present series to the end of a step h, or as far as it reaches; return as `begin_step` does."""
     since = pair_at(z, SINCE)
     left = (z[REACH] - since[0]) - since[1]
-    # errors jump at a corner by the rates of this step: with the next one's, inputs may jump as well
+    # errors jump at a corner with the inputs of this step, before those of the next
     jumps = end_together(z, since[0] + z[REST]) and corner_at_end(z) >= 0
     if z[REST] <= left * (1.0 + 1e-9) and not jumps:
         put_pair_at(z, SINCE, dd.add_float(since, z[REST]))
@@ -376,7 +376,7 @@ def follow_series(z: Buffer, h: float) -> int:
 
 
 def end_of_step(z: Buffer, h: float, status: int) -> int:
-    """Show what the step has come to; reject it, with nothing changed, where that is not finite."""
+    """Set outputs and time at the end of a step; reject it, with nothing changed, where a number is not finite."""
     put_pair_at(z, TIME, dd.add_float(pair_at(z, KEPT + (TIME - MEMORY)), h))
     if status == OK:
         change_inputs(z, z[REST])
@@ -384,11 +384,11 @@ def end_of_step(z: Buffer, h: float, status: int) -> int:
         for i in range(NUMBER_OF_INPUTS):
             z[RATES[i]] = z[RATES_2[i]] = 0.0
         if memory.is_finite(z) and values(z) == 0:
-            if not hold:  # the series goes on with their change, wherever they have come back to
+            if not hold:  # the series has their changes in it, even if their values have come back
                 z[STANDS] = 0.0
                 keep_inputs(z)
             return outputs.outputs(z)
-    for i in range(NUMBER_OF_INPUTS):  # as the step began, which the memory had not kept then
+    for i in range(NUMBER_OF_INPUTS):  # those at the step's beginning, which are not in the copy below
         z[INPUTS[i]] = z[HELD + i]
     copy_numbers(z, KEPT, MEMORY, MEMORY_SIZE)
     z[STANDS] = 0.0
