@@ -1,8 +1,8 @@
-"""A motion under steady loads whose series, once begun, serves as many communication steps as it reaches over.
+"""Series of a motion under steady loads that are evaluated at all communication points within their reach.
 
-Series follow one another in steps of their own, whatever the communication steps are: an output is an evaluation. The
-body rate's series is that of `taylor_coefficients`. The attitude's begins at q_ab itself, as dq/dt = q o (0, omega) / 2
-is linear, and goes on until its terms are small. Both are evaluated up to their reach.
+Series follow one another in steps of their own, whatever the communication steps are, and an output is an evaluation.
+The body rate's series is that of `taylor_coefficients`. The attitude's begins at q_ab itself, as dq/dt = q o (0, omega)
+/ 2 is linear, and is made to the order at which its terms are small enough.
 
 Works in a piece of a model's buffer, see `taylor_coefficients`; what is kept: `SERIES_BLOCKS`; states: see
 `equations_of_motion`.
@@ -27,7 +27,7 @@ from .taylor_coefficients import ACCELERATION, FORCE_RATE, PER, RATE, ROW, ROWS,
 
 _HALF, _THIRD = ROW // 2, ROW * 25
 _NEAR = 1e-8
-"""How near to 1 the square of a length is whose root is linear to round-off."""
+"""How near to 1 x must be for sqrt(x) = (1 + x) / 2 to round-off."""
 
 
 @kernel
@@ -54,7 +54,7 @@ def _turn_product(s: Buffer, products: int, j: int, i: int) -> Lanes:
 
 @kernel
 def _turn_rate(s: Buffer, products: int, k: int) -> Quaternion:
-    """Return the k-th coefficient of q o (0, omega), of which the newest term is waited for least."""
+    """Return the k-th coefficient of q o (0, omega); the newest term is added last, as sums wait for it."""
     even = odd = lanes(0.0, 0.0, 0.0, 0.0)
     for j in range(0, k - 1, 2):
         even = add_lanes(even, _turn_product(s, products, j, k - j))
@@ -72,7 +72,7 @@ def turning_of(omega: Vec3, alpha: Vec3) -> float:
 
 @kernel
 def likely_reach(s: Buffer, order: int, longest: float) -> float:
-    """Return how far series of an order, of which omega's is there, reach at most if they turn; at most `longest`."""
+    """Return an upper bound of the reach of series of this order in a turning motion, at most `longest`."""
     turning = turning_of(vec3_at(s, RATE), vec3_at(s, term(RATE, 1)))
     reach = order / choose(turning > 0.0, turning, 1.0)
     return choose((turning > 0.0) & (reach < longest), reach, longest)
@@ -80,7 +80,7 @@ def likely_reach(s: Buffer, order: int, longest: float) -> float:
 
 @kernel
 def last_terms_of_attitude(s: Buffer, order: int, h: float) -> float:
-    """Return the larger of the last two terms at h, per h^(order - 1)."""
+    """Return the larger of the attitude's last two terms at h, over h^(order - 1)."""
     last, before = quaternion_at(s, term(TURN, order)), quaternion_at(s, term(TURN, order - 1))
     return max(largest_of(before), h * largest_of(last))
 
@@ -89,7 +89,7 @@ def last_terms_of_attitude(s: Buffer, order: int, h: float) -> float:
 def attitude_series(s: Buffer, products: int, q: Quaternion, order: int, reach: float, bound: float) -> float:
     """Set the attitude's coefficients from q on, to at most `order`, and return the last one's order.
 
-    They end where the last two are at most `bound` at `reach`, in all lanes. products: room in s for two series.
+    It is cut where its last two terms at `reach` are at most `bound`, in all lanes. products: room in s for two series.
     """
     _put_turn(s, products, 0, q)
     power, last = alike(reach, 1.0), alike(reach, float(order))
@@ -109,7 +109,7 @@ def attitude_series(s: Buffer, products: int, q: Quaternion, order: int, reach: 
 
 @kernel
 def _value(s: Buffer, u: int, order: int, t: float) -> Lanes:
-    """Return a series at t: four sums side by side, of which none waits for another."""
+    """Return a series at t, as four sums that do not wait for one another."""
     t_2 = t * t
     t_4 = t_2 * t_2
     once, twice, steps = lanes(t, t, t, t), lanes(t_2, t_2, t_2, t_2), lanes(t_4, t_4, t_4, t_4)
@@ -127,13 +127,13 @@ def _value(s: Buffer, u: int, order: int, t: float) -> Lanes:
 
 @kernel
 def rate_at(s: Buffer, w: int, order: int, t: float) -> Vec3:
-    """Return omega_ab_b at t of the series that stand from s[w] on."""
+    """Return omega_ab_b at t from the series that begin at s[w]."""
     return _value(s, w + RATE, order, t)[:3]
 
 
 @kernel
 def attitude_at(s: Buffer, w: int, order: int, t: float) -> Quaternion:
-    """Return q_ab at t, of unit length, of the series that stand from s[w] on."""
+    """Return q_ab at t, of unit length, from the series that begin at s[w]."""
     q = _value(s, w + TURN, order, t)
     over = square_of(q) - 1.0
     return scale_quaternion(1.0 - 0.5 * over if abs(over) < _NEAR else 1.0 / math.sqrt(1.0 + over), q)
@@ -142,63 +142,63 @@ def attitude_at(s: Buffer, w: int, order: int, t: float) -> Quaternion:
 SERIES_BLOCKS = {
     "validity": 1, "reach": 1, "since": 2, "extent": 1, "turn_order": 1, "cool_down": 1, "start": ROTATION, "path": 6,
 }  # fmt: skip
-"""NONE, VALID, or STALE; how far the series reaches, and how far it has served, s; how much of a state it serves; the
-order of the attitude; steps until a series is tried again; attitude and rate where it began; velocity and way that a
-force which turns with the body has added since then."""
+"""NONE, VALID, or STALE; the reach of the series, and the time since its beginning, s; how much of a state it has; the
+order of the attitude; steps until a series is tried again; attitude and rate at its beginning; velocity and
+displacement that a force which turns with the body has added since then."""
 _LAYOUT = places(SERIES_BLOCKS)
 SERIES_SIZE = _LAYOUT.size
 KEPT = _LAYOUT.at
-"""Where each of these stands in what is kept."""
+"""The place of each of these, from the first of them on."""
 NONE, VALID, STALE = 0.0, 1.0, 2.0
-"""A stale series has its work space overwritten, and is made again before it goes on."""
+"""The coefficients of a stale series have been overwritten: it is made again before it is used."""
 LEAST_REACH = 1.5
-"""Communication steps that a series has to reach over at least: below, a substep a step costs less.
+"""The communication steps that a series must reach over at least: for fewer, a substep for each step costs less.
 
-A series that is evaluated anywhere in its reach has the attitude up to full order, where a substep's two-point formula
-has three eighths of it (`taylor.derivatives_of_attitude`).
+Evaluated anywhere within its reach a series needs the attitude up to full order, while the two-point formula of a
+substep needs three eighths of it (`taylor.derivatives_of_attitude`).
 """
 COOL_DOWN_STEPS = 16.0
-"""The steps after a series that did not until another is tried, so that failed ones cost little beside the substeps."""
+"""The steps after a series that was too short until the next is tried, so that such series cost little."""
 _CAUTION = 1.0 / 64.0
-"""The part of a whole run's tolerance that series use up: no pilot run has seen how inputs magnify errors.
+"""The part of a whole run's tolerance that series may use: no pilot run has seen how inputs will magnify errors.
 
 It costs little: 64^(1/12) = 1.4, so that a series of order 12 reaches 0.7 times as far.
 """
 _SMALL_TURNS = 8.0
-"""Turns below the inverse of it, rad, of which an attitude keeps relative accuracy where loads turn in b.
+"""Turns below 1 / _SMALL_TURNS rad keep relative accuracy where loads turn in b; larger ones keep absolute accuracy.
 
-Their torque, which may cancel at rest, turns errors of the attitude into errors of the rate: near an equilibrium these
-count relative to a motion as small. Larger turns keep absolute accuracy, as attitudes are asked for. Without this a
-pendulum at 1e-4 rad/s, at a tolerance of 1e-12, was off by 252 times that.
+Near an equilibrium the torque of such loads turns errors of the attitude into errors of the rate, which count relative
+to a motion that is itself small. Without this a pendulum at 1e-4 rad/s, at a tolerance of 1e-12, was off by 252 times
+that.
 """
 _TRIES = 256
-"""From the longest step down to any."""
+"""Enough reductions to come from the longest step down to any."""
 _CLOCK = 1.0 + 1e-9
-"""As `substeps_in` has it: round-off in the importer's clock ends no series a step early."""
+"""As in `substeps_in`: round-off in the importer's clock must not end a series one step early."""
 
 
 @kernel
 def reaches_over(z: Buffer, i: int, h: float) -> bool:
-    """Return whether the series that is kept from z[i] on stands ready for a step h."""
+    """Return whether the series kept from z[i] on is valid over a step h."""
     return bool(z[i] == VALID and z[i + KEPT.since] + h <= _CLOCK * z[i + KEPT.reach])
 
 
 @kernel
 def clock_after(z: Buffer, i: int, h: float) -> dd.DoubleDouble:
-    """Return how far the series has served after a step h, s."""
+    """Return the time since the series' beginning after a step h, s."""
     return dd.add_float(pair_at(z, i + KEPT.since), h)
 
 
 @kernel
 def begin_clock(z: Buffer, i: int, n: int, m: int, reach: float) -> None:
-    """Let a series begin now; n: how much of a state it serves, m: the order of the attitude."""
+    """Set that a series begins now; n: how much of a state it has, m: the order of the attitude."""
     z[i], z[i + KEPT.reach], z[i + KEPT.extent], z[i + KEPT.turn_order] = VALID, reach, float(n), float(m)
     put_pair_at(z, i + KEPT.since, (0.0, 0.0))
 
 
 @kernel
 def pass_time(z: Buffer, i: int, h: float) -> float:
-    """Count a step h along the series; return how far it has served then."""
+    """Add a step h to the time since the series' beginning, and return it."""
     since = clock_after(z, i, h)
     put_pair_at(z, i + KEPT.since, since)
     return since[0]
@@ -212,7 +212,7 @@ def follow(z: Buffer, room: Room, i: int, order: int, h: float) -> None:
 
 @kernel
 def _put_motion(z: Buffer, room: Room, i: int, order: int, h: float, t: float) -> None:
-    """Set the state to that at t of the series, h after the one before."""
+    """Set the state to the series at t; h: the time since the state before."""
     n, (y, w, _) = int(z[i + KEPT.extent]), room
     put_vec3_at(z, y + OMEGA, rate_at(z, w, order, t))
     if n != RATE_ONLY:
@@ -223,7 +223,7 @@ def _put_motion(z: Buffer, room: Room, i: int, order: int, h: float, t: float) -
 
 @kernel(inline=False)
 def _put_path(z: Buffer, y: int, w: int, i: int, h: float, t: float) -> None:
-    """Add to velocity and position what the turning force has added to them since the last step, and h times v."""
+    """Advance position and velocity by h, with what a force that turns with the body has added since the last step."""
     speed, path = ZERO, ZERO
     for k in range(int(z[i + KEPT.turn_order]) - 1, -1, -1):
         gain = scale(PER[k], vec3_at(z, w + term(ACCELERATION, k)))
@@ -240,7 +240,7 @@ def _put_path(z: Buffer, y: int, w: int, i: int, h: float, t: float) -> None:
 
 @kernel
 def follow_to_end(z: Buffer, room: Room, i: int, order: int) -> float:
-    """Advance the state to where the series in the work space ends; return how long that is."""
+    """Advance the state to the end of the series in the work space; return the time that this takes."""
     (high, low), reach = pair_at(z, i + KEPT.since), z[i + KEPT.reach]
     part: float = (reach - high) - low
     _put_motion(z, room, i, order, part, reach)
@@ -249,22 +249,22 @@ def follow_to_end(z: Buffer, room: Room, i: int, order: int) -> float:
 
 @kernel
 def cautious(method: Method) -> Method:
-    """Return a method for series that serve further steps, whose inputs nobody knows yet."""
+    """Return the method for series that may be used in further steps, whose inputs are not known yet."""
     n, order, tolerance, span = method
     return Method(n, order, _CAUTION * tolerance if span != 0.0 else tolerance, span)
 
 
 @kernel
 def follow_series(z: Buffer, room: Room, i: int, method: Method, h: float, body: Body, loads: LoadPolynomial) -> float:
-    """Advance the state by h along series; return what is left of h where the next one does not reach far enough.
+    """Advance the state by h along series; return the rest of h where the next series would be too short to pay.
 
-    i: where `SERIES_BLOCKS` begin. The loads are steady, and those of the series, if any.
+    i: where `SERIES_BLOCKS` begin. The loads are constant, and those that a valid series was made with.
     """
     y, _, size = room
     method, rest, longest, again, stands = cautious(method), h, z[size], bool(z[i] == STALE), bool(z[i] == VALID)
     for _ in range(int(MAX_SUBSTEPS)):
         if not stands:
-            is_first = z[i] == NONE  # where one stood before, the next is likely to reach as far
+            is_first = z[i] == NONE  # else the next one is likely to reach as far
             if is_first and not may_pay(method, quaternion_at(z, y), vec3_at(z, y + OMEGA), body, loads.value, h):
                 break
             _make(z, room, i + KEPT.start if again else y, i, method, body, loads, again)
@@ -284,20 +284,20 @@ def follow_series(z: Buffer, room: Room, i: int, method: Method, h: float, body:
 
 @kernel
 def may_pay(method: Method, q: Quaternion, omega: Vec3, body: Body, loads: motion.Loads, h: float) -> bool:
-    """Return whether a series may reach over enough steps like h: see `likely_reach`, before there is one."""
+    """Return whether a series may reach over enough steps h to pay: as `likely_reach`, before it is made."""
     turning = turning_of(omega, motion.angular_acceleration(q, omega, body, loads))
     return bool(method.n == RATE_ONLY or method.order >= LEAST_REACH * h * turning)
 
 
 @kernel
 def pays(z: Buffer, i: int, h: float) -> bool:
-    """Return whether a series that has begun reaches over enough steps like h."""
+    """Return whether a series that was made reaches over enough steps h to pay."""
     return bool(z[i + KEPT.reach] >= LEAST_REACH * h)
 
 
 @kernel
 def give_up(z: Buffer, room: Room, i: int, longest: float) -> None:
-    """Let no series stand, nor be tried for some steps; longest: the step size of before one that was too short."""
+    """Drop the series, and try none for some steps; longest: the step size before the series that was too short."""
     z[i], z[i + KEPT.cool_down], z[room.size] = NONE, COOL_DOWN_STEPS, longest
 
 
@@ -336,7 +336,7 @@ def least_turn(fixed: SpaceFixedLoads) -> float:
 
 @kernel
 def first_reach(s: Buffer, method: Method, longest: float, least: float) -> tuple[float, float]:
-    """Return how far the rate's series reaches, and the attitude's at most, and what the last terms of that are to be.
+    """Return the reach of the rate's series, the attitude's longest one, and the bound of the latter's last terms.
 
     longest: the step size; least: see `least_turn`.
     """
@@ -352,7 +352,7 @@ def first_reach(s: Buffer, method: Method, longest: float, least: float) -> tupl
 def begin_series(
     z: Buffer, room: Room, i: int, method: Method, m: int, speed: float, reach: float, least: float
 ) -> None:
-    """Let the series in the work space begin at the state, and set the step size that it makes likely.
+    """Set that the series in the work space begins at the state, and the step size likely for the next one.
 
     m: the attitude's order; speed: that of the centre, 1 m/s at least; reach, least: see `first_reach`.
     """
@@ -366,14 +366,14 @@ def begin_series(
 
 @kernel
 def _turn_counted(square: float, h: float, least: float) -> float:
-    """Return the turn that errors of the attitude are relative to, 1 at most; square: of the largest rate."""
+    """Return the turn, at most 1, to which errors of the attitude are relative; square: of the largest rate."""
     turn = _SMALL_TURNS * math.sqrt(square) * h
     return max(choose(turn > 1.0, 1.0, turn), least)
 
 
 @kernel(inline=False)
 def reach_within(s: Buffer, method: Method, m: int, speed: float, reach: float, least: float) -> tuple[float, float]:
-    """Return a reach, at most that given, at which the estimated error is within the tolerance's share, and the next.
+    """Return a reach, at most the given one, at which the estimated error is within its share, and the next step size.
 
     m: the attitude's order, 0 while it is not known; least: see `least_turn`.
     """
@@ -389,7 +389,7 @@ def reach_within(s: Buffer, method: Method, m: int, speed: float, reach: float, 
 
 @kernel(inline=False)
 def _excess(s: Buffer, method: Method, m: int, speed: float, h: float, least: float) -> float:
-    """Return the estimated error at h over that which is allowed."""
+    """Return the estimated error at h over the allowed one."""
     n, (last, square) = method.n, substeps.truncation(s, method, h, 0.0, 1)
     if m > 0 and n != RATE_ONLY:
         power, turn = substeps.power_of(h, m - 1), _turn_counted(square, h, least)

@@ -1,4 +1,4 @@
-"""What formulas are made of, in double-double arithmetic: each operation's value, and its coefficients as a series.
+"""The operations of formulas in double-double arithmetic: each one's value, and its Taylor coefficients.
 
 The recurrences are those of `rbfmu.formulas.program`. A number of the work space has its coefficients side by side,
 high parts in s[0], low ones in s[1].
@@ -14,7 +14,7 @@ KINDS = (
     "number", "place", "input", "state", "add", "subtract", "multiply", "divide", "sqrt", "exp", "log", "sin", "cos",
     "atan2", "power", "logistic", "side", "select", "scale",
 )  # fmt: skip
-"""The last is a product with what stays as it is, its second factor: of that a coefficient needs the first alone."""
+"""`scale` is a product whose second factor is constant, so that only the first coefficient of that is needed."""
 (
     _NUMBER, _PLACE, _INPUT, STATE, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, SQRT, _EXP, _LOG, _SIN, _COS, _ATAN2, POWER,
     _LOGISTIC, SIDE, _SELECT, _SCALE,
@@ -42,7 +42,7 @@ def _sum_of_slopes(s: Array, a: int, b: int, k: int, last: int) -> dd.DoubleDoub
 
 @kernel(inline=False)
 def value_of(kind: int, i: int, a: int, b: int, c: int, s: Array) -> dd.DoubleDouble:
-    """Return an operation's value; a, b, c: where the numbers begin that it is of."""
+    """Return an operation's value; i: where its own coefficients begin; a, b, c: where those of its arguments do."""
     x, y = dd.at(s, a), dd.at(s, b)
     if kind == _ADD:
         return dd.add(x, y)

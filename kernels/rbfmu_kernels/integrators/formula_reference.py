@@ -1,10 +1,10 @@
 """The steps of a motion by Taylor series in double-double arithmetic, by which plans are judged.
 
-Each walks a list of operations for each order, so that one compiled function serves every scene. The step is chosen by
-the last two terms: A. Jorba & M. Zou, Experimental Mathematics 14 (2005). The recurrences are those of
-`rbfmu.formulas.program`; a number of the work space has its coefficients side by side, high parts in s[0], low ones in
-s[1]. `rbfmu.planning.reference` takes step after step, and calls for corners only where there are any: what is called
-together is compiled together, which takes seconds.
+A step walks a list of operations once for each order, so that one compiled function is right for every scene. The step
+size follows from the last two terms: A. Jorba & M. Zou, Experimental Mathematics 14 (2005). The recurrences are those
+of `rbfmu.formulas.program`. Each number has its coefficients side by side in the work space, high parts in s[0], low
+ones in s[1]. `rbfmu.planning.reference` takes step after step, and calls the functions for corners only where there are
+any, as compiling them takes seconds.
 """
 
 import math
@@ -17,33 +17,34 @@ from . import formula_ends as ends, polynomials
 from .formula_operations import ROOTS, SIDE, SQRT, STATE, coefficient_of, value_of
 
 ORDER, TOLERANCE, BEYOND, AT_REST = 26, 1e-22, 1e-9, 1e-10
-"""The order of series, and the error of a step, relative to sizes: far below what doubles have. The order of least work
-there is 1 - ln(1e-22) / 2 (Jorba & Zou 2005, 3.2). How far beyond a touch a series ends, and how far it goes from where
-the number under a root begins at zero: parts of its reach."""
+"""The order of series and the error of a step relative to sizes, far below the round-off of doubles. The order of least
+work is 1 - ln(1e-22) / 2 there (Jorba & Zou 2005, 3.2). As parts of a series' reach: how far it goes on beyond a double
+zero, and how far it goes where the argument of a square root begins at zero."""
 LENGTH = ORDER + 1
 CORNER_KNOWN, NEAR = 1e-17, 1e-9
-"""The part of its size to which what has a corner is known there; and of the time to it, to which doubles find it."""
+"""The truncation error of a corner's number over its size, at most; and the part of the time to a corner by which
+doubles may miss it."""
 LARGEST, LIFT = 1e290, 2.0**60
-"""The largest coefficients: near the end of the range of doubles products of double-double numbers are none. And what
-both sides of an error are multiplied by, as TOLERANCE of what begins with e^-700 is none either.
+"""The largest coefficients: beyond them products of double-double numbers overflow. And the factor of both sides of an
+error's comparison, as TOLERANCE times a number that begins with e^-700 would be zero.
 """
 MOST_DEFECT = 1e-11
-"""The defect within a series, which is known in doubles, with which it is halved."""
+"""The defect, evaluated in doubles, from which on a series is halved."""
 FINER = 0.01
-"""The part of the round-off of a time beside which a root counts as zero where plans have it so: they are judged by
-what they leave out there, which is much more. A corner is found to an ulp of the last series' reach.
+"""Beside a corner a root counts as zero over this part of the time for which plans take it as zero, so that their error
+by this shows. A corner is found to an ulp of the last series' reach.
 """
 
 
 class Equations(NamedTuple):
-    """What is walked, in rows.
+    """The equations as tables; operations are named by their rows.
 
-    operations (n, 5): kind, what it is of (third of a root: whether it counts as zero), and whether it changes. states
-    (m, 3): which operation it is and that of its rate, and its group. least: of each group, the least size that its
-    errors are relative to, negative where that alone counts. sides (n, 3): operation, whether a series began and ends
-    at its corner. touching (n, 3): what may come down to zero, the root or angle of it, and whether it was zero where
-    the last series ended at a corner. rising: what exponentials are of. wanted: operations. time: that which is the
-    time, or -1.
+    operations (n, 5): kind, three arguments (the third of a square root or power: whether it counts as zero), and
+    whether it changes. states (m, 3): its operation, that of its rate, and its group. least: for each group the least
+    size to which its errors are relative, negative if they are never relative to a larger one. sides (n, 3): operation,
+    and how many series in a row began, and will have begun, at its corner. touching (n, 3): an argument that may come
+    to zero, the root or angle of it, and whether it was zero where the last series ended at a corner. rising: arguments
+    of exponentials. wanted: operations that are shown. time: the operation that is the time, or -1.
     """
 
     operations: Indices
@@ -58,9 +59,9 @@ class Equations(NamedTuple):
 
 @kernel(inline=False)
 def evaluate(operations: Indices, s: Array, stride: int, with_sides: bool) -> None:
-    """Set the values of all operations but numbers and leaves, which stand there; stride: from one to the next.
+    """Set the values of all operations but numbers and leaves, which are given; stride: from one operation to the next.
 
-    with_sides: whether those are set as well.
+    with_sides: whether sides are set as well.
     """
     for n in range(operations.shape[0]):
         kind, a, b, c = operations[n, 0], operations[n, 1], operations[n, 2], operations[n, 3]
@@ -123,7 +124,7 @@ def longest_step(equations: Equations, sizes: Array, s: Array) -> float:
 
 @kernel(inline=False)
 def rest_roots(equations: Equations, s: Array, done: float) -> bool:
-    """Let roots count as zero as `formula_ends.rest_roots` does, but FINER of the time done."""
+    """Set square roots and powers to zero as `formula_ends.rest_roots` does, within FINER of the round-off of done."""
     operations, sides, touching = equations.operations, equations.sides, equations.touching
     corner, changed = False, False
     for i in range(sides.shape[0]):
@@ -138,9 +139,9 @@ def rest_roots(equations: Equations, s: Array, done: float) -> bool:
 
 @kernel(inline=False)
 def turn_side(equations: Equations, s: Array, done: float) -> int:
-    """Turn the first side that is not the one to which the series lead, and return which; -1 where all are.
+    """Change the first side that does not agree with the series, and return which it is; -1 where all agree.
 
-    done: the time that has passed, in units.
+    done: the time since the start, in units.
     """
     operations, sides = equations.operations, equations.sides
     for i in range(sides.shape[0]):
@@ -150,16 +151,17 @@ def turn_side(equations: Equations, s: Array, done: float) -> int:
         side = ends.side_after(s[0], at, 1, ORDER, sides[i, 1], done)
         side = 1.0 if side == 0.0 and (sides[i, 2] == 0.0 or s[0, n * LENGTH] == 0.0) else side
         if side != 0.0 and side != s[0, n * LENGTH]:
-            s[0, n * LENGTH], sides[i, 2] = side, 1.0  # which says until `to_corner` that it has turned already
+            s[0, n * LENGTH], sides[i, 2] = side, 1.0  # until `to_corner`: that it has changed already
             return i
     return -1
 
 
 @kernel(inline=False)
 def to_corner(equations: Equations, s: Array, longest: float, done: float) -> dd.DoubleDouble:
-    """Return how far the series reach, at most `longest`, and note at whose corner they end; done: of `turn_side`.
+    """Return how far the series reach, at most `longest`, and note which numbers are at a corner there; done: time so
+    far.
 
-    A pulse may last no longer than the round-off of its time, so that a corner is known better than doubles tell it.
+    The time of a corner is a double-double number, as a pulse may be as short as the round-off of a double.
     """
     operations, sides, touching, corner = equations.operations, equations.sides, equations.touching, -1
     at_corner = False
@@ -205,7 +207,7 @@ def to_corner(equations: Equations, s: Array, longest: float, done: float) -> dd
 
 @kernel(inline=False)
 def _rest_of_root(s: Array, i: int, t: float) -> float:
-    """Return how far beyond t, which is nearly the root of a series, it is: by a step of Newton's, 0 if not near."""
+    """Return the zero of a series minus t, which is close to it, by a step of Newton's; 0 if t is not close."""
     value, slope = _value(s, i, (t, 0.0))[0], polynomials.slope_of(s[0], i, 1, ORDER, t)
     return -value / slope if abs(value) < NEAR * abs(slope * t) else 0.0
 
@@ -221,16 +223,16 @@ def _value(s: Array, i: int, t: dd.DoubleDouble) -> dd.DoubleDouble:
 
 @kernel(inline=False)
 def _put_states(states: Indices, s: Array, at: dd.DoubleDouble, found: Array) -> None:
-    """Set the states at a time after the series' beginning, in the places of the operations."""
+    """Set the states to their series at a time after the beginning, each in its operation's place."""
     for m in range(states.shape[0]):
         dd.put(found, states[m, 0], _value(s, states[m, 0] * LENGTH, at))
 
 
 @kernel(inline=False)
 def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float, here: Array) -> float:
-    """Return by how much rates at a time of the series, made anew, differ from its slopes, as errors over sizes.
+    """Return the largest error over its size by the defect at t: rates made anew minus slopes of the series.
 
-    So what sides rest on, which must be known to ROUGHLY. See `models.formula_errors`.
+    So for numbers with corners, which must be known to ROUGHLY; inf if not. See `models.formula_errors`.
     """
     operations, states, sides, least = equations.operations, equations.states, equations.sides, equations.least
     worst = 0.0
@@ -245,7 +247,7 @@ def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float,
         size = max(abs(least[g]), max(sizes[g], begun) if least[g] >= 0.0 else 0.0)
         size = polynomials.bound_of(s[0], states[m, 0] * LENGTH, 1, ORDER, t)[0] if size == 0.0 else size
         error = abs(unit * here[0, states[m, 1]] - slope) * t
-        if error > (0.0 if size > 0.0 else polynomials.NOTHING) or math.isnan(error):  # e^x begins with e^-700
+        if error > (0.0 if size > 0.0 else polynomials.NOTHING) or math.isnan(error):  # sizes may begin with e^-700
             worst = max(worst, error / size) if error < math.inf and size > 0.0 else math.inf
     for i in range(sides.shape[0]):
         at = operations[int(sides[i, 0]), 1]
@@ -268,9 +270,9 @@ def first_fault(equations: Equations, sizes: Array, s: Array, unit: float, t: fl
 
 @kernel(inline=False)
 def _evaluate_at_row(operations: Indices, time: int, here: Array) -> None:
-    """Set the values of all operations where a row is shown.
+    """Set the values of all operations for a row of outputs.
 
-    Whoever reads its time reads a double, as conditions do here: five times 0.1 s is not more than 0.5.
+    Conditions see the row's time rounded to a double, as a reader does: five times 0.1 s is not more than 0.5.
     """
     exact = here[1, time] if time >= 0 else 0.0
     if exact != 0.0:
@@ -286,10 +288,10 @@ def put_rows(
     equations: Equations, s: Array, unit: float, reach: float, now: dd.DoubleDouble, times: Array, here: Array,
     rows: Array, k: int,
 ) -> int:  # fmt: skip
-    """Set the rows of what is wanted, from the k-th on, that series from `now` reach; return the first they do not.
+    """Set the rows of outputs, from the k-th on, that the series from `now` reach; return the first that they do not.
 
-    The time is what has passed since the start, and not its series' value, whose round-off decides on which side of
-    zero a time stands that comes to zero. The start is a double: the difference that it is, rounded.
+    The time is the sum of the steps and not its series' value, whose round-off would decide the sign of a time near
+    zero. The start is a double, so that the difference by which it is found is rounded.
     """
     states, wanted, time, start = equations.states, equations.wanted, equations.time, 0.0
     if time >= 0:
@@ -312,7 +314,7 @@ def put_rows(
 def begin_at(
     states: Indices, s: Array, unit: float, reach: dd.DoubleDouble, now: dd.DoubleDouble, here: Array
 ) -> dd.DoubleDouble:
-    """Let the next series begin where those from `now` end; return the time there."""
+    """Set the states where the next series begins, at the end of those from `now`; return the time there."""
     _put_states(states, s, reach, here)
     for m in range(states.shape[0]):
         dd.put(s, states[m, 0] * LENGTH, dd.at(here, states[m, 0]))

@@ -106,7 +106,7 @@ def _drift_and_kick(state: State, drift: float, kick: float, per_transverse: flo
 
 @kernel
 def _with_unit_attitude(state: State) -> State:
-    """Keep |q| by one step of Newton's method, as products of unit quaternions leave it within some eps."""
+    """Bring |q| back to 1 by one step of Newton's method: products of unit quaternions leave it within some eps."""
     r, v, q, omega = state
     s = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return State(r, v, scale_quaternion(s, q), omega)
@@ -114,7 +114,7 @@ def _with_unit_attitude(state: State) -> State:
 
 @kernel
 def _steps(state: State, h: float, n: int, body: Body, loads: Loads, kicks: Parts, drifts: Parts) -> State:
-    """Take n steps of kicks with drifts between them, given as parts of h; kicks of two steps that meet are one."""
+    """Take n steps of kicks and drifts, given as parts of h; where two steps meet, their kicks are merged."""
     u = 1.0 / transverse_moment(body.inertia)
     y = _kick(state, kicks[0] * h, body, loads)
     for i in range(1, n + 1):

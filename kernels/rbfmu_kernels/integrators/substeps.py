@@ -1,4 +1,4 @@
-"""A communication step divided into substeps; their size is kept in a buffer, and next to it their count."""
+"""How a communication step is divided into substeps. Their size is kept in a buffer, and next to it their count."""
 
 import math
 from typing import NamedTuple
@@ -18,7 +18,7 @@ LONGEST_STEP = 1e30
 
 
 class Method(NamedTuple):
-    """What is integrated, and how well: n, how much of a state (`equations_of_motion`); order, of the series.
+    """What is integrated, and how accurately: n, how much of a state (`equations_of_motion`); order, of the series.
 
     tolerance: the largest estimated error of a substep; or, where span is not 0, of all substeps of a run of `span` s
     together, as an error of the rate counts as what it turns the body by in that time; see `body.memory.SETTINGS`.
@@ -31,7 +31,7 @@ class Method(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Where in a buffer a method finds the state, its work space, and the step size, next to which stands its count."""
+    """The places in a buffer of the state, of the work space, and of the step size, next to which is the count."""
 
     state: int
     work: int
@@ -40,9 +40,9 @@ class Room(NamedTuple):
 
 @kernel
 def substeps_in(h: float, longest: float) -> int:
-    """Return the least number of equal parts of h, each at most `longest`; 0 where that is too many or no number.
+    """Return the least number of equal parts of h, each at most `longest`; 0 where that is too many, or NaN.
 
-    A part may be longer by 1e-9 of itself, so that round-off in the importer's clock adds none.
+    Parts may be longer by 1e-9 of themselves, so that round-off in the importer's clock does not add one.
     """
     if not h < MAX_SUBSTEPS * longest:
         return 0
@@ -51,27 +51,26 @@ def substeps_in(h: float, longest: float) -> int:
 
 @kernel
 def parts_in(h: float, longest: float) -> int:
-    """Return the same where it is known to be a number that is not too large."""
+    """Return that number of parts without the check."""
     return max(math.ceil(h / longest * (1.0 - 1e-9)), 1)
 
 
 @kernel
 def tolerance_of_substep(tolerance: float, span: float, part: float) -> float:
-    """Return the largest error of a substep `part`: its share of a run of `span` s, or all of it where that is 0.
+    """Return the allowed error of a substep `part`: its share of the tolerance of `span` s, or all of it if span is 0.
 
-    Errors of substeps add up at worst, so that shares in proportion to time keep the run's: what codes call an error
-    per unit step. No share is below 2^-52: a substep in double precision loses about that, and shorter ones would only
-    be more.
+    At worst errors of substeps add up, so that shares in proportion to time keep the run's error (error per unit step).
+    No share is below 2^-52: a substep in double precision loses about that, and shorter ones would only be more.
     """
     return tolerance if span == 0.0 else max(tolerance * part / span, ROUND_OFF)
 
 
 @kernel
 def nearer_size(h: float, order: int, excess: float) -> float:
-    """Return the step whose error is that of h over `excess`: about h excess^(-1 / order), without a root.
+    """Return the step whose error is that of h over `excess`: about h excess^(-1 / order), but without a power.
 
-    A rational function that agrees with the root to second order near 1, where steps settle (its Pade approximant).
-    Far off, where that flattens, a step grows or shrinks by about 2 at most, as an estimate from so far says little.
+    The Pade approximant of the power agrees with it to second order near 1, where step sizes settle. Far from there,
+    where it flattens, a step grows or shrinks by about 2 at most, as an estimate from so far away is worth little.
     """
     near = h * ((order + 1.0) + (order - 1.0) * excess) / ((order - 1.0) + (order + 1.0) * excess)
     near = choose(excess < 1e-4, choose(excess < 1e-8, 2.0 * h, 1.3 * h), near)
@@ -96,24 +95,24 @@ def power_of(x: float, n: int) -> float:
 
 @kernel
 def last_terms(s: Buffer, u: int, order: int, h: float) -> float:
-    """Return the larger of the last two terms of the series at u, per h^(order - 1)."""
+    """Return the larger of the last two terms of the series at u, over h^(order - 1)."""
     last, before = vec3_at(s, term(u, order)), vec3_at(s, term(u, order - 1))
     return max(largest_component(before), h * largest_component(last))
 
 
 @kernel
 def size_of(v: Vec3) -> float:
-    """Return the sum of the components' sizes."""
+    """Return the sum of the components' absolute values."""
     return abs(v[0]) + abs(v[1]) + abs(v[2])
 
 
 @kernel(inline=False)
 def truncation(s: Buffer, method: Method, h: float, alpha_fixed: float, steps: float) -> tuple[float, float]:
-    """Return for a step of h the last two terms relative to the rate, and the square of the largest rate.
+    """Return the last two terms of a step h relative to the rate, and the square of the largest rate.
 
-    What a series leaves out is about its last term; two, as every other one may vanish by symmetry.
-    A. Jorba & M. Zou, Experimental Mathematics 14 (2005).
-    alpha_fixed: the angular acceleration by loads that turn in b, whose last terms count as they act for some steps.
+    The truncation error of a series is about its last term; two are used, as every other one may vanish by symmetry
+    (A. Jorba & M. Zou, Experimental Mathematics 14, 2005).
+    alpha_fixed: the angular acceleration by loads that turn in b, whose last terms count for the `steps` that they act.
     """
     n, order, _, span = method
     square, power = 0.0, 1.0

@@ -1,11 +1,11 @@
 """Taylor series of any order for the motion of a body, with error control inside a communication step.
 
-Only the body rate, and those loads that turn in b, are series of full order: few products. The attitude follows from
-the rate by the two-point formula of Hermite and Obreshkov, exact to order 2 m from m derivatives at either end:
-sum_k c_k h^k q^(k)(0) = sum_k c_k (-h)^k q^(k)(h), c_k = (2m - k)! m! / ((2m)! k! (m - k)!), which q = q_0 o D makes
-explicit. Where a force turns with the body, velocity and position follow in the same way.
-Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993, I.8 (series) and II.13 (Obreshkov's
-methods); the step is chosen by the last two terms: A. Jorba & M. Zou, Experimental Mathematics 14 (2005).
+Only the body rate, and those loads that turn in b, have series of full order, which take few products. The attitude
+follows from the rate by the two-point formula of Hermite and Obreshkov, exact to order 2 m from m derivatives at either
+end: sum_k c_k h^k q^(k)(0) = sum_k c_k (-h)^k q^(k)(h), c_k = (2m - k)! m! / ((2m)! k! (m - k)!), which q = q_0 o D
+makes explicit. Where a force turns with the body, velocity and position follow in the same way. Hairer, Norsett,
+Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993, I.8 (series) and II.13 (Obreshkov's methods); the step
+is chosen by the last two terms: A. Jorba & M. Zou, Experimental Mathematics 14 (2005).
 
 Works in a piece of a model's buffer, see `taylor_coefficients`; states: see `equations_of_motion`.
 """
@@ -28,7 +28,7 @@ from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE, PER, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 
 _MAX_DERIVATIVES = 9
-"""Of the attitude, beside rates of `MAX_ORDER`: see `derivatives_of_attitude`."""
+"""The most derivatives of the attitude, with rates of `MAX_ORDER`: see `derivatives_of_attitude`."""
 _COUNTS = range(_MAX_DERIVATIVES + 1)
 
 
@@ -43,32 +43,33 @@ _REMAINDER = np.array(
 )
 """Its error: this times (2 h)^(2m+1) / 2 and the (2m+1)-th derivative."""
 _RATE_PER_ACCELERATION = 4.0 / math.e * np.array(_COUNTS)
-"""Times an angular acceleration alpha, the square of the steady rate that counts as much in the remainder.
+"""This times an angular acceleration alpha is the square of the steady rate that gives the remainder as much.
 
 A turn from rest is q = exp(alpha t^2 / 4), whose (2m)-th derivative is (2m)! / m! (alpha / 4)^m at rest; that of a
 steady turn is (omega / 2)^(2m). They are equal at omega^2 = ((2m)! / m!)^(1/m) alpha, by Stirling's formula some
 4 m / e alpha. Without this a body that starts from rest would be thought not to turn at all.
 """
 _FOUR = 4.0 ** np.array(_COUNTS)
-"""Against the 0.25^m of `_REMAINDER`, which is of half angles: a path turns by whole ones."""
+"""It undoes the 0.25^m of `_REMAINDER`, which is for the half angles of quaternions: a path turns by whole ones."""
 
 STEPS_OF_LOADS = 8
-"""Steps for which loads that turn in b are carried on by their series, before the attitude says anew how they stand.
+"""The steps over which loads that turn in b are continued by their series, before they are turned by the attitude
+again.
 
-What a series leaves out of a load adds up from step to step; to turn the loads anew at each would cost a rotation and
-the first terms of all series again.
+Truncation errors of a load's series add up from step to step; to turn loads at each step would cost a rotation and the
+first terms of all series.
 """
 
 
 @kernel
 def derivatives_of_attitude(order: int) -> int:
-    """Return how many the attitude needs beside rates of an order: measured, the least work from 1e-3 to 1e-12."""
+    """Return the number of derivatives of the attitude for rates of an order: of least work, measured 1e-3 to 1e-12."""
     return (3 * order + 7) // 8
 
 
 @kernel
 def _sum(s: Buffer, u: int, order: int, h: float) -> Vec3:
-    """Return the series at u, at h: even and odd powers apart, as half as many sums wait for each other."""
+    """Return the series at u, evaluated at h; even and odd powers apart, as half as many sums then wait for another."""
     steps = lanes(h * h, h * h, h * h, h * h)
     even = odd = lanes(0.0, 0.0, 0.0, 0.0)
     for k in range(order - (order & 1), 0, -2):
@@ -90,7 +91,7 @@ def _half_turn(s: Buffer, m: int, h: float) -> Quaternion:
 
 @kernel
 def _half_path(s: Buffer, m: int, h: float) -> tuple[Vec3, Vec3]:
-    """Return the same of the velocity and of the position that an acceleration makes."""
+    """Return half of the two-point formula for the velocity and the position by an acceleration."""
     power, speed, path = h, ZERO, ZERO
     for k in range(m):
         gain = scale(PER[k] * power, vec3_at(s, term(ACCELERATION, k)))
@@ -113,7 +114,7 @@ def _move_centre(z: Buffer, y: int, s: Buffer, m: int, h: float) -> None:
 
 @kernel
 def space_fixed_acceleration(s: Buffer, body: Body, fixed: SpaceFixedLoads) -> float:
-    """Return a bound of the angular acceleration by loads that turn in b."""
+    """Return a bound of the angular acceleration by loads that turn in b, rad/s^2."""
     torque = 0.0
     if fixed.lever_force:
         torque += substeps.size_of(body.arm_b) * substeps.size_of(vec3_at(s, FORCE))
@@ -126,9 +127,10 @@ def space_fixed_acceleration(s: Buffer, body: Body, fixed: SpaceFixedLoads) -> f
 def estimated_excess(
     s: Buffer, method: Method, h: float, acceleration: float, alpha_fixed: float, steps: float
 ) -> float:
-    """Estimate for a step of h its truncation, and the two-point formula's remainder (rad), over what is allowed.
+    """Estimate a step's truncation error and the two-point formula's remainder (rad); return the larger over the
+    allowed.
 
-    acceleration: that by a force that turns with the body, relative to the velocity, which counts as 1 m/s at least.
+    acceleration: by a force that turns with the body, over the velocity, which counts as 1 m/s at least.
     """
     m, allowed = derivatives_of_attitude(method.order), substeps.tolerance_of_substep(method.tolerance, method.span, h)
     last, square = substeps.truncation(s, method, h, alpha_fixed, steps)
@@ -144,7 +146,7 @@ def estimated_excess(
 
 @kernel
 def _put_sums(s: Buffer, order: int, h: float, fixed: SpaceFixedLoads) -> None:
-    """Set row 0 of omega and of the loads that turn in b to their series' sum at h."""
+    """Set row 0 of omega, and of the loads that turn in b, to the values of their series at h."""
     series.put_factors(s, RATE, _sum(s, RATE, order, h))
     for level in range(3 if fixed.changing else 1):
         force, torque = FORCE + series.TO_DERIVATIVE * level, TORQUE + series.TO_DERIVATIVE * level
@@ -158,9 +160,9 @@ def _put_sums(s: Buffer, order: int, h: float, fixed: SpaceFixedLoads) -> None:
 def turn(
     z: Buffer, y: int, s: Buffer, method: Method, h: float, body: Body, torques: series.Torques, fixed: SpaceFixedLoads
 ) -> None:
-    """Set rate and attitude, and row 0 of what turns in b, to those after h; torques: from then on.
+    """Advance rate and attitude, and row 0 of the loads that turn in b, by h; torques: from then on.
 
-    Row 0 to m of the series are those at the step's end then, by which the two-point formula knows the attitude there.
+    Rows 0 to m of the series are then those at the step's end, from which the two-point formula makes the attitude.
     """
     q, half, m = quaternion_at(z, y), (1.0, 0.0, 0.0, 0.0), derivatives_of_attitude(method.order)
     if method.n != RATE_ONLY:
@@ -175,13 +177,11 @@ def turn(
 
 @kernel(inline=False)
 def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, loads: LoadPolynomial) -> int:
-    """Advance the state by h, the estimated error of each step within the tolerance.
+    """Advance the state by h, with the estimated error of each substep within the tolerance.
 
-    An infinite tolerance leaves the steps as they are kept.
-
-    A next step aims at the allowed error over 1.4, after a refusal at half of it, so that few are refused.
-    Equal parts reach h: each step is the rest divided by the number of steps that the kept size would need, so that
-    the last is not a small remainder, from which the next communication step would have to grow.
+    An infinite tolerance keeps the size of substeps. The next substep aims at the allowed error over 1.4, and at half
+    of it after a substep was refused, so that few are. Each is the rest of h divided by the number of substeps that the
+    kept size would need: the last one is then no small remainder, from which the next step would have to grow.
     STEP_REJECTED where the motion is not finite or needs too many steps; the caller then restores state and size.
     """
     (y, w, size), (n, order, tolerance, _) = room, method
@@ -194,7 +194,7 @@ def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, 
     series.motion_series(s, 0, order, m, body, torques, fixed)
     if n == WHOLE_STATE:
         series.acceleration_series(s, m, body.inverse_mass, now)
-    rest, low, tried = h, 0.0, 0  # rest + low: the time left, so that a thousand steps end where h does
+    rest, low, tried = h, 0.0, 0  # rest + low: the time left, so that a thousand substeps add up to h
     while rest > 0.0:
         tried += 1
         count = substeps.substeps_in(rest, z[size])
@@ -232,7 +232,7 @@ def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, 
 def _excess(
     z: Buffer, y: int, s: Buffer, method: Method, part: float, count: int, body: Body, fixed: SpaceFixedLoads
 ) -> float:
-    """Return the estimated error of the first of `count` equal steps over that which is allowed."""
+    """Return the estimated error of the first of `count` equal steps over the allowed one."""
     acceleration = 0.0
     if method.n == WHOLE_STATE:
         speed = max(largest_component(vec3_at(z, y + V_C)), 1.0)

@@ -1,7 +1,7 @@
-"""Taylor coefficients of a body's motion, in a piece of a model's buffer: series by series, a row of numbers a term.
+"""Taylor coefficients of a body's motion, in a piece of a model's buffer: one row of numbers for each term of a series.
 
-There are series of the body rate and of those loads that turn in b to full order, which takes few products; of the
-attitude, and of the acceleration by a force that turns with the body, as far as `taylor` needs.
+The body rate, and those loads that turn in b, have series of full order, which take few products. The attitude, and the
+acceleration by a force that turns with the body, have them to the order that `taylor` needs.
 """
 
 from typing import Any, NamedTuple
@@ -50,7 +50,7 @@ Torques = tuple[Vec3, Vec3, Vec3]
 
 
 class SpaceFixedLoads(NamedTuple):
-    """Whether a force fixed in a acts on an arm, whether a torque fixed in a acts, whether any load changes."""
+    """Whether a force fixed in a acts on an arm, whether a torque fixed in a acts, and whether any load changes."""
 
     lever_force: bool
     torque: bool
@@ -59,7 +59,7 @@ class SpaceFixedLoads(NamedTuple):
 
 @kernel
 def term(series: int, k: int) -> int:
-    """Return where the k-th coefficient of a series stands."""
+    """Return the place of the k-th coefficient of a series."""
     return series + ROW * k
 
 
