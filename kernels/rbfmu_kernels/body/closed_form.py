@@ -1,4 +1,4 @@
-"""What models with a closed form share: a clock in double-double, the path of the centre of mass, the commit."""
+"""Shared by models with a closed form: a clock in double-double, the path of the centre of mass, the end of a step."""
 
 from ..buffer import STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
@@ -17,7 +17,7 @@ _AT = places(CLOSED_FORM).at
 
 @kernel
 def start_clocks(z: Buffer) -> int:
-    """Set the clocks at the start of a run; return 0, as what sets a model up."""
+    """Set the clocks at the start of a run; return 0, as every `set_up` of a model does."""
     put_pair_at(z, _AT.elapsed, (0.0, 0.0))
     put_pair_at(z, _AT.since_a_c, (0.0, 0.0))
     put_quaternion_at(z, _AT.q_0, memory.rotation_of(z).q_ab)
@@ -42,7 +42,7 @@ def time_after(z: Buffer, h: float) -> DoubleDouble:
 
 @kernel
 def later(z: Buffer, clock: int, h: float) -> DoubleDouble:
-    """Return what the clock that stands at z[clock], s, shows after a step h."""
+    """Return the time, s, that the clock at z[clock] shows after a step h."""
     high, low = pair_at(z, clock)
     t, rest = two_sum(high, h)
     return t, rest + low
@@ -50,7 +50,7 @@ def later(z: Buffer, clock: int, h: float) -> DoubleDouble:
 
 @kernel
 def has_turning_torque(z: Buffer) -> bool:
-    """Return whether a torque acts that depends on the motion or turns with b: damping, torque_b, or a force's."""
+    """Return whether damping, torque_b, or a force fixed in b with an arm acts: torques that are not fixed in a."""
     body, loads = memory.body_of(z), memory.loads_of(z)
     lever = is_nonzero(body.arm_b) and is_nonzero(loads.force_a)
     lever = lever or is_nonzero(cross(body.arm_b, loads.force_b))
@@ -71,7 +71,7 @@ def is_driven(z: Buffer) -> bool:
 
 @kernel(inline=False)
 def finish_step(z: Buffer, h: float, q: Quaternion, omega: Vec3) -> int:
-    """Set attitude and rate, move the centre of mass, refresh outputs; or return STEP_REJECTED with all as it was."""
+    """Set attitude and rate, move the centre of mass, refresh outputs; or return STEP_REJECTED and change nothing."""
     moves = memory.needs_translation(z) and not memory.has_pivot(z)
     if not is_finite_rotation(q, omega) or (moves and not _moved(z, h)):
         return STEP_REJECTED

@@ -1,4 +1,4 @@
-"""What the models of a body under loads share: inputs that change within a step, and a step that may be rejected.
+"""Shared by models of a body under loads: inputs that change within a step, and steps that may be rejected.
 
 An input may change within a step as u + u_rate t + u_rate_2 t^2 / 2, where t counts from the step's begin. After the
 step the input keeps its last value, and its rates are 0 until they are set again.
@@ -47,7 +47,7 @@ def part_to_integrate(z: Buffer, body: Body, loads: LoadPolynomial) -> int:
 
 @kernel
 def holds_inputs(z: Buffer, held: int) -> bool:
-    """Return whether the inputs are those that were kept from z[held] on, and do not change within the step."""
+    """Return whether the inputs equal those kept from z[held] on, and are constant over the step."""
     same = True
     for i in range(NUMBER_OF_INPUTS):
         same &= bool(z[memory.INPUTS_START + i] == z[held + i])
@@ -63,33 +63,33 @@ def keep_inputs(z: Buffer, held: int) -> None:
 
 @kernel
 def keep(z: Buffer) -> None:
-    """Keep what `finish` restores where the step is rejected."""
+    """Keep the numbers that `finish` restores where a step is rejected."""
     copy_numbers(z, memory.STATE_START, _AT.before, STATE_SIZE)
     z[_AT.step_size_before] = z[STEP_SIZE]
 
 
 @kernel
 def restore(z: Buffer) -> None:
-    """Restore what was kept."""
+    """Restore the numbers that `keep` has kept."""
     copy_numbers(z, _AT.before, memory.STATE_START, STATE_SIZE)
     z[STEP_SIZE] = z[_AT.step_size_before]
 
 
 @kernel
 def finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
-    """Move the centre of mass as far as in closed form, set outputs; or return STEP_REJECTED with all as it was."""
+    """Move the centre of mass where that is in closed form, set outputs; or return STEP_REJECTED and change nothing."""
     return _finish(z, n, h, status, body, loads, inputs_change(z))
 
 
 @kernel
 def finish_steadily(z: Buffer, n: int, h: float) -> int:
-    """Do what `finish` does where no input changes within the step."""
+    """Finish a step as `finish` does, at constant inputs."""
     return _finish(z, n, h, OK, memory.body_of(z), motion.constant_loads(memory.loads_of(z)), False)
 
 
 @kernel
 def inputs_change(z: Buffer) -> bool:
-    """Return whether any input changes within the step, be it a force at a pivot, which is none of the loads."""
+    """Return whether any input changes within the step, also a force at a pivot, which is not among the loads."""
     change = False
     for i in range(NUMBER_OF_INPUTS):
         change |= bool(z[RATES_START + i] != 0.0) | bool(z[RATES_2_START + i] != 0.0)
@@ -120,7 +120,7 @@ def _translate(z: Buffer, h: float, drift: float, body: Body, loads: Loads) -> N
 
 @kernel
 def _translate_further(z: Buffer, h: float, body: Body, loads: LoadPolynomial) -> None:
-    """Add what the change of the steady acceleration within the step adds to the centre of mass's motion."""
+    """Add the part of the centre of mass's motion that comes from the acceleration's change within the step."""
     r, v = memory.centre_of(z)
     first, second = motion.steady_acceleration(body, loads.rate), motion.steady_acceleration(body, loads.rate_2)
     r = add_scaled(add_scaled(r, h * h * h / 6.0, first), h * h * h * h / 24.0, second)
@@ -129,7 +129,7 @@ def _translate_further(z: Buffer, h: float, body: Body, loads: LoadPolynomial) -
 
 @kernel
 def hold_last_inputs(z: Buffer, h: float) -> None:
-    """Set the inputs to what they have become a time h after the step's beginning; they change no more."""
+    """Set the inputs to their values at the end of a step h, and their rates to zero."""
     for i in range(NUMBER_OF_INPUTS):
         z[memory.INPUTS_START + i] += h * z[RATES_START + i] + 0.5 * h * h * z[RATES_2_START + i]
         z[RATES_START + i] = z[RATES_2_START + i] = 0.0

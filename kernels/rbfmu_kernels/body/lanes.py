@@ -1,7 +1,7 @@
 """Members of an ensemble side by side: each has a buffer, and goes on with its run until it waits for its lane.
 
-These are templates, see `shell.bind`: a model's own functions are their globals. Beside them, a model's lanes do for
-several buffers at once what these wait for.
+These functions are templates, see `shell.bind`: a model's own functions are their globals. A member waits where its
+next piece of work is done for several buffers at once, by the model's own code for lanes.
 """
 
 from typing import Any
@@ -14,8 +14,8 @@ from .shell import Entry, Step
 
 MARKS = 8
 MEMBER, POINT, PIECE, STATUS = range(4)
-"""What is known of a buffer: its member, or -1; the communication point and the piece where that is; the status of the
-step, `PENDING` where it waits."""
+"""The marks of a buffer: its member, or -1; the communication point and the piece of the run that it has come to; and
+the status of the step, `PENDING` while it waits."""
 PENDING = -1
 
 _missing: Any = None
@@ -27,7 +27,7 @@ WORK = 0
 
 
 def run_on(z: Buffer, state: Array, mark: Array, run: Run) -> bool:
-    """Go on with a run, whose step has a status, until one is pending; return whether one is."""
+    """Go on with a run until a step is pending or the run is over; return whether one is pending."""
     i, k, piece, status = int(mark[MEMBER]), int(mark[POINT]), int(mark[PIECE]), int(mark[STATUS])
     driving = run.driving
     while status == OK:
@@ -46,7 +46,7 @@ def run_on(z: Buffer, state: Array, mark: Array, run: Run) -> bool:
 
 
 def begin_next(z: Buffer, state: Array, mark: Array, i: int, run: Run) -> int:
-    """Let a buffer begin with the next member, from i on, that comes to wait; return the number of the one after it."""
+    """Begin the next member, from i on, that comes to wait, in a buffer; return the number of the member after it."""
     members = run.members
     while i < len(members.values):
         one.begin(z, state, i, WORK, run)

@@ -1,4 +1,4 @@
-"""Members of an ensemble in compiled code: what each begins with, what drives its ports, and what is kept of it."""
+"""Members of an ensemble in compiled code: their starts, the inputs of their ports, and the outputs that are kept."""
 
 import math
 from collections.abc import Callable
@@ -8,16 +8,16 @@ from ..compile.decorator import kernel
 from ..types import Array, Buffer, Indices
 
 Control = Callable[[float, Array, Array, Array, Array], None]
-"""A controller: of the time and the outputs it sets its state and the inputs; it may be given noise."""
+"""A controller f(t, outputs, state, inputs, noise): it sets its state and the inputs from time, outputs and noise."""
 
 
 class Members(NamedTuple):
-    """What members have in common, and what they have of their own.
+    """Members of an ensemble: the numbers that they share, and those of each.
 
-    base (SIZE,): what a buffer holds before a member's values (m, p) are put to places (p,). kept (K,): places of the
-    outputs. rows (m, n + 1, K) or (m, 1, K): outputs at each point, or the last. ends (m, 2): what `initialize`
-    returned, or -1 - the place among the ports of an input that is not finite; and the number of steps done. noted (m,
-    E): what stands at the places after (E,) when a member's run is over.
+    base (SIZE,): a filled buffer, in which a member's values (m, p) are put to places (p,). kept (K,): places of the
+    outputs. rows (m, n + 1, K) or (m, 1, K): outputs at each point, or at the last. ends (m, 2): the value that
+    `initialize` returned, or -1 - j where the j-th port's input is not finite; and the number of steps done. noted
+    (m, E): the numbers at the places `after` (E,) at the end of a member's run.
     """
 
     base: Array
@@ -31,7 +31,7 @@ class Members(NamedTuple):
 
 
 class Driving(NamedTuple):
-    """What drives their ports: tables, and a controller after these.
+    """The inputs of members' ports: from tables, then from a controller.
 
     ports (P,): their places. rates (P or 0,): those of their derivatives. time (n + 1,): the communication points, s.
     lengths (L,): s, of pieces of the run in which inputs are held, or linear with slopes (L, P); given (L, P): those of
@@ -74,7 +74,7 @@ def pieces_before(driving: Driving, i: int, k: int) -> int:
 
 @kernel
 def begin(z: Buffer, state: Array, i: int, size: int, run: Run) -> None:
-    """Fill a buffer, so many numbers, with what a member has before `initialize`; and its controller's state."""
+    """Fill the first `size` numbers of a buffer as a member has them at `initialize`, and its controller's state."""
     members, driving = run.members, run.driving
     for j in range(size):
         z[j] = members.base[j]
@@ -91,7 +91,7 @@ def begin(z: Buffer, state: Array, i: int, size: int, run: Run) -> None:
 
 @kernel
 def record(z: Buffer, i: int, k: int, run: Run) -> None:
-    """Keep a member's outputs at point k, of which the last is that after all steps."""
+    """Note that k steps are done, and keep the outputs at this point if there is a row for it."""
     members = run.members
     points = members.rows.shape[1]
     members.ends[i, 1] = k
@@ -102,7 +102,7 @@ def record(z: Buffer, i: int, k: int, run: Run) -> None:
 
 @kernel
 def note(z: Buffer, i: int, run: Run) -> None:
-    """Note what stands in a buffer when a member's run is over."""
+    """Keep the numbers of a buffer that are noted at the end of a member's run."""
     members = run.members
     for j in range(len(members.after)):
         members.noted[i, j] = z[members.after[j]]
@@ -110,12 +110,12 @@ def note(z: Buffer, i: int, run: Run) -> None:
 
 @kernel
 def drive(z: Buffer, state: Array, i: int, k: int, piece: int, run: Run) -> bool:
-    """Set a member's ports for a piece of the step after point k; return whether what they are given is finite."""
+    """Set a member's ports for a piece of the step after point k; return whether all inputs are finite."""
     control, members, driving, room = run
     ports, inputs, at_point = driving.ports, room.inputs, piece == pieces_before(driving, i, k)
     for j in range(len(ports)):
         inputs[j] = driving.given[piece, j]
-        if math.isnan(inputs[j]):  # goes on as the last step has left it
+        if math.isnan(inputs[j]):  # no table gives it: it stays as the last step has left it
             inputs[j] = z[ports[j]]
     if len(ports) > 0 and at_point:
         for j in range(len(members.kept)):

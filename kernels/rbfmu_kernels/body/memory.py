@@ -1,6 +1,6 @@
-"""What the models of a body have in common: the layout of their buffers, their start, their state and their loads.
+"""Shared by all models of a body: the layout of their buffers, their start, their state and their loads.
 
-A model's buffer begins with these blocks; what its method needs besides follows. For the state see
+A model's buffer begins with these blocks; the blocks of its method follow. For the state see
 `equations_of_motion`.
 """
 
@@ -156,7 +156,7 @@ def body_of(z: Buffer) -> Body:
 
 @kernel
 def loads_at(numbers: Buffer, i: int, pivot: bool) -> Loads:
-    """Return what stands at numbers[i] and after it, as a buffer's inputs stand, as loads; no forces with a pivot."""
+    """Return the loads from numbers[i] on, in the order of a buffer's inputs; no forces if o is a pivot."""
     force_a, force_b = vec3_at(numbers, i + _INPUT.force_a), vec3_at(numbers, i + _INPUT.force_b)
     if pivot:
         force_a = force_b = ZERO
@@ -209,7 +209,7 @@ def has_unknown_load(z: Buffer) -> bool:
 
 @kernel
 def skips_model_checks(z: Buffer) -> bool:
-    """Return whether a plan answers for the model; see `SETTINGS`."""
+    """Return whether a plan has already checked that the model is right; see `SETTINGS`."""
     return bool(z[AT.skip_model_checks] != 0.0)
 
 

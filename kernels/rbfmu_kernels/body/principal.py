@@ -1,7 +1,7 @@
 """Principal moments, axes and rates of a body; a body that turns about one of these axes alone.
 
-They are double-double, for motions whose phase is a rate times a long time: moments to eps of the trace, as doubles
-have them, would cost such a motion eps times its angle, and an exact motion is as good as the numbers it begins with.
+They are double-double numbers, for exact motions whose phase is a rate times a long time: moments in doubles, accurate
+to eps of the trace, would make such a motion wrong by eps times its angle.
 """
 
 import math
@@ -235,10 +235,10 @@ def is_sphere(M: Matrix) -> bool:
     return M[0][0] == M[1][1] and M[1][1] == M[2][2] and is_diagonal(M)
 
 
-# A body that turns about one principal axis, fixed in space: which axis, whether anything leads off it, what turns it
+# A body that turns about one principal axis, fixed in space: which axis, whether anything turns it off, what drives it
 
 _PARALLEL = 8.0 * 2.0**-52
-"""The part of a vector's length that lies across an axis by round-off.
+"""The part of a vector's length that may lie across an axis by round-off.
 
 Of 20,000 vectors along an axis, turned by an attitude and back, the worst had 2.3 eps across; this is three times that.
 """
@@ -246,7 +246,7 @@ Of 20,000 vectors along an axis, turned by an attitude and back, the worst had 2
 
 @kernel
 def main_axis(z: Buffer) -> Vec3:
-    """Return the principal axis of most of the rate, or of what begins to turn a body at rest.
+    """Return the principal axis along which most of the rate is, or about which a body at rest begins to turn.
 
     In equilibrium it is the axis about which the arm would swing. A sphere's axis may be oblique, as each is principal.
     """

@@ -19,9 +19,9 @@ Step = Callable[[Buffer, float], int]
 
 
 class Lanes(NamedTuple):
-    """What runs many bodies of a model at once: members of an ensemble, see `body.members`, `simd.WIDEST` side by side.
+    """The function that runs members of an ensemble (`body.members`) side by side, `simd.WIDEST` at a time.
 
-    SCRATCH: the numbers of work space that it needs, at a cache line.
+    SCRATCH: the numbers of work space that it needs, from a cache line on.
     """
 
     run: Callable[..., None]

@@ -1,12 +1,12 @@
 """Models of a body on which no torque acts: its rotation is exact at any time, its position in closed form.
 
 `CONSTANT_RATE`: a sphere, or a spin about a principal axis. `FREE_SYMMETRIC`: two equal moments make two steady turns,
-of elementary functions only. `FREE_TRIAXIAL`: any body; while steps are short, a series about an exact state serves
-many of them: no error adds up, and it reaches as far as its terms are below round-off.
+of elementary functions only. `FREE_TRIAXIAL`: any body. While steps are short, one series about an exact state is
+evaluated for many of them: no error adds up, and it reaches as far as the terms left out are below round-off.
 
 `FREE_BODY_FORCE`: a force fixed in b moves the body along a path that is a quadrature of it. A step is cut into equal
-panels of at most `substep`, each with `order` points of Gauss's rule. What a panel of length s leaves out shrinks as
-(omega s)^(2 order), and nothing else is left out; steps add up in twice the digits.
+panels of at most `substep`, each with `order` points of Gauss's rule. The error of a panel of length s shrinks as
+(omega s)^(2 order), and there is no other; steps are summed in double-double.
 Source: Abramowitz and Stegun, 25.4.30.
 """
 
@@ -110,15 +110,15 @@ _FREE_WORK = series.FORCE_RATE
 """The size of the work space: series of rate and attitude, and the latter's products where loads would stand."""
 _FREE_TRIAXIAL_LAYOUT = with_work_space(FREE | dense.SERIES_BLOCKS | {"next_reach": 1}, _FREE_WORK)
 _LEAST_REACH = 16.0
-"""Communication steps that a series has to reach over at least: below, the closed form costs less."""
+"""The communication steps that a series must reach over at least: for fewer, the closed form costs less."""
 _ROUND_OFF = 2.0**-50
-"""The size of the last two terms: those that are left out are some 2^-54."""
+"""The bound of the last two terms: those that are left out are then some 2^-54."""
 _FARTHEST = 8.0
 """A turn, rad, over which no series reaches: its order's last term, (turn / 2)^24 / 24!, is then 4e-10."""
 
 _TRIAXIAL = _FREE_TRIAXIAL_LAYOUT.at
 _SERIES = _TRIAXIAL.validity
-"""Where what is kept of a series begins."""
+"""The place of the series' blocks."""
 
 
 @kernel
@@ -309,7 +309,7 @@ def _moved(z: Buffer, h: float, count: int) -> tuple[tuple[Vec3, Vec3], tuple[Ve
 
 @kernel
 def _gained(z: Buffer, h: float, count: int) -> tuple[Vec3, Vec3]:
-    """Return what the turning force adds to position and velocity in h."""
+    """Return the parts of position and velocity that the turning force adds in h."""
     body, loads, motion = memory.body_of(z), memory.loads_of(z), free_motion_of(z)
     order, part = int(z[_FORCED.order]), h / count
     first, r, v = order * (order - 1) // 2, ZERO, ZERO

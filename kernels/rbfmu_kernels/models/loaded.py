@@ -26,15 +26,15 @@ _KEPT = {"kept_before": dense.SERIES_SIZE, "held_inputs": driven.NUMBER_OF_INPUT
 _LOADED_TAYLOR_LAYOUT = with_work_space(driven.DRIVEN | {"order": 1} | dense.SERIES_BLOCKS | _KEPT, series.WORK)
 _AT = _LOADED_TAYLOR_LAYOUT.at
 _SERIES = _AT.validity
-"""Where what is kept of a series begins."""
+"""The place of the series' blocks."""
 REST = _AT.since
-"""Where a body in lanes that is to go in substeps has what is left of the communication step, as no series stands."""
+"""The place of the rest of a communication step, of a body in lanes that is to go in substeps and so has no series."""
 ROOM = Room(state=_AT.q, work=_AT.work, size=driven.STEP_SIZE)
 
 
 @kernel
 def _set_up_loaded_taylor(z: Buffer) -> int:
-    z[driven.STEP_SIZE] = LONGEST_STEP  # the series themselves say at once how much is too long
+    z[driven.STEP_SIZE] = LONGEST_STEP  # series cut it at once where it is too long
     if z[_AT.substep] > 0.0:  # none that serves many steps is tried where it is the whole step
         z[driven.STEP_SIZE] = z[_AT.substep]
     z[_SERIES], z[_AT.cool_down] = dense.NONE, 0.0
@@ -50,13 +50,13 @@ def _advance_loaded_taylor(z: Buffer, h: float) -> int:
 
 @kernel(inline=False)
 def go_on(z: Buffer, h: float) -> int:
-    """Advance by h along the series that stands; return PENDING where none does."""
+    """Advance by h along the present series; return PENDING where there is none."""
     return advance_by_series(z, h) if stands(z, h) else PENDING
 
 
 @kernel
 def advance_by_series(z: Buffer, h: float) -> int:
-    """Advance by h along the series that stands."""
+    """Advance by h along the present series."""
     driven.keep(z)
     since = pair_at(z, _AT.since)
     dense.follow(z, ROOM, _SERIES, int(z[_AT.order]), h)
@@ -84,14 +84,14 @@ def _advance_by_new_series(z: Buffer, h: float) -> int:
 
 @kernel
 def keep_all(z: Buffer) -> None:
-    """Keep what `finished` restores where the step is rejected."""
+    """Keep the numbers that `finished` restores where a step is rejected."""
     driven.keep(z)
     copy_numbers(z, _SERIES, _AT.kept_before, dense.SERIES_SIZE)
 
 
 @kernel
 def finished(z: Buffer, status: int) -> int:
-    """Return the status of a step for which a series was made; where it is rejected, that of before stands again."""
+    """Return the status of a step for which a series was made; where it is rejected, restore the series before."""
     if status == OK:
         driven.keep_inputs(z, _AT.held_inputs)
         return OK
@@ -103,20 +103,20 @@ def finished(z: Buffer, status: int) -> int:
 
 @kernel
 def stands(z: Buffer, h: float) -> bool:
-    """Return whether a series serves the step."""
+    """Return whether the present series is valid over the step."""
     return bool(dense.reaches_over(z, _SERIES, h) and driven.holds_inputs(z, _AT.held_inputs))
 
 
 @kernel
 def is_series_tried(z: Buffer, h: float) -> bool:
-    """Return whether a series that serves further steps like this one is likely enough for one to be made."""
+    """Return whether a series that reaches over further steps like this one is likely enough to be tried."""
     steady = driven.holds_inputs(z, _AT.held_inputs) and z[_AT.tolerance] < math.inf
     return bool(steady and z[_AT.cool_down] <= 0.0 and h * dense.LEAST_REACH <= z[driven.STEP_SIZE])
 
 
 @kernel(inline=False)
 def begins_series(z: Buffer, h: float, method: Method) -> bool:
-    """Begin a step: go to where the series that stands ends; return whether one from there on may pay."""
+    """Begin a step: go to the end of the present series; return whether a new one from there on may pay."""
     keep_all(z)
     is_tried, rest = is_series_tried(z, h), h
     if is_tried and z[_SERIES] == dense.VALID:

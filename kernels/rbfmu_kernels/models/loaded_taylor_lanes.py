@@ -1,10 +1,10 @@
 """Communication steps of `LOADED_TAYLOR` for many bodies at once, in the lanes of a vector: the bits are the same.
 
-A lane takes one body after another, each with its own substeps. What a lane's body has is in columns, see `COLUMNS`,
-and its series are in a work space of `WORK` wide numbers. Loads hold, and no force turns with the body. Bodies that
-differ in what is decided once for all lanes (`_kind`) do not share a vector; those of a step that lanes do not know, or
-that cannot go on in one, are taken alone. A series that may serve further steps is made in lanes, and kept and
-evaluated in its body's buffer, as `dense_output` does alone.
+A lane takes one body after another, each with its own substeps. A body's numbers are in the lane's columns (`COLUMNS`),
+and its series in a work space of `WORK` wide numbers. Loads are constant over the step, and no force turns with the
+body. Bodies of different kinds (`_kind`: what is decided once for all lanes) do not share a vector. Steps that lanes do
+not know, or cannot finish, are taken one by one. A series that may be used for further steps is made in lanes, and kept
+and evaluated in its body's buffer, as `dense_output` does for one body.
 """
 
 import math
@@ -53,7 +53,7 @@ _, COLUMNS_SIZE = _COLUMNS = places(COLUMNS)
 LANE = _COLUMNS.at
 STATE = 0
 _TRIES = 64
-"""Shorter and shorter steps that are tried at once."""
+"""The most reductions of a substep that are tried at once."""
 SCRATCH = WIDEST * (COLUMNS_SIZE + WORK)
 """The numbers of work space that lanes need, at a cache line."""
 _CHOSEN = -2
@@ -70,7 +70,7 @@ class Bodies(NamedTuple):
 
 Kind = tuple[int, int, float, float, bool, bool, bool]
 """How much of the state is integrated, the order, tolerance and span, whether a force fixed in a acts on an arm and a
-torque fixed in a acts, whether the inertia is diagonal. The first is 0 where lanes do not serve."""
+torque fixed in a acts, whether the inertia is diagonal. The first is 0 where lanes cannot be used."""
 
 
 # Members and communication steps
@@ -188,7 +188,7 @@ def _put(c: Buffer, i: int, lane: int, v: Vec3) -> None:
 
 @kernel(inline=False)
 def _load(z: Buffer, c: Buffer, lane: int, member: int) -> None:
-    """Let a lane begin with a body."""
+    """Copy a body into a lane."""
     body, loads = body_of(z), driven.load_polynomial_of(z)
     for k in range(ROTATION):
         put_lane_at(c, STATE + k, lane, z[STATE_START + k])
@@ -209,7 +209,7 @@ def _load(z: Buffer, c: Buffer, lane: int, member: int) -> None:
 
 @kernel(inline=False)
 def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
-    """Commit what a lane has made of a body, as `step` does; it is taken alone where that is not finite."""
+    """Commit a lane's step to its body's buffer, as `step` does; where it is not finite, take the step alone."""
     for k in range(ROTATION):
         z[STATE_START + k] = lane_at(c, STATE + k, lane)
     if driven.finish_steadily(z, n, h) != OK:
@@ -224,20 +224,20 @@ def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
 
 @kernel(inline=False)
 def _alone(z: Buffer, h: float) -> int:
-    """Advance a body by a step that lanes have begun, from where it began."""
+    """Advance a body alone by a step that lanes have begun, from the state before it."""
     driven.restore(z)
     finished(z, STEP_REJECTED)
     return step(z, h)
 
 
-# Series that may serve further steps
+# Series that may be used for further steps
 
 
 @kernel(inline=False)
 def _try_series(
     bodies: Bodies, first: int, c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads
 ) -> None:
-    """Advance those bodies of a kind, from the first on, that a series takes as far as pays."""
+    """Advance those bodies of a kind, from the first on, for which a series reaches far enough to pay."""
     buffers, marks, _ = bodies
     lane, cautious = 0, dense.cautious(method)
     for i in range(first, len(buffers)):
@@ -310,7 +310,7 @@ def _bodies(c: Buffer) -> Body:
 
 @kernel
 def _torques(c: Buffer) -> Torques:
-    """Return coefficients of the torque that is known in b, of which only the first is not zero."""
+    """Return the coefficients of the constant torque in b: only the first is not zero."""
     zero = alike(c[LANE.rest], 0.0)
     return vec3_at(c, LANE.torque_b), (zero, zero, zero), (zero, zero, zero)
 
@@ -322,7 +322,7 @@ def _choose_vector(condition: bool, a: Vec3, b: Vec3) -> Vec3:
 
 @kernel
 def _turn_loads_anew(c: Buffer, s: Buffer, anew: bool) -> None:
-    """Set row 0 of the loads that are fixed in a, as b sees them, in the lanes that begin anew."""
+    """Set row 0 of the loads that are fixed in a, in axes of b, in the lanes that begin anew."""
     q_ba = invert_quaternion(quaternion_at(c, STATE))
     series.put_factors(s, FORCE, _choose_vector(anew, rotate(q_ba, vec3_at(c, LANE.force_a)), vec3_at(s, FORCE)))
     series.put_factors(s, TORQUE, _choose_vector(anew, rotate(q_ba, vec3_at(c, LANE.torque_a)), vec3_at(s, TORQUE)))
@@ -379,7 +379,7 @@ def take_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFix
 
 @kernel
 def _try_substeps(c: Buffer, s: Buffer, method: substeps.Method, acceleration: float) -> tuple[float, float, float]:
-    """Return the substeps to be taken, how many are left, and the estimated errors over those which are allowed."""
+    """Return the substeps to be taken, how many are left, and the estimated errors over the allowed ones."""
     count: float = substeps.parts_in(c[LANE.rest], c[LANE.size])
     part = (c[LANE.rest] + c[LANE.low]) / count
     alpha_fixed = choose(count > 1.0, acceleration, 0.0)
