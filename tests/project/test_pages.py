@@ -195,6 +195,13 @@ def anchors(text: str) -> set[str]:
     return made | set(re.findall(r'<a id="([^"]+)"', text))
 
 
+@pytest.mark.parametrize("name", [*NAMES, *sorted(ELSEWHERE)])
+def test_every_table_has_a_head(name: str) -> None:
+    """2026-11-30: where rows had been taken out, blank lines were left, and the rows beyond were no table."""
+    for table in re.findall(r"(?:^\|.*\n)+", FENCE.sub("", text_of(name)), re.MULTILINE):
+        assert re.fullmatch(r"[|:\- ]+", table.splitlines()[1]), table
+
+
 def test_every_page_is_linked_from_the_readme() -> None:
     linked = set(re.findall(r"\]\(([^)#\s]+)", text_of("README.md")))
     assert {
