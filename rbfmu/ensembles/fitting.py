@@ -180,7 +180,7 @@ class Scouts:
         most = min(int(MOST_BYTES / (8.0 * numbers)), int(1e9 * seconds / (plan.cost * steps)))
         cube = draws.at_random(members.ensemble_of(scene), 0, max(min(most, SCOUTS), FEWEST), APART)
         self.samples = members.samples_at(self.scene, cube)
-        order = plan.order + 2 if plan.order < MAX_ORDER else MAX_ORDER - 2  # of one order steps may be the same
+        order = plan.order + 2 if plan.order < MAX_ORDER else MAX_ORDER - 2  # with equal orders, steps may be equal
         self.exact = replace(plan, tolerance=TIGHTER * plan.tolerance, order=order)
         self.truth = self._run(self.exact)
         self.are_too_few = False

@@ -165,7 +165,7 @@ def _of_model(pilot: question.Question, chosen: Plan) -> Iterator[str]:
         yield from chosen.reasons
         return
     if chosen.formulas:
-        from rbfmu.planning.formulas import what_formulas_read  # imported here, as plans without formulas start sooner
+        from rbfmu.planning.formulas import what_formulas_read  # only if needed, as it loads slowly
 
         yield from what_formulas_read(pilot, chosen)
         yield f"{held_over_a_run(chosen)} in every member"

@@ -60,7 +60,7 @@ def output_rows(scene: Scene) -> dict[str, Output]:
     known = {name: OUTPUT[name] for name in scene.outputs.quantities}
     if not scene.outputs.own:
         return known
-    from rbfmu.models.formulas import equations_of  # imported here, as scenes without own outputs start sooner
+    from rbfmu.models.formulas import equations_of  # only if needed, as it loads slowly
 
     return known | equations_of(scene).own_rows
 

@@ -264,7 +264,7 @@ def power(x: Number, exponent: Number) -> Number:
             return power(square_root(x), 2.0 * exponent)
     if isinstance(exponent, Symbol) and not exponent.is_constant:
         return exponential(exponent * logarithm(x))
-    if isinstance(x, Symbol) and x.operation.kind == "sqrt":  # a power of x has no series at zero either
+    if isinstance(x, Symbol) and x.operation.kind == "sqrt":  # drop the root, which has no series at zero
         return power(Symbol(x.graph, x.operation.of[0]), 0.5 * exponent)
     return _operation("power")(x, exponent)
 

@@ -42,7 +42,7 @@ class Question:
         """Return the model of the scene's formulas, or None if it has none."""
         if not self.scene.has_formulas:
             return None
-        from rbfmu.models.formulas import equations_of  # imported only if needed
+        from rbfmu.models.formulas import equations_of  # only if needed, as it loads slowly
 
         return equations_of(self.scene)
 

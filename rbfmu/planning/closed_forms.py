@@ -137,7 +137,7 @@ def plan_within_accuracy(asked: Question, judge: Judge, exact: Plan | None) -> P
         return None
     if "force_b" in asked.varying and "acceleration" in names and "quaternion" not in names:
         names = (*names, "quaternion")  # ports are zero here; the force that they supply is as wrong as the attitude
-    shown = tuple(dict.fromkeys((*names, "omega_b")))  # of the rates only how much they change is measured
+    shown = tuple(dict.fromkeys((*names, "omega_b")))  # rates only for their change
     bound = asked.accuracy - exact.error if exact else SHARE * asked.accuracy - EXACT
     if exact and asked.scene.run.count > FEW:
         few = Judge(asked, most=FEW)

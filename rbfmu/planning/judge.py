@@ -143,7 +143,7 @@ class Judge:
     @cached_property
     def _exact(self) -> Motion | None:
         """Return the motion in double-double arithmetic, or None if that takes too long."""
-        from rbfmu.planning.reference import ReferenceTooLongError, reference_motion  # not needed by a closed form
+        from rbfmu.planning.reference import ReferenceTooLongError, reference_motion  # a closed form starts sooner
 
         self.doing = f"its motion is followed in {self.arithmetic}"
         try:
@@ -250,7 +250,7 @@ class Judge:
         """
         span, truth = self.asked.span, self.truth  # the truth first: it raises an error for a motion without end
         whens = (f"when.{name}" for name in self.scene.events)
-        at_rest = {when: 0.0 for when in whens if not self.motion[when].any()}  # these have only the error
+        at_rest = {when: 0.0 for when in whens if not self.motion[when].any()}  # their size is the disturbance
         tight, rows = series_of_all(self.asked, 20, 1e-16), np.array(DIRECTIONS)
         worst = 0.0
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):

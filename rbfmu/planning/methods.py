@@ -246,7 +246,7 @@ def terms(asked: Question, plan: Plan) -> list[str]:
     if asked.scene.body is None:  # prescribed rates: all outputs are computed, whatever is asked for
         return [spec.key]
     start, shares = asked.start, asked.load_shares
-    # The plan's cost is that of its substeps alone: less than a series a step, where one serves many.
+    # The plan's cost is that of its substeps alone: less than one series for each step, if a series serves several.
     evaluated = plan.model == LOADED_TAYLOR.key and 0.0 < plan.cost < series_cost(plan.order, shares)
     changing = start.needs_translation or start.shows_loads
     if CHANGING in spec.costs and not changing:

@@ -316,7 +316,7 @@ def _exact_values(formulas: FormulaModel, scene: Scene) -> dict[str, Decimal]:
     body, initial = scene.body, scene.initial
     assert body is not None
     q, omega, r_oc, M = *map(decimals_of, (initial.quaternion, initial.omega_b, body.r_oc_b)), _inertia(body)
-    position, velocity = decimals_of(initial.position), 0 * ONE[0]  # of the centre of mass; with a pivot of o
+    position, velocity = decimals_of(initial.position), 0 * ONE[0]  # of the centre of mass, but of o with a pivot
     if not body.pivot:
         R = _matrix(q)
         velocity = decimals_of(initial.velocity) + R @ np.cross(omega, r_oc)

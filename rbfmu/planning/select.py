@@ -63,7 +63,7 @@ def cheapest(asked: Question, judge: Judge, full: bool = False) -> Plan:
     """
     with said_after(PATIENCE, lambda: f"rbfmu: planning {asked.scene.name} takes long: {judge.doing}"):
         if asked.scene.has_formulas:
-            from rbfmu.planning.formulas import closed_plan, formula_plan  # imported only if needed
+            from rbfmu.planning.formulas import closed_plan, formula_plan  # only if needed, as it loads slowly
 
             return (None if full else closed_plan(asked, judge)) or formula_plan(asked, judge)
         if asked.scene.body is None:

@@ -98,7 +98,7 @@ class Plan:
         by_formulas = scene.has_formulas or self.model == FORMULAS.key
         if self.formulas.serves(scene) if self.formulas else not by_formulas:
             return self
-        from rbfmu.models.formulas import OverClosedForm, equations_of  # imported only if needed
+        from rbfmu.models.formulas import OverClosedForm, equations_of  # only if needed, as it loads slowly
 
         formulas = equations_of(scene)
         own_outputs_alone = self.model != FORMULAS.key

@@ -269,7 +269,7 @@ class Events:
 
     def of_last_step(self) -> list[Happened]:
         """Return the events of the last step, in the order of their times."""
-        from rbfmu_kernels.models.formula_events import NOT_ASKED, TOUCH  # imported only if needed
+        from rbfmu_kernels.models.formula_events import NOT_ASKED, TOUCH  # only if needed, as it loads slowly
 
         rows = self._list[: int(self._count[0])]
         found = [Happened(self.names[int(e)], float(t), kind == TOUCH) for e, t, kind in rows if kind != NOT_ASKED]

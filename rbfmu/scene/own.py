@@ -65,7 +65,7 @@ class Text(rules.Rule):
 
     def read(self, value: object, path: str) -> str:
         """Return the text. Raises SceneError if it is no formula."""
-        from rbfmu.formulas.text import FormulaError, read  # imported only if needed
+        from rbfmu.formulas.text import FormulaError, read  # only if needed, as it loads slowly
 
         text: str = super().read(value, path)
         try:
@@ -203,7 +203,7 @@ class Table(Entry):
         elif any(b <= a for a, b in pairwise(self.x)):
             yield rules.fault(f"{self._path}.x", self.x, "numbers that increase")
         else:
-            from rbfmu.formulas.functions import Table as Polynomials  # imported only if needed
+            from rbfmu.formulas.functions import Table as Polynomials  # only if needed, as it loads slowly
 
             with np.errstate(all="ignore"):
                 rows = Polynomials.through(self.x, self.y, self.method == "cubic").rows

@@ -89,7 +89,7 @@ class Scene(Section):
             unread = "outputs" not in good
             good |= {name: getattr(type(self), name) for name in self._rules.keys() - good.keys()}
             if self.has_formulas or self.formulas or self.tables or (self.constants and self.body):
-                from rbfmu.formulas.check import faults_of_texts  # imported only if needed
+                from rbfmu.formulas.check import faults_of_texts  # only if needed, as it loads slowly
 
                 yield from faults_of_texts(self._with_ones(), unread)
 
