@@ -87,7 +87,7 @@ def keys_of(members: Indices) -> Array:
 
 
 def sample_of(rows: Array, good: Indices, first: int, columns: Columns, share: float) -> Sample | None:
-    """Return the attitudes of a share of a chunk's good rows, or None if none are shown; first: its first member."""
+    """Return the attitudes of a share of a chunk's good rows, None if they are no output; first: its first member."""
     if ATTITUDE not in columns.slices:
         return None
     keys = keys_of(first + good)

@@ -33,7 +33,7 @@ WITHOUT_ATTITUDE = 0.72
 KEPT_SERIES_COST = 1.6
 """The cost of a series that serves many communication steps over that of a substep of the same order.
 
-It has the attitude up to its full order; a substep's two-point formula needs only three eighths of the order.
+It has the attitude up to its full order; a substep's two-point formula needs it only up to three eighths of the order.
 """
 KEPT_IN_LANES, START_IN_LANES = 2.6, 110.0
 """KEPT_IN_LANES: the same for members side by side, as such a series is kept and evaluated for each member alone.
@@ -124,8 +124,8 @@ def at_setting(candidate: Plan, value: float) -> Plan:
     """Return a candidate at a tolerance, or step, that is at most its own.
 
     Tolerances above the accuracy say little about errors in other communication steps: with 10 times the accuracy, a
-    run in one step, with more substeps than `fitting` tries in shorter steps, had 7.4 times the accuracy as its error
-    in shorter steps.
+    run in one step, with more substeps than `fitting` tries in shorter steps, was off by 7.4 times the accuracy in
+    shorter steps.
     """
     if candidate.tolerance > 0.0:
         return replace(candidate, tolerance=min(max(value, FAR_BELOW_ROUND_OFF), candidate.tolerance))

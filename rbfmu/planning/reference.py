@@ -39,13 +39,13 @@ CHUNK = 500
 MOST_WORK = 20_000_000
 """The most operations in all steps of a reference, each with all its coefficients: about 20 s."""
 MOST_SERIES = 3e5
-"""The most steps that a motion of formulas may still need to be followed in doubles instead: about 20 s."""
+"""A motion of formulas that takes too long is followed in doubles instead, unless it needs more steps: about 20 s."""
 ENOUGH, STEADY = 0.15, 2.1
 """In a hurry, a reference stops after a fifth of its steps if they cover less than ENOUGH of the run, and if steps do
 not grow longer: they cover less than STEADY times what the first half of them covered."""
 SHORTER, MOST_SHORTENED = 2.0**-40, 10
 """The factor by which the unit of time is shortened where coefficients come near the end of the range of doubles, and
-how often this may happen in a row."""
+how often at most."""
 MOST_HALVED, FAR_PARTS, PARTS = 60, 64, 16
 """MOST_HALVED: how often a series is halved because of its defect. FAR_PARTS, PARTS: at how many places in a series its
 defect is checked, if it reaches much farther than the last one, and else: more than in the series that are judged.
@@ -160,7 +160,7 @@ def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float, float]:
 
 
 def _settled(room: Room, unit: float, done: float, again: bool) -> bool:
-    """Expand the series until each side is the sign that its number has next; return False if no choice of sides is so.
+    """Expand the series until each side agrees with the sign that its number has next; return False if no choice does.
 
     done: the time that has passed, in units; again: whether it is the previous series in another unit.
     """
