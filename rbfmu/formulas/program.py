@@ -86,10 +86,11 @@ class Program:
     constants: operations that are constant over a series, in order. levels: the other operations; k-th coefficients of
     a level need only sums of factors from lower levels. level_of: the level of each. sums: all sums. sides: the signs
     of changing numbers; a sign is constant over a series, which ends where it changes. touching: ROOTS and angles of
-    points (x, y). A series ends where the argument of a root, or x^2 + y^2, touches zero: beyond it, it would have the
-    wrong sign. rising: the arguments of exponentials, which may be negligible before they rise. groups: sums of one
-    level that are computed at once. head: where their factors begin in a row; beside_at: where the numbers of `beside`
-    begin; row: the length of a row, which others may increase; start: where the first row begins, after the constants.
+    points (x, y). A series ends where the argument of a square root or power, or x^2 + y^2, touches zero: beyond it, it
+    would have the wrong sign. rising: the arguments of exponentials, which may be negligible before they rise. groups:
+    sums of one level that are computed at once. head: where their factors begin in a row; beside_at: where the numbers
+    of `beside` begin; row: the length of a row, which others may increase; start: where the first row begins, after the
+    constants.
     """
 
     def __init__(

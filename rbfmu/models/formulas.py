@@ -212,7 +212,7 @@ class FormulaModel:
 
     @cached_property
     def plain_loads(self) -> dict[str, list[Any]] | None:
-        """Return the scene's loads that the formulas are equal to, by name; None if there are none.
+        """Return the scene's loads of numbers that the formulas of loads are equal to, by name; None if they are not.
 
         These are constant loads, and a torque in b from which each rate times a constant may be subtracted: damping.
         """
@@ -283,7 +283,7 @@ class FormulaModel:
 
     @property
     def _event_of_side(self) -> tuple[int, ...]:
-        """Return for each side the event that watches it, or -1 if it is also a corner of rates or events."""
+        """Return for each side the event that watches it, or -1 if it is a corner of a rate or of a watched formula."""
         corners = {*self.motion.graph.reached([*self.rates.values(), *(when for when, _ in self.events.values())])}
         return tuple(-1 if i in corners else self._sides.index(i) for i in self.program.sides) or (-1,)
 
@@ -372,7 +372,7 @@ def given_of(scene: Scene, varied: Iterable[str] = ()) -> Given:
 
 
 def texts_of(scene: Scene, varied: Iterable[str] = ()) -> Texts:
-    """Return a scene's formulas on a graph; varied: see `given_to`. Raises SceneError if the body or one is wrong."""
+    """Return a scene's formulas on a graph; varied: see `given_to`. Raises SceneError if the body or a text is wrong."""
     texts = Texts(scene, given_of(scene, varied))
     if texts.faults:  # such as a division by a number of the scene that is zero
         raise SceneError(texts.faults, scene.name)
