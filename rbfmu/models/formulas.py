@@ -372,7 +372,7 @@ def given_of(scene: Scene, varied: Iterable[str] = ()) -> Given:
 
 
 def texts_of(scene: Scene, varied: Iterable[str] = ()) -> Texts:
-    """Return a scene's formulas on a graph; varied: see `given_to`. Raises SceneError if the body or a text is wrong."""
+    """Return a scene's formulas on a graph; varied: see `given_to`. Raises SceneError if the body or a text is bad."""
     texts = Texts(scene, given_of(scene, varied))
     if texts.faults:  # such as a division by a number of the scene that is zero
         raise SceneError(texts.faults, scene.name)
