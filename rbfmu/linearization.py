@@ -1,4 +1,4 @@
-"""The rigid body near a state of its motion: x' = A x + B u, y = C x + D u, exact by the graph of its equations."""
+"""The linear system x' = A x + B u, y = C x + D u near a state of a motion, by exact derivatives on the graph."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,9 +23,9 @@ TURN = elements("rotvec_b", 3)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Linearization:
-    """What `linearize` gives: A (n, n), B (n, m), C (p, n), D (p, m), as which it also unpacks; SI units.
+    """The result of `linearize`: A (n, n), B (n, m), C (p, n), D (p, m), to which it also unpacks; SI units.
 
-    states: the errors' names, see `linearize`; inputs, outputs: variables, by the FMU's names; time: s.
+    states: the errors' names, see `linearize`; inputs, outputs: the FMU's names of the variables; time: s.
     """
 
     A: Array
@@ -53,16 +53,16 @@ class Linearization:
 def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Linearization:
     """Return the linear system of small errors about a scene's motion at time t (s), by default its start.
 
-    Errors, in this order: r_c and v_c, of the centre of mass in a (m, m/s; where an output shows them); rotvec_b, the
-    rotation vector u in b (rad) of the attitude's error, q_ab = q_ab(t) exp(u/2); omega_b (rad/s). Of prescribed rates,
-    rotvec_b alone; of a scene with formulas the states of its own besides, after these. Their rates are those along the
-    motion: a body that turns carries u with it.
+    Errors, in this order: r_c and v_c of the centre of mass, in a (m, m/s; only if an output shows them); rotvec_b, the
+    rotation vector u in b (rad) of the attitude's error, q_ab = q_ab(t) exp(u/2); omega_b (rad/s). With prescribed
+    rates there is only rotvec_b; a scene with formulas also has its own states, after these. The errors' rates are
+    those along the motion: a body that turns carries u with it.
 
-    ports: inputs at t by name, held from the start to t; as at first without. Outputs are the scene's. The matrices are
-    derivatives of the kernels' own equations, and of the scene's formulas, to round-off; beside a corner they are those
-    of the side where the motion is, and on it of one of both: at u = 0 of max(u, 0) it is the one above, and of
-    max(0, u) the one below. The state at t is as accurate as the scene asks.
-    Raises SceneError, SimulationError, ValueError for a time outside the run, a wrong input, rpy at pitch 90 deg, or a
+    ports: inputs at t by name, held from the start to t; by default as at the start. Outputs are the scene's. The
+    matrices are derivatives of the kernels' own equations, and of the scene's formulas, to round-off. At a corner they
+    are those of one side: for max(u, 0) at u = 0 of the side above, for max(0, u) of the side below. The state at t is
+    as accurate as the scene asks.
+    Raises SceneError, SimulationError; ValueError for a time outside the run, a wrong input, rpy at pitch 90 deg, or a
     formula without a finite derivative.
     """
     run = scene.run
@@ -84,9 +84,9 @@ def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Lineariz
 
 
 def _simulator_at(scene: Scene, t: float, ports: Mapping[str, Any]) -> Simulator:
-    """Return the scene at time t, with all that an error may change: a formula may read any state.
+    """Return a simulator at time t that has all states on which derivatives depend: a formula may read any state.
 
-    Events are left out: they change no motion, and there may be more on the way than a step takes.
+    Events are left out: they do not change the motion, and may be more than one step can list.
     """
     scene = scene.replace({"events": None})
     state = ["quaternion"] if scene.body is None else ["position", "velocity", "quaternion", "omega_b"]
@@ -100,7 +100,8 @@ def _simulator_at(scene: Scene, t: float, ports: Mapping[str, Any]) -> Simulator
 
 
 Near = tuple[list[str], Array, dict[str, Array]]
-"""The errors' names; by errors and inputs the rates of the errors, and quantities other than rpy, a row a number."""
+"""The errors' names; the derivatives of their rates, and of quantities other than rpy: a row for each number, a column
+for each error and then each input."""
 
 
 def _turn(errors: Sequence[str]) -> slice:
@@ -110,12 +111,12 @@ def _turn(errors: Sequence[str]) -> slice:
 
 
 def _by_axes(kernel: Callable[..., Any], *of: Any) -> Array:
-    """Return what a kernel that is linear in its last argument, a vector, makes of its numbers, a column each."""
+    """Return the matrix of a kernel that is linear in its last argument, a vector."""
     return np.array([evaluated(kernel, *of, axis) for axis in AXES]).T
 
 
 def _roll_pitch_yaw(q: Quaternion) -> Array:
-    """Return what an error of the attitude makes of rpy; raise ValueError at its pole, as `euler_rate_b` warns."""
+    """Return the derivatives (3, 3) of rpy by the attitude's error. Raises ValueError at the pole."""
     yaw_pitch_roll = _by_axes(euler_rate_b, ZYX, evaluated(euler_from_quaternion, ZYX, q))
     if not np.all(np.abs(yaw_pitch_roll) < 0.25 / np.finfo(float).eps):
         raise ValueError("rpy has no derivative at pitch 90 deg: expected outputs without rpy")
@@ -123,7 +124,7 @@ def _roll_pitch_yaw(q: Quaternion) -> Array:
 
 
 def _prescribed(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs: Sequence[str]) -> Near:
-    """Return an attitude under prescribed rates, whose error turns by omega - omega_0 - omega_0 x rotvec_b."""
+    """Return `Near` for prescribed rates: the rate of rotvec_b is omega - omega_0 - omega_0 x rotvec_b."""
     carried, to_a = _by_axes(cross, [known[name] for name in inputs]), _by_axes(rotate, q)
     of_attitude = np.hstack([_by_axes(quaternion_rate_b, q), np.zeros((4, 3))])
     shown = {"quaternion": of_attitude, "omega_a": np.hstack([-to_a @ carried, to_a])}
@@ -131,8 +132,8 @@ def _prescribed(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs:
 
 
 def _of_body(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs: Sequence[str]) -> Near:
-    """Return a body: derivatives on the graph of its equations, by its leaves, whose numbers errors change."""
-    from rbfmu.models.formulas import equations_of  # prescribed rates do without
+    """Return `Near` for a body: derivatives on the graph of its equations by leaves, and of leaves by errors."""
+    from rbfmu.models.formulas import equations_of  # prescribed rates do not need it
 
     equations = equations_of(scene)
     rates, graph = equations.all_rates, equations.motion.graph
@@ -148,7 +149,7 @@ def _of_body(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs: Se
     by_error = np.vstack([each[: turn.start], _by_axes(quaternion_rate_b, q) @ each[turn], each[turn.stop :]])
 
     def rows_of(numbers: Iterable[Number]) -> Array:
-        """Return what errors make of numbers of the graph, a row each."""
+        """Return the derivatives of numbers of the graph by errors and inputs, a row for each number."""
         rows = [gradient(x, of) for x in numbers]
         try:
             found = numbers_of(graph, [x for row in rows for x in row], known)

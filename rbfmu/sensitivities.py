@@ -1,4 +1,4 @@
-"""How a motion hangs on each number of its scene: derivatives along it, by the variational equations."""
+"""How a motion depends on each number of its scene: derivatives along the motion, by the variational equations."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -28,29 +28,29 @@ from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, OUTPUT, elements, indices
 
 TIGHTER = 0.3
-"""The tolerance of the run over the scene's accuracy: an error of the motion is one of where slopes are taken.
+"""The tolerance of the run over the scene's accuracy: derivatives are evaluated along the motion, with its errors.
 
 Of three motions at 1e-6, slopes were off by 0.001 to 0.005 of the accuracy, relative to their largest; with the
-accuracy itself for a tolerance by 0.005 to 0.01, with three times as much by 0.04 to 0.1.
+accuracy itself as the tolerance by 0.005 to 0.01, with three times as much by 0.04 to 0.1.
 """
 SHARE = 1e-4
-"""What of the tolerance is left for one substep, of a run that has hundreds: what sets the order of least cost."""
+"""The part of the tolerance for one substep, of hundreds in a run: it determines the order of least cost."""
 AT_ZERO = 1e-6
-"""The part of its size below which what an event watches is zero: round-off of larger terms is, jumps are not."""
+"""What an event watches counts as zero below this part of its size: round-off of larger terms does, a jump does not."""
 ATTITUDE = "initial.attitude"
 TAKEN = ("attitude", "errors", "slopes", "numbers")
-"""What derivatives call something else than an output of your own: in `Sensitivity.of`, in a run, in files."""
+"""Names that no own output can have, as they have other meanings in `Sensitivity.of`, in a run, or in files."""
 PERCENT, ENDINGS = 0.01, (".csv", ".npz")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sensitivity:
-    """What `sensitivity` gives; SI units.
+    """The result of `sensitivity`; SI units.
 
-    time: s, (times,); numbers: names of the numbers that vary, and sizes: how large they are, (numbers,), 0 of an
+    time (times,): s; numbers: names of the numbers that vary; sizes (numbers,): their absolute values, 0 for an
     attitude; of: by the name of each output, its derivatives (times, k, numbers), k numbers of the output;
-    `of["attitude"]` (times, 3, numbers) is the rotation vector in b by which the attitude turns, in place of the
-    quaternion; values: what the outputs are, (times, k); covariance: of each output (times, k, k), where one of the
+    `of["attitude"]` (times, 3, numbers), in place of the quaternion, is the derivative of the attitude as a rotation
+    vector in b; values: outputs (times, k) by name; covariance: of each output (times, k, k), if a covariance of the
     numbers was given.
     """
 
@@ -66,14 +66,14 @@ class Sensitivity:
 
     @property
     def keys(self) -> dict[str, list[int]]:
-        """Return the keys that have the numbers, and which these are; of one number alone its own name."""
+        """Return the keys of the numbers, with the indices of their numbers; a key with one number has its name."""
         return {key if len(at) > 1 else self.numbers[at[0]]: at for key, at in by_key(self.numbers).items()}
 
     def changes(self, name: str) -> dict[str, Array]:
-        """Return how far an output moves (times,), in its unit, where a key's numbers change together by 1 %.
+        """Return for each key the change of an output (times,), in its unit, if the key's numbers change by 1 %.
 
-        Each number of a key changes by 0.01 of the largest of them, or by 0.01 where all are zero or it is an attitude.
-        The sizes of what they make are added as those of independent errors are.
+        Each number of a key changes by 0.01 of the largest of them, or by 0.01 (rad for an attitude) if all are zero.
+        The effects of the numbers are added like independent errors: the square root of the sum of squares.
         """
         scales = {key: PERCENT * (float(np.max(self.sizes[at])) or 1.0) for key, at in self.keys.items()}
         slopes = self.of[name]
@@ -95,7 +95,7 @@ class Sensitivity:
             np.savetxt(file, table, fmt="%.17g", delimiter=",", header=header, comments="", encoding="utf-8")
 
     def plot(self, path: str | Path | None = None, title: str = "") -> Any:
-        """Draw what matters when: `changes` of each output over time; return the matplotlib.figure.Figure.
+        """Draw the `changes` of each output over time; return the matplotlib.figure.Figure.
 
         path: a file to draw to, whose ending (.png, .svg, .pdf) sets the format.
         """
@@ -115,32 +115,33 @@ def sensitivity(
     inputs: Any = None,
     interpolate: str = HOLD,
 ) -> Sensitivity:
-    """Return how a scene's outputs change over time with numbers of its start, its body, its loads and constants.
+    """Return the derivatives of a scene's outputs over time by numbers of its start, body, loads and constants.
 
     by: keys such as "initial.omega_b", "initial.attitude" (a small rotation in b, rad), "body.inertia" (three moments
-    where its products are zero, else all six), "body.inertia[1,2]", "constants.k", "states.charge".
-    planned: a plan by series, whose order, tolerance and so substeps are used, which suit the motion alone: derivatives
-    may then be less accurate than it is; covariance: of the numbers, (numbers, numbers), carried along by the
-    derivatives; inputs, interpolate: see `simulate`.
+    if its products are zero, else all six), "body.inertia[1,2]", "constants.k", "states.charge".
+    planned: a plan by series, whose order and tolerance are used; as these are chosen for the motion alone, derivatives
+    may be less accurate than the motion; covariance (numbers, numbers): of the numbers, from which the derivatives give
+    covariances of outputs; inputs, interpolate: see `simulate`.
 
-    The derivatives obey the variational equations of the motion: they are integrated with it by the same series, whose
-    substeps serve both, whatever model a plan would choose. At corners of formulas they jump as the motion after them
-    shifts in time, and the last row of a run that an event stops is that at the event, which shifts as well.
-    Of a motion that begins just where rates jump they are those of changes after which it begins beyond the jump.
-    Raises SceneError, SimulationError, ValueError for a key without a number, where a corner is grazed, two are met at
-    one time, or the event that ends the run is a jump over zero, but by inputs.
+    The derivatives obey the variational equations of the motion, and are integrated together with it by the same
+    series, whatever model a plan would choose; substeps are short enough for both. At a corner of a formula they jump,
+    as the time of the corner shifts. In a run that an event stops, the last row is at the event, whose time shifts as
+    well. If a motion begins exactly where rates jump, the derivatives are for changes after which it begins beyond the
+    jump.
+    Raises SceneError, SimulationError; ValueError for a key without a number, if a corner is grazed, two corners are
+    met at one time, or the event that ends the run is a jump over zero that no input makes.
     """
     varied, tables = Varied(scene, by), input_tables(scene, inputs, interpolate)
-    if scene.has_formulas and planned is None:  # which may lead nowhere, in ever shorter substeps
+    if scene.has_formulas and planned is None:  # a motion that ends early would take ever shorter substeps
         with suppress(reference.ReferenceTooLongError):
             reference.reference_motion(scene, [scene.run.stop - scene.run.start], judge.MAX_REFERENCE_STEPS)
     return varied.along(scene, drive_of(scene, tables, interpolate), checked_plan(planned), covariance)
 
 
 class Varied:
-    """A scene and the numbers that vary: `along` gives the derivatives along it, also for other values of these.
+    """A scene and the numbers that vary: `along` returns the derivatives, also for other values of these numbers.
 
-    argument: what names their keys, `by`, for messages.
+    argument: the name of the argument with their keys, for messages. Raises ValueError, SceneError.
     """
 
     def __init__(self, scene: Scene, by: Sequence[str], argument: str = "by") -> None:
@@ -158,7 +159,10 @@ class Varied:
         self.model = VariedModel(scene, self.columns)
 
     def along(self, scene: Scene, drive: Drive, planned: Plan | None = None, covariance: Any = None) -> Sensitivity:
-        """Return the derivatives at the communication points of a drive; scene: as the first, but for the numbers."""
+        """Return the derivatives at the communication points of a drive; scene: the first with other numbers.
+
+        Raises as `sensitivity`.
+        """
         try:
             run = _Run(self, scene, *self._plan(scene, planned), drive)
         except SceneError as error:
@@ -191,7 +195,7 @@ class Varied:
         return {name: np.einsum("tkn,nm,tlm->tkl", S, covariance, S) for name, S in of.items()}
 
     def _plan(self, scene: Scene, planned: Plan | None) -> tuple[Plan, bool]:
-        """Return the plan of the run, and whether errors bound its substeps too: not those of a plan that is given."""
+        """Return the plan of the run, and whether errors of derivatives limit substeps, which a given plan prevents."""
         # a splitting and a quadrature have orders as well, but no tolerance
         key, orders = registry.FORMULAS.key, self.model.model.ORDERS
         if planned is not None and planned.tolerance > 0.0 and planned.order in orders:
@@ -203,7 +207,7 @@ class Varied:
 
 
 def _least_variance(covariance: Array) -> float:
-    """Return the least variance of a sum of numbers, each in units of its deviation; -inf of no symmetric one."""
+    """Return the least eigenvalue of the correlations; -inf if a covariance is not symmetric or a variance is < 0."""
     deviations = np.sqrt(np.diag(covariance).clip(0.0))
     if np.any(np.diag(covariance) < 0.0):
         return -math.inf
@@ -213,25 +217,25 @@ def _least_variance(covariance: Array) -> float:
 
 
 def by_key(numbers: Sequence[str]) -> dict[str, list[int]]:
-    """Return the keys that have these numbers, each with the places of its own."""
+    """Return the keys of numbers, each with the indices of its numbers."""
     keys = [number.partition("[")[0] for number in numbers]
     return {key: [n for n, one in enumerate(keys) if one == key] for key in dict.fromkeys(keys)}
 
 
 def keys_of(keys: object) -> list[Any]:
-    """Return what may be keys as a list, of one that stands alone as well; `columns_of` says which are none."""
+    """Return keys as a list, also a single one; `columns_of` checks them."""
     return [keys] if isinstance(keys, str) or not isinstance(keys, Iterable) else [*keys]
 
 
 def _names_of_numbers(scene: Scene) -> dict[str, tuple[str, list[str]]]:
-    """Return for each key with numbers the block that has them, and their names."""
+    """Return for each key with numbers their block, and their names."""
     rows = {KEYS[row.name]: row for row in IN_BUFFER_ORDER if row.name != "quaternion_0"} | scene.own_parameters
     found = {key: (row.block, [key + index for index in indices(row)]) for key, row in rows.items()}
     return {ATTITUDE: ("rotvec_b", elements(ATTITUDE, 3))} | found
 
 
 def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:
-    """Return the numbers that a key of an argument names. Raises ValueError."""
+    """Return the numbers of a key of an argument. Raises ValueError for a key that cannot vary."""
     known, expected = _names_of_numbers(scene), f"{argument} = {key!r}: expected"
     whole = key.partition("[")[0] if isinstance(key, str) else ""
     if whole not in known:
@@ -253,7 +257,7 @@ def columns_of(scene: Scene, key: str, argument: str = "by") -> list[Column]:
 
 
 class _Run:
-    """A run of a motion with its errors, recorded."""
+    """The recorded run of a motion and its derivatives."""
 
     def __init__(self, varied: Varied, scene: Scene, plan: Plan, bounded: bool, drive: Drive) -> None:
         self._model, self._scene, self._count = varied.model, scene, len(varied.columns)
@@ -272,7 +276,7 @@ class _Run:
         self._errors = self.values.pop("errors").reshape(len(self.time), -1, self._model.columns)
 
     def slopes(self) -> dict[str, Array]:
-        """Return the derivatives of each output; in the last row at the event that ended the run, which shifts."""
+        """Return the derivatives of each output; the last row of a run that an event ended is at the shifted event."""
         found, shift = {}, self._shift() if self._event else None
         for name in self._scene.outputs.names:
             of = "quaternion" if name == "rpy" else name
@@ -283,7 +287,10 @@ class _Run:
         return found
 
     def _shift(self) -> Array:
-        """Return how the time of the event that ended the run changes; not at all where inputs jump it over zero."""
+        """Return the derivatives of the time of the event that ended the run; zero if a jump of inputs caused it.
+
+        Raises ValueError if another jump caused it.
+        """
         when = f"{formulas.EVENT}{self._event}"
         rate = self._model.rates_at(when, self._slopes[-1], self._inputs)[0]
         course = np.abs(self._slopes[:, self._model.wanted[np.ravel(self._model.shown[when])[0]]])
@@ -302,14 +309,14 @@ class _Run:
         return np.asarray(self._errors[:, [*map(self._model.errors.index, TURN)], : self._count])
 
     def _of_angles(self, turns: Array) -> Array:
-        """Return the derivatives of roll, pitch and yaw; turns: those of the attitude."""
+        """Return the derivatives of roll, pitch and yaw; turns: the derivatives of the attitude."""
         angles = arrays.euler_from_quaternion("ZYX", self.values["quaternion"])
         rates: Array = arrays.euler_rate_b("ZYX", angles[:, None, :], np.moveaxis(turns, 1, 2))
         return np.moveaxis(rates[..., ::-1], 1, 2)
 
 
 def _inputs_at(drive: Drive, t: float) -> tuple[dict[str, float], bool]:
-    """Return how fast each number of the ports changes up to a time, by name and per second; whether one jumps then."""
+    """Return the rate (1/s) of each number of the ports just before a time, by name, and whether one jumps then."""
     ends = drive.time[0] + np.cumsum(drive.lengths)
     piece = min(int(np.searchsorted(ends, t)), len(ends) - 1)
     slopes = {port: pieces.slopes[piece] for port, pieces in drive.ports.items()}

@@ -39,11 +39,11 @@ def plan(
     inputs: "Inputs | None" = None,  # as text, which `help` does not write out
     interpolate: str = HOLD,
 ) -> Plan:
-    """Choose model, method and step for a scene, or that of a scene file; full: to integrate all degrees of freedom.
+    """Choose model, method and settings for a scene or a scene file; full: to integrate all degrees of freedom.
 
-    progress: a function that is told from time to time which part of the motion that judges plans is known.
-    inputs, interpolate: see `simulate`; error and cost are then those of the run that they drive. Raises SceneError
-    where the accuracy asked cannot be met.
+    progress: a function that is called from time to time with the part of the reference motion that is computed.
+    inputs, interpolate: see `simulate`; error and cost are then those of the run with these inputs. Raises SceneError
+    if the accuracy asked cannot be met.
     """
     return _plan(scene, input_tables(scene, inputs, interpolate), interpolate, full, progress)
 
@@ -52,7 +52,7 @@ def _plan(
     scene: Scene, tables: InputTables, interpolate: str, full: bool = False,
     progress: Callable[[float], object] | None = None,
 ) -> Plan:  # fmt: skip
-    from rbfmu.planning.select import plan as planned  # a run whose plan is known does without
+    from rbfmu.planning.select import plan as planned  # not needed if the plan is given
 
     driven = (lambda parts: drive_of(scene, tables, interpolate, parts)) if tables else None
     return planned(scene, full, progress, driven=driven)
@@ -67,16 +67,16 @@ def simulate(
     planned: Plan | None = None,
     progress: Wrap | None = None,
 ) -> Result:
-    """Run a scene, or that of a scene file: its FMU's bits at the same communication steps and inputs.
+    """Run a scene or a scene file; its FMU gives the same bits at the same communication steps and inputs.
 
     inputs: what drives the ports: a mapping from a port's name to `(times (m,), values (m, 3))` or to an array (n, 3)
     with a row for each communication step, and if linear one for the end, or the path of a CSV file in FMPy's format
     (`time`, then `torque_b[1]` and so on). Ports that are not named stay at zero, those of your own at their start.
-    interpolate: "hold", a value from its time on, or "linear" between times. Communication steps are cut where a time
-    lies inside. Of linear inputs a model that takes no input derivatives sees the mean over each step.
-    planned: a plan, whose model and method are used as they are; without one, a plan that meets the accuracy under the
-    inputs given.
-    progress: wraps the sequence of step numbers, e.g. a progress bar; where it stops early, the run ends there. Raises
+    interpolate: "hold" (each value from its time on) or "linear" between times. Communication steps are cut at times
+    inside them. A model without input derivatives uses the mean of linear inputs over each step.
+    planned: a plan whose model and method are used unchanged; without it, a plan is made that meets the accuracy with
+    the given inputs.
+    progress: wraps the sequence of step numbers, such as a progress bar; if it stops early, the run ends there. Raises
     SceneError, SimulationError.
     """
     if progress is not None and not callable(progress):
@@ -90,7 +90,7 @@ def simulate(
 
 
 def run_of(scene: Scene, planned: Plan, drive: Drive | None = None, progress: Wrap | None = None) -> Result:
-    """Return a scene's run by a plan, without inputs if no drive is given; nothing is said of slips."""
+    """Return a scene's run by a plan, without inputs if no drive is given; there are no warnings."""
     planned = planned.of_scene(scene)
     run = Driven(scene, planned, drive or drive_of(scene, {}, HOLD))
     time, shown = run.course(scene.outputs.names, progress)
@@ -100,25 +100,25 @@ def run_of(scene: Scene, planned: Plan, drive: Drive | None = None, progress: Wr
 
 
 _UNKNOWN = -1
-"""The number of communication steps after a step of another length; counting costs half as much as a step."""
+"""The number of communication steps is not known after a step of another length; finding it costs half a step."""
 _PORT, _NUMBER = struct.Struct("3d"), struct.Struct("d")
 _Input = tuple[struct.Struct, int, tuple[float, ...]]
 _Before = list[_Input]
-"""What inputs were: how, where and which numbers."""
+"""Earlier inputs: the format, the place and the numbers of each."""
 _WITHOUT_PLACES = frozenset((set, frozenset, dict))
-"""What has numbers, but none that is the first."""
+"""Types whose numbers have no order."""
 
 
 class Simulator:
-    """One instance of a scene, as its FMU is one: `step`, read quantities by name, `save`, `restore`, `reset`.
+    """One instance of a scene, like its FMU: `step`, read quantities by name, `save`, `restore`, `reset`.
 
     scene: a rbfmu.Scene or the path of a scene file; parameters: values by the FMU's names (`mass=2.0`,
-    `omega_b_0=[0, 0, 1]`), of those on which the plan does not rest: list them in the scene's `inputs.parameters`.
-    Every quantity that the scene asks for is an attribute: a float, or a new array. An object serves one thread at a
-    time; several objects run side by side. Raises SceneError.
+    `omega_b_0=[0, 0, 1]`), of parameters that the scene lists in `inputs.parameters`, as the plan does not depend on
+    these. Every quantity that the scene asks for is an attribute: a float, or a new array. Only one thread at a time
+    may use an object; several objects can run in parallel. Raises SceneError.
     """
 
-    __slots__ = (  # else `sim.torque_b = ...` would drive nothing, without a word
+    __slots__ = (  # without these, `sim.torque_b = ...` would silently have no effect
         "__weakref__", "_bytes", "_clock", "_count", "_end", "_events", "_h", "_identity", "_known", "_last",
         "_last_time", "_ports", "_quantities", "_scalars", "_start", "_step", "_told", "_untold", "_z", "plan", "scene",
         "time",
@@ -143,16 +143,16 @@ class Simulator:
         self._events = Events(self.scene, self.plan, self._z) if self.scene.events else None
         self._untold = (math.nan,) * len(self.scene.events)
         self._known = self._told = self._untold
-        """When `step_to_event` told each event, s: before the last step, and at its end; NaN where it did not."""
+        """When `step_to_event` reported each event, s: before the last step, and at its end; NaN if it did not."""
         self._clock = struct.Struct(f"dq{2 * len(self._untold)}d")
-        """The time, how many communication steps of the scene led there, and when events were told."""
+        """The time, the number of the scene's communication steps until then, and the times of reported events."""
 
     @property
     def events(self) -> dict[str, Array]:
         """Return the times of the last step's events by name, s.
 
-        An event at its end counts for the step after, but for one that `step_to_event` stopped at, which is listed then
-        and not again.
+        An event at the end of a step counts for the next step, except if `step_to_event` stopped at it: then it is
+        listed at once, and not again.
         """
         if self._events is None:
             return {}
@@ -160,13 +160,13 @@ class Simulator:
         return self._events.times(told or self._new_events(self._events))
 
     def _new_events(self, events: Events) -> list[Happened]:
-        """Return what happened in the last step, but for what was told when it began."""
+        """Return the events of the last step, except those that were reported before it."""
         known = dict(zip(events.names, self._known, strict=True))
         until = {name: t + SAME * (self.time - t) for name, t in known.items()}
-        return [one for one in events.of_last_step() if not one.time <= until[one.name]]  # NaN is no bound
+        return [one for one in events.of_last_step() if not one.time <= until[one.name]]  # NaN bounds nothing
 
     def step_to_event(self, /, h: float | None = None, **ports: Any) -> tuple[str, ...]:
-        """Step as `step` does, but no further than to the first event; return the names of those that happen there."""
+        """Step as `step` does, but not beyond the first event; return the names of the events at that time."""
         before, time, count, told, known = self._z.copy(), self.time, self._count, self._told, self._known
         self.step(h, **ports)
         happened = [one for one in self._new_events(self._events) if not one.touched] if self._events else []
@@ -184,8 +184,8 @@ class Simulator:
         return tuple(at_once)
 
     def __getattr__(self, name: str) -> Any:
-        """Return an output of your own; raise AttributeError for what is none, and for quantities not asked for."""
-        known = {} if name in self.__slots__ else self._quantities  # without some it is not set up, or being copied
+        """Return an output of your own. Raises AttributeError for other names, and for quantities not asked for."""
+        known = {} if name in self.__slots__ else self._quantities  # a slot is missing before set-up and in a copy
         if name not in known:
             whose = f"{self.scene.name}; it has {', '.join(known)}" if known else "it"
             raise AttributeError(f"no quantity {name!r} is asked for by {whose}")
@@ -193,7 +193,7 @@ class Simulator:
         return values.copy() if len(values) > 1 else float(values[0])
 
     def buffer(self) -> Array:
-        """Return a copy of the model's buffer: what stands where say the slices `plan.kernels.BLOCKS`, by name."""
+        """Return a copy of the model's buffer; `plan.kernels.BLOCKS` has the slice of each block, by name."""
         return self._z.copy()
 
     def __repr__(self) -> str:
@@ -205,11 +205,11 @@ class Simulator:
         return PAST_STOP if self.time > self._last_time else OK
 
     def step(self, /, h: float | None = None, **ports: Any) -> None:
-        """Step by h, s (without one to the scene's next communication point), with inputs that are held over it.
+        """Step by h, s (by default to the scene's next communication point), with inputs that are held over the step.
 
-        ports: three finite numbers each, one for a scalar of your own; what is not given keeps its last value. Raises
-        ValueError for a wrong input, TypeError where h is no number, SimulationError where the step is refused: then
-        nothing has changed, and no input either.
+        ports: three finite numbers each, one for a scalar of your own; inputs that are not given keep their last value.
+        Raises ValueError for a wrong input, TypeError if h is no number, SimulationError if the step is refused: then
+        nothing has changed, not even an input.
         """
         if h is None:
             count = 1 + (self._count if self._count >= 0 else self.scene.run.steps_until(self.time))
@@ -226,7 +226,7 @@ class Simulator:
                 self.time, self._count = end, count
                 self._known, self._told = self._told, self._untold
                 return
-        except KeyboardInterrupt:  # compiled code runs to its end, of which nothing tells then
+        except KeyboardInterrupt:  # compiled code runs to its end, but its result is lost
             self.time, self._count = math.nan, 0
             raise
         self._put_back(before)
@@ -236,11 +236,11 @@ class Simulator:
         raise SimulationError(f"{self.scene.name}: the step from t = {self.time} s by {length} s was refused: {why}")
 
     def hold(self, /, **ports: Any) -> None:
-        """Set inputs without a step; outputs show them after the next. Raises ValueError for a wrong one: sets none."""
+        """Set inputs without a step; outputs show them after the next. Raises ValueError for a wrong one; sets none."""
         self._put(ports)
 
     def _put(self, ports: dict[str, Any]) -> _Before:
-        """Set inputs; return what they were, by their places."""
+        """Set inputs; return their earlier values."""
         before: _Before = []
         data = self._bytes
         try:
@@ -288,7 +288,7 @@ class Simulator:
         return ValueError(f"inputs {as_toml(ports)}: expected numbers whose sum is finite")
 
     def reset(self, /, **parameters: Any) -> None:
-        """Begin anew with the scene's values and the parameters given; inputs are as at first. Raises SceneError."""
+        """Start again with the scene's values and given parameters; inputs are as at first. Raises SceneError."""
         planned, z = _started(self.scene, self.plan, parameters)
         if planned is not self.plan:
             self._set_up(self.scene, planned, z)
@@ -297,12 +297,12 @@ class Simulator:
         self._known = self._told = self._untold
 
     def values(self) -> dict[str, Any]:
-        """Return time and all quantities at this time; `Result.of_rows` makes a result of a loop's."""
+        """Return the time and all quantities at this time; `Result.of_rows` makes a result of such rows."""
         own = self.plan.formulas.own_rows if self.plan.formulas else {}
         return Row({"time": self.time} | {name: getattr(self, name) for name in self._quantities}, own)
 
     def __reduce__(self) -> tuple[Callable[..., "Simulator"], tuple[Scene, Plan, bytes]]:
-        """Return what makes another one in the same state, for `pickle` and `copy`."""
+        """Return a function and arguments that make a copy in the same state, for `pickle` and `copy`."""
         return _in_state, (self.scene, self.plan, self.save())
 
     def __deepcopy__(self, memo: object) -> "Simulator":
@@ -316,7 +316,7 @@ class Simulator:
     def restore(self, state: bytes) -> None:
         """Go back to a saved state. Raises ValueError, with nothing changed, if it is no state of the scene.
 
-        Raises TypeError for what is no bytes at all.
+        Raises TypeError if `state` is not bytes.
         """
         if not isinstance(state, bytes | bytearray | memoryview):
             raise TypeError(fault("state", state, "the bytes that `save` returned"))
@@ -330,32 +330,32 @@ class Simulator:
 
 
 def _started(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> tuple[Plan, Buffer]:
-    """Return the plan, with other kernels where own outputs read what was zero in the scene, and the buffer."""
+    """Return the plan, with other kernels if formulas need numbers that are zero in the scene, and the buffer."""
     changed = with_parameters(scene, planned, parameters)
     planned = planned.of_scene(changed)
     return planned, start_run(changed, planned)
 
 
 def simulator_of(scene: Scene, planned: Plan) -> Simulator:
-    """Return a simulator of a plan; of what looks like a slip in the scene nothing is said."""
+    """Return a simulator of a plan, without warnings about the scene."""
     one = Simulator.__new__(Simulator)
     one._set_up(scene, *_started(scene, planned, {}))
     return one
 
 
 def _in_state(scene: Scene, planned: Plan, state: bytes) -> Simulator:
-    """Return a simulator, with a memory of its own, which is not planned again."""
+    """Return a new simulator in a saved state, without planning again."""
     one = simulator_of(scene, planned)
     one.restore(state)
     return one
 
 
 def _seconds(h: Any) -> float:
-    """Return a step as Python's float: the clock would take on the precision of another."""
+    """Return a step as a Python float, as the time would get the precision of another type."""
     try:
         if isinstance(h, bool | np.bool_):
             raise TypeError
-        return math.ldexp(h, 0)  # unlike float(), takes no text
+        return math.ldexp(h, 0)  # unlike float(), it refuses text
     except (TypeError, OverflowError):
         raise TypeError(fault("h", h, "a number (s); inputs are given by name")) from None
 
@@ -368,7 +368,7 @@ def _reader(row: Output) -> property:
         try:
             values = self._quantities[name]
         except KeyError:
-            raise AttributeError(name) from None  # Python asks `__getattr__` then, which says it in words
+            raise AttributeError(name) from None  # Python then calls `__getattr__`, which has the message
         return float(values[0]) if is_number else values.copy()
 
     return property(read, doc=f"{row.meaning}, {row.unit}")
@@ -382,8 +382,8 @@ for _row in OUTPUTS:
 def compiled_step(scene: Scene, planned: Plan | None = None) -> tuple[Callable[[Array, float], int], Array]:
     """Return the compiled `step(buffer, h) -> status` of a scene and a started buffer, for loops under `@njit`.
 
-    status is 0, or 1 for a step that was refused, with nothing changed. What stands where in the buffer say the slices
-    `planned.kernels.BLOCKS["torque_b"]` by name, of inputs and of quantities. Raises SceneError.
+    status is 0, or 1 for a step that was refused, with nothing changed. The slices of inputs and quantities in the
+    buffer are in `planned.kernels.BLOCKS`, such as `BLOCKS["torque_b"]`. Raises SceneError.
     """
     planned = (checked_plan(planned) or plan(scene)).of_scene(scene)
     return planned.kernels.step, start_run(scene, planned)
@@ -394,7 +394,7 @@ def _checksum(content: bytes) -> bytes:
 
 
 def _identity(scene: Scene, planned: Plan) -> bytes:
-    """Return what tells the states of a scene under a plan from others."""
+    """Return bytes that identify the states of a scene under a plan."""
     layout = {name: (block.start, block.stop) for name, block in planned.kernels.BLOCKS.items()}
     text = json.dumps([scene.to_dict(), planned.to_dict(), layout], sort_keys=True)
     return b"rbfmu" + hashlib.sha256(text.encode()).digest()

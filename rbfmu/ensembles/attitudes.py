@@ -1,6 +1,6 @@
-"""Means of what is no number: attitudes, of which q and -q are one, and angles, which begin anew after a turn.
+"""Means of attitudes, for which q and -q are the same, and of angles, for which a whole turn is zero.
 
-Both come of sums that merge as those of numbers do: of q q^T, and of sines and cosines.
+Both are computed from sums that can be merged like sums of numbers: of q q^T, and of sines and cosines.
 """
 
 import numpy as np
@@ -11,10 +11,10 @@ ATTITUDE, ANGLES = "quaternion", "rpy"
 
 
 def moments_of(name: str, count: int, mean: Array, products: Array) -> tuple[Array, Array]:
-    """Return mean and covariance of a quantity; NaN of no member, and of one.
+    """Return the mean and the covariance of a quantity: NaN of no member, and the covariance also of one.
 
-    mean (n, k), products (n, k, k): of so many members' numbers, and summed up of their deviations; of angles those of
-    sine and cosine, of one after the other.
+    count: of members; mean (n, k): of their numbers; products (n, k, k): summed products of their deviations. Angles
+    are given by their sines and cosines, in turns.
     """
     if name == ATTITUDE:
         mean, products = _mean_attitude(count, mean, products)
@@ -25,14 +25,14 @@ def moments_of(name: str, count: int, mean: Array, products: Array) -> tuple[Arr
 
 
 def _mean_attitude(count: int, mean: Array, products: Array) -> tuple[Array, Array]:
-    """Return the attitude q (n, 4) to which sum (q q_i)^2 is largest, whatever the signs of q_i.
+    """Return the attitude q (n, 4) with the largest sum (q q_i)^2, whatever the signs of q_i.
 
-    And the sums (n, 3, 3) of products of twice the vector parts of q* q_i: of small rotations, in b. Markley, Cheng,
-    Crassidis and Oshman, Journal of Guidance, Control, and Dynamics 30 (2007).
+    Return also the sums (n, 3, 3) of products of twice the vector part of q* q_i, which is the rotation vector, in b,
+    of a small rotation. Markley, Cheng, Crassidis and Oshman, Journal of Guidance, Control, and Dynamics 30 (2007).
     """
     q = np.linalg.eigh(products + count * mean[:, :, None] * mean[:, None, :])[1][:, :, -1]
     turned = np.sum(q * np.vstack([mean[:1], q[:-1]]), axis=1) < 0.0
-    q = q * np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]  # without jumps, from the members' own sign on
+    q = q * np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]  # signs without jumps, at first the members'
     return q, _mapped(2.0 * _relative_to(q)[:, 1:], count, mean, products)
 
 
@@ -43,14 +43,17 @@ def _relative_to(q: Array) -> Array:
 
 
 def from_their_mean(q: Array) -> Array:
-    """Return attitudes (m, 4) as they are turned from their mean, each of that sign by which it is nearer to none."""
+    """Return attitudes (m, 4) relative to their mean, each with the sign that makes its scalar part positive."""
     mean = np.linalg.eigh(q.T @ q)[1][:, -1]
     turned = q @ _relative_to(mean[None])[0].T
     return np.asarray(np.copysign(1.0, turned[:, :1]) * turned)
 
 
 def _mean_direction(mean: Array, products: Array) -> tuple[Array, Array]:
-    """Return the angles (n, k) of the sums of unit vectors, and sums (n, k, k) of products of sines of deviations."""
+    """Return the angles (n, k) of the sums of unit vectors, and sums (n, k, k) of products of sines of deviations.
+
+    The numbers behind mean and products are sine and cosine of each angle.
+    """
     angle = np.arctan2(mean[:, 0::2], mean[:, 1::2])
     sine = np.zeros((len(mean), angle.shape[1], mean.shape[1]))
     for k in range(angle.shape[1]):
@@ -59,11 +62,11 @@ def _mean_direction(mean: Array, products: Array) -> tuple[Array, Array]:
 
 
 def _mapped(A: Array, count: int, mean: Array, products: Array) -> Array:
-    """Return the sums of products (n, i, i) of A x, less a mean of 0; those of a mean that is not 0 are added."""
+    """Return the sums (n, i, i) of products of A x about zero, given mean and products of x; count = 0: A mean is 0."""
     of_mean = (A @ mean[:, :, None])[:, :, 0]
     return np.asarray(A @ products @ A.transpose(0, 2, 1) + count * of_mean[:, :, None] * of_mean[:, None, :])
 
 
 def around(mean: Array, angles: Array) -> Array:
-    """Return angles less the whole turns by which they are nearer to the mean so."""
+    """Return angles shifted by whole turns so that each is within half a turn of the mean."""
     return np.asarray(angles - 2.0 * np.pi * np.rint((angles - mean) / (2.0 * np.pi)))

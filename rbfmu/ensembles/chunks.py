@@ -1,4 +1,4 @@
-"""A chunk of an ensemble: its members' numbers drawn, run in compiled code, and summed up; what its bits rest on."""
+"""A chunk of an ensemble: its members are drawn, run in compiled code and summed up. Also what its bits depend on."""
 
 import threading
 from collections.abc import Callable, Mapping
@@ -24,30 +24,31 @@ from rbfmu_kernels.body.members import Members
 from rbfmu_kernels.compile.code_cache import SOURCES, hash_of_sources
 
 SECONDS, MOST_MEMBERS, MOST_BYTES, SUMMED_BYTES = 0.1, 16384, 8e6, 64e6
-"""What a chunk takes by its plan; the most members, and bytes of their outputs, that it has, where all are handed back
-or summed up first.
+"""SECONDS: the time of a chunk, s, by its plan's cost. The others: the most members of a chunk, and bytes of their
+outputs, where these are all returned (MOST_BYTES) or summed up at once (SUMMED_BYTES).
 
-A tenth of a second is a thousand times what handing a chunk to a worker takes, and little to lose by a stop. The more
-members are summed up together, the less is left to merge.
+A tenth of a second is a thousand times the time to hand a chunk to a worker, and little is lost if the run is stopped.
+The more members are summed up together, the less is left to merge.
 """
 SET_UP, STATISTICS_OF_ONE = 1e-5, 5e-9
-"""What a member takes besides its steps, and what statistics of one number take, s."""
+"""The time of a member besides its steps, and the time of statistics of one number, s."""
 GAIN_FROM, LANES_GAIN = 300.0, 3.0
-"""The cost of a step, ns, from which on steps in lanes take so many times less than they do one by one.
+"""LANES_GAIN: how many times faster steps are in lanes than one by one, from a cost of GAIN_FROM ns a step on.
 
-Only a model that knows lanes is taken for so many times faster: chunks of others took up to three times the tenth of a
-second that they should. With formulas a run costs 1.1 to 2.9 times less in lanes.
+It counts only for a model that has lanes: chunks of others took up to three times the tenth of a second that they
+should. With formulas a run costs 1.1 to 2.9 times less in lanes.
 """
 LANES_FROM, WORTH_COMPILING = 100.0, 2.0
-"""The cost of a step, ns, from which on lanes are compiled, and are taken with formulas: shorter ones, which a series
-serves, take as long one by one. And the time of all members one by one, s, from which on lanes are compiled, once,
-beside the first of them: four to ten seconds of a processor, which pay at the next call if not at this one.
+"""LANES_FROM: the cost of a step, ns, from which on lanes are compiled, and are used with formulas. Cheaper steps, of a
+series that serves several, take as long one by one. WORTH_COMPILING: the time of all members one by one, s, from which
+on lanes are compiled, once, while the first members run: this takes four to ten seconds of a processor, which pay at
+the next call if not at this one.
 """
 
 
 @dataclass(frozen=True)
 class Work:
-    """What all chunks of an ensemble have in common. size: members of a chunk; control: what drives their ports."""
+    """What all chunks of an ensemble have in common. size: of a chunk, in members; control: what drives the ports."""
 
     scene: Scene
     plan: Plan
@@ -71,24 +72,25 @@ class Work:
 
     @property
     def most_points(self) -> int:
-        """Return how many points stand for the members at each time; none where all members are kept."""
+        """Return how many points represent the members' values at each time; 0 where all members are kept."""
         return 0 if self.keeps(ALL) else most_points((self.scene.run.count + 1) * self.columns.width)
 
     @property
     def share(self) -> float:
-        """Return of which part of the members attitudes are kept as they are; of none where all is kept."""
+        """Return the part of the members whose attitudes are sampled for quantiles; 0 where all members are kept."""
         points = self.scene.run.count + 1
         return 0.0 if self.keeps(ALL) else min(MOST_SAMPLED, MOST_NUMBERS // (4 * points)) / self.runs
 
     def keeps(self, what: str) -> bool:
-        """Return whether this is kept of the runs."""
+        """Return whether `what` (FINAL, STATISTICS or ALL) is kept."""
         return what in ensemble_of(self.scene).keep
 
 
 class Chunk(NamedTuple):
-    """What a chunk of members gave. rows (m, n, K): outputs at all points or the last, NaN of members that failed.
+    """The results of a chunk of m members, the first of which has the number `first`.
 
-    events: by the variable of an event, what was noted of each member.
+    samples: as `Samples.applied`; rows (m, n, K): outputs at all points or at the last, NaN for members that failed;
+    events: counts and first times (m,) by the name of their variable; failed: message by the number of the member.
     """
 
     first: int
@@ -106,16 +108,16 @@ class Chunk(NamedTuple):
 
 
 def members_of_a_chunk(scene: Scene, plan: Plan, control: Control | None = None) -> int:
-    """Return how many members a chunk has, a power of 2 that depends on the ensemble alone, not on its runs.
+    """Return the number of members of a chunk, a power of 2 that depends on the ensemble but not on its number of runs.
 
-    Sums are merged chunk by chunk: with other chunks their bits would be others. A store can so be extended by runs.
+    Sums are merged chunk by chunk, so that other chunks would give other bits. This allows adding runs to a store.
     """
     steps = scene.run.count
     keep = ensemble_of(scene).keep
     numbers = columns_of(scene).width * (steps + 1 if set(keep) - {FINAL} else 1)
     numbers += steps * (control.numbers(scene) if control else 0)
     gains = plan.kernels.lanes and plan.cost >= GAIN_FROM
-    one_by_one = plan.formulas or control  # as they were before they went in lanes: sums keep their bits
+    one_by_one = plan.formulas or control  # chunks stay as before these had lanes, so that sums keep their bits
     cost = plan.cost / (LANES_GAIN if gains and not one_by_one else 1.0)
     seconds = cost * 1e-9 * steps + SET_UP
     seconds += STATISTICS_OF_ONE * numbers if STATISTICS in keep else 0.0
@@ -127,7 +129,7 @@ def members_of_a_chunk(scene: Scene, plan: Plan, control: Control | None = None)
 def run_chunk(work: Work, index: int) -> Chunk:
     """Draw and run the members of a chunk. Their bits are those of `simulate(member(scene, samples, row), plan)`.
 
-    Where a controller drives them, they are those of a `Simulator` that it is called beside.
+    With a controller, their bits are those of a `Simulator` whose ports the controller sets before each step.
     """
     first = index * work.size
     samples = draw(work.scene, first, min(work.size, work.runs - first))
@@ -150,9 +152,9 @@ _ROOM = threading.local()
 
 
 def _same_room(shape: tuple[int, ...]) -> Array:
-    """Return an array of this shape in the room of before: a thread's rows are summed up before it runs others.
+    """Return an array of this shape in memory that each thread reuses: its rows are summed up before the next chunk.
 
-    New memory for each chunk takes as long as filling it.
+    Allocating new memory for each chunk takes as long as filling it.
     """
     size = int(np.prod(shape))
     if not hasattr(_ROOM, "numbers") or _ROOM.numbers.size < size:
@@ -169,11 +171,10 @@ def _all_but(failed: Mapping[int, str], count: int) -> Indices:
 def run_samples(
     work: Work, samples: Samples, ends_alone: bool, room: Callable[[tuple[int, ...]], Array] = np.empty
 ) -> tuple[Array, dict[str, Any], dict[int, str]]:
-    """Return outputs (m, n, K) of members, at all points or at the end alone, events, and what is said of failures.
+    """Return the outputs (m, n, K) of members, their events by variable, and messages of failures by row.
 
-    room: what gives the array for them.
-
-    Of members that failed rows are NaN, and nothing happened. Of events the first time is NaN where there is none.
+    ends_alone: outputs at the end only, n = 1; room: makes the array of outputs, given its shape. Rows of members that
+    failed are NaN, without events. The first time of an event that did not happen is NaN.
     """
     steps, count = np.diff(work.scene.run.grid()), len(samples)
     points = 1 if ends_alone else len(steps) + 1
@@ -193,7 +194,7 @@ def run_samples(
 
 
 def _events(scene: Scene, noted: Array) -> dict[str, Any]:
-    """Return the variables of events, of counts and first times (m, 2 E)."""
+    """Return the events' variables, given counts and first times (m, 2 E) of E events."""
     counts, firsts = np.hsplit(noted, 2)
     found = {}
     for e, name in enumerate(scene.events):
@@ -203,8 +204,10 @@ def _events(scene: Scene, noted: Array) -> dict[str, Any]:
 
 
 def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: Array) -> tuple[Array, dict[int, str]]:
-    """Set the outputs (m, n, K) of the members named, by row; return how often and when first events happened (m, 2 E),
-    and what is said of those that were refused."""
+    """Set the outputs (m, n, K) of the members in rows `which` (m,) of the samples.
+
+    Return the counts and first times (m, 2 E) of E events, and messages of refused members by row.
+    """
     plan, kernels = work.plan, work.plan.kernels
     places, values = varied_numbers(work.scene, samples.applied, kernels.BLOCKS)
     ends = np.empty((len(which), 2), dtype=np.int64)
@@ -218,14 +221,14 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: A
         alone = not (_has_lanes(plan) and run_in_lanes(*given, compile_now=False))
         if alone:
             run_alone(*given)
-    if alone and compiling_pays(work, len(steps)):  # beside the members to come; each has the same bits either way
+    if alone and compiling_pays(work, len(steps)):  # while the next members run; bits are the same either way
         compile_lanes(kernels)
     bad = np.flatnonzero((ends[:, 0] != 0) | (ends[:, 1] < len(steps)))
     return noted, {int(which[k]): _message(work.scene, plan, samples, int(which[k]), ends[k]) for k in bad}
 
 
 def compiling_pays(work: Work, steps: int) -> bool:
-    """Return whether members side by side are sooner done, compiling that included."""
+    """Return whether lanes finish sooner, with the time to compile them."""
     return (
         _has_lanes(work.plan)
         and work.plan.cost >= LANES_FROM
@@ -238,7 +241,7 @@ def _has_lanes(plan: Plan) -> bool:
 
 
 def varied_numbers(scene: Scene, applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:
-    """Return places (p,) in a model's buffer and the members' values (m, p) there; what it has no block for is left."""
+    """Return places (p,) in a model's buffer and the members' values (m, p) there; keys without a block are omitted."""
     count, rows = len(next(iter(applied.values()))), varied_rows(scene)
     names = {key: rows[key].block for key in applied}
     known = {key: name for key, name in names.items() if name in blocks}
@@ -247,7 +250,7 @@ def varied_numbers(scene: Scene, applied: Mapping[str, Array], blocks: dict[str,
 
 
 def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices) -> str:
-    """Return what `simulate` says of a member that was refused, or the checks of its scene say."""
+    """Return the message for a refused member: that of its scene's checks, or that of `simulate`."""
     try:
         own = member(scene, samples, row)
     except SceneError as error:
@@ -260,12 +263,12 @@ def _message(scene: Scene, plan: Plan, samples: Samples, row: int, end: Indices)
 
 
 LIBRARIES = ("numpy", "scipy")
-"""Packages that drawn numbers rest on."""
+"""Packages that drawn numbers depend on."""
 
 
 @cache
 def origin() -> dict[str, str]:
-    """Return hashes of sources and versions of libraries by their names: the same bits are made where all are equal."""
+    """Return hashes of sources and versions of libraries, by name: where all are equal, the bits are the same."""
     sources = {"rbfmu": hash_of_sources(Path(__file__).parents[1]), "rbfmu_kernels": SOURCES}
     return sources | {name: _version(name) for name in LIBRARIES}
 

@@ -1,4 +1,4 @@
-"""What drives the ports of an ensemble's members: tables of inputs, and a compiled controller with its noise."""
+"""What drives the ports of an ensemble's members: tables of inputs, and a compiled controller with noise."""
 
 import hashlib
 import pickle
@@ -26,19 +26,20 @@ from rbfmu_kernels.quantities import elements
 from rbfmu_kernels.types import python_function
 
 STREAM = "controller"
-"""The name of the stream of noise, which no number that varies has."""
+"""The name of the random stream of the noise; no varying number has this name."""
 VERSIONED = ("cmath", "math", "numba", "numpy", "rbfmu", "rbfmu_kernels", "scipy")
-"""Packages whose functions are known by their names."""
+"""Packages whose functions a digest knows by their names alone."""
 
 
 @dataclass(frozen=True)
 class Controller:
     """A function that sets the ports of each member at each communication point: f(t, outputs, state, inputs, noise).
 
-    function: by `@njit`, or one that Numba compiles. t: s. outputs: the numbers of the scene's quantities, then
-    of its own outputs, in their order there. state: the member's own numbers, which it may change; they begin as given
-    here. inputs: the numbers of the scene's ports, in their order, as they are; what it writes there is held until the
-    next point. noise: so many numbers of the standard normal distribution, others at each point.
+    function: compiled by `@njit`, or one that Numba can compile. t: the time, s. outputs: the numbers of the scene's
+    quantities, then of its own outputs, in the scene's order. state: the member's own numbers, which the function may
+    change; they begin with the values given here. inputs: the present numbers of the scene's ports, in the scene's
+    order; what the function writes there is held until the next point. noise: independent numbers of the standard
+    normal distribution, new at each point; the `noise` given here is how many. Raises ValueError for wrong arguments.
     """
 
     function: Callable[..., None]
@@ -61,18 +62,18 @@ class Controller:
         object.__setattr__(self, "state", tuple(start.tolist()))
 
     def noise_of(self, seed: int, number: int, steps: int) -> Array:
-        """Return the noise (steps, n) of a member, a row for each communication step, by seed and number alone."""
+        """Return the noise (steps, n) of a member, a row for each communication step; it depends on seed and number."""
         stream = np.random.Philox(key=draws.key_of(seed, STREAM), counter=np.array([0, number, 0, 0], dtype=np.uint64))
         return np.random.Generator(stream).standard_normal((steps, self.noise))
 
     def compiled(self) -> Callable[..., None]:
-        """Return the function, compiled for `loops.run_members`. Raises an error of Numba's where it cannot be."""
+        """Return the function, compiled for `loops.run_members`. Raises an error of Numba if it cannot be compiled."""
         if hasattr(self.function, "compile"):  # not where the JIT is disabled
             self.function.compile(loops.CONTROLLED)
         return self.function
 
 
-@kernel(inline=False)  # whose code is kept: to compile it took half a second of each process
+@kernel(inline=False)  # its code is kept on disk: compiling it took half a second of each process
 def _leave(t: float, outputs: Any, state: Any, inputs: Any, noise: Any) -> None:
     """Leave inputs as they are."""
 
@@ -83,9 +84,9 @@ EXPECTED = "f(t, outputs, state, inputs, noise) that writes to inputs and return
 
 @dataclass(frozen=True)
 class Control:
-    """What drives all members. inputs: tables for all, or a function of a member's number that returns its own.
+    """What drives all members. inputs: tables for all, or a function of a member's number that returns its tables.
 
-    interpolate: between the times of the tables, "hold" or "linear". parts: into how many equal steps each
+    interpolate: between the times of the tables, "hold" or "linear". parts: the number of equal steps into which each
     communication step is cut.
     """
 
@@ -96,19 +97,19 @@ class Control:
 
     @property
     def identity(self) -> dict[str, str | None]:
-        """Return digests of all that the members' bits rest on here."""
+        """Return digests of inputs and controller, on which the members' bits depend."""
         one = self.controller
         said = (one.function, one.state, one.noise) if one else None
         given = digest((self.inputs, self.interpolate)) if self.inputs else None
         return {"inputs": given, "controller": digest(said) if said else None}
 
     def numbers(self, scene: Scene) -> int:
-        """Return how many numbers a member has of its own at a communication step."""
+        """Return how many input and noise numbers each member has of its own for a communication step."""
         tables = sum(size_of(scene, port) for port in scene.inputs.ports) if callable(self.inputs) else 0
         return tables + (self.controller.noise if self.controller else 0)
 
     def tables_of(self, scene: Scene, number: int) -> InputTables:
-        """Return a member's tables. Raises SceneError that names it where they are wrong."""
+        """Return a member's tables. Raises SceneError that names the member if they are wrong."""
         if not callable(self.inputs):
             return self.inputs
         try:
@@ -118,11 +119,14 @@ class Control:
 
 
 NOTHING = Control({}, None)
-"""What drives members that nothing drives."""
+"""The control of members that nothing drives."""
 
 
 def control_of(scene: Scene, plan: Plan, inputs: Any, controller: Any, interpolate: str = HOLD) -> Control | None:
-    """Return what drives an ensemble, None where nothing does. Raises SceneError and ValueError where it cannot."""
+    """Return the control of an ensemble, or None if nothing drives it.
+
+    Raises SceneError and ValueError for wrong inputs or a controller that cannot run.
+    """
     tables = inputs if callable(inputs) else input_tables(scene, inputs, interpolate)
     if inputs is None and controller is None:
         return None
@@ -157,7 +161,7 @@ def _try_out(scene: Scene, plan: Plan, controller: Controller) -> None:
 
 @contextmanager
 def errors_named(scene: Scene, control: Control | None) -> Iterator[None]:
-    """Name the controller in an error that it raises while members run."""
+    """Turn an error that the controller raises while members run into a SceneError that names the controller."""
     try:
         yield
     except (ArithmeticError, IndexError, ValueError) as error:
@@ -178,9 +182,9 @@ def _places(scene: Scene, blocks: dict[str, slice], ending: str = "") -> Indices
 def driven_members(
     control: Control, scene: Scene, kernels: Model, numbers: Sequence[int]
 ) -> tuple[Callable[..., None], Driving]:
-    """Return the compiled controller, and what drives the members named.
+    """Return the compiled controller, and the inputs and noise of the members with these numbers.
 
-    Raises SceneError where the table of one is wrong.
+    Raises SceneError if the table of one is wrong.
     """
     each = numbers if callable(control.inputs) else numbers[:1]
     drives = [drive_of(scene, control.tables_of(scene, one), control.interpolate, control.parts) for one in each]
@@ -200,9 +204,9 @@ def driven_members(
 
 
 def _controlled(drive: Drive) -> Drive:
-    """Return what tables give at communication points and at rows of their own.
+    """Return the drive with each port's values only at communication points and at rows of its own table.
 
-    Elsewhere, where a row of another port cuts a step, it is NaN: what a controller wrote goes on.
+    Where a row of another port cuts a step the values are NaN, so that the port keeps what the controller wrote.
     """
     at_point, ports = np.isin(np.arange(len(drive.lengths)), drive.counts), {}
     for port, pieces in drive.ports.items():
@@ -212,7 +216,7 @@ def _controlled(drive: Drive) -> Drive:
 
 
 def _rows(scene: Scene, drive: Drive, part: str) -> Array:
-    """Return the values, or the slopes, of all ports in each piece; where no table gives any, NaN and 0."""
+    """Return the values, or the slopes, of all ports in each piece; ports without a table have NaN, or 0."""
     count, fill = len(drive.lengths), np.nan if part == "values" else 0.0
     none = {port: np.full((count, size_of(scene, port)), fill) for port in scene.inputs.ports}
     given = [getattr(drive.ports[port], part) if port in drive.ports else none[port] for port in none]
@@ -220,16 +224,16 @@ def _rows(scene: Scene, drive: Drive, part: str) -> Array:
 
 
 def wrong_input(scene: Scene, end: Sequence[int]) -> str:
-    """Return what is said of a member whose controller gave a number that is not finite; end: see `body.members`."""
+    """Return the message for a member whose controller gave a number that is not finite; end: see `body.members`."""
     names = [name for port in scene.inputs.ports for name in elements(port, size_of(scene, port))]
     time = scene.run.grid()[end[1]]
     return f"{scene.name}: the controller gave {names[-1 - end[0]]} at t = {float(time)!r} s: expected a finite number"
 
 
 def digest(value: Any) -> str:
-    """Return a digest of numbers, or of all that a function computes by: code, and what this names, in turn.
+    """Return a digest of numbers, or of a function: of its code, and recursively of all that the code names.
 
-    Raises ValueError where something of it cannot be pickled.
+    Raises ValueError if a part cannot be pickled.
     """
     found = hashlib.blake2b(digest_size=8)
     try:
@@ -268,7 +272,7 @@ def _parts(value: Any, seen: set[Any]) -> Iterator[bytes]:
 
 
 def _named(names: set[str], known: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield what code names, also of modules that it names, but for those of libraries with versions of their own."""
+    """Yield what code names, also inside the modules that it names, except those of VERSIONED packages."""
     for name in sorted(names & known.keys()):
         yield name, known[name]
         if isinstance(known[name], ModuleType) and known[name].__name__.partition(".")[0] not in VERSIONED:

@@ -1,9 +1,9 @@
 """The numbers that are drawn for members: points of the unit cube, and their values by the distribution of each number.
 
-Points are random, of a low-discrepancy sequence, of a Latin hypercube, or of a grid. Numbers that depend on each other
-do so by the correlations of their normal scores (a Gaussian copula).
+Points are random, or from a low-discrepancy sequence, a Latin hypercube or a grid. Correlated numbers have correlated
+normal scores (a Gaussian copula).
 
-Member i's row depends on the ensemble's definition and i alone, whichever members are asked for beside it.
+Member i's row depends only on the ensemble's definition and i, whichever other members are drawn.
 """
 
 import hashlib
@@ -20,30 +20,31 @@ from rbfmu.scene.variations import LOGNORMAL, NORMAL, RELATIVE, TRIANGULAR, UNIF
 from rbfmu.types import Array, NDArray
 
 WORDS = 4
-"""The numbers that one count of Philox yields.
+"""How many numbers Philox returns for one value of its counter.
 
-Philox maps a count and a key to random words without any state (Salmon, Moraes, Dror and Shaw, Parallel random numbers:
-as easy as 1, 2, 3, SC11), so that a member's numbers are had without those of the members before it.
+Philox maps a counter and a key to random words without any state (Salmon, Moraes, Dror and Shaw, Parallel random
+numbers: as easy as 1, 2, 3, SC11). So a member's numbers do not require those of the members before it.
 """
 SOBOL_BITS = 30
-"""The bits of a coordinate of Sobol's sequence: 2**30 points differ, more than the most runs need."""
+"""The bits of a coordinate of Sobol's sequence: 2**30 different points, more than any ensemble has runs."""
 
 
 def points(ensemble: Ensemble, first: int, count: int) -> Array:
-    """Return points (count, n) inside the unit cube: those of the members from `first` on, n numbers that vary."""
+    """Return points (count, n) inside the unit cube, of the members from `first` on; n is how many numbers vary."""
     return _DESIGNS[ensemble.design](ensemble, first, count)
 
 
 def key_of(seed: int, name: str) -> NDArray[np.uint64]:
-    """Return the key of the stream of a name."""
+    """Return the key of Philox for the stream of a name."""
     digest = hashlib.blake2b(name.encode(), digest_size=8).digest()
     return np.array([seed, int.from_bytes(digest, "little")], dtype=np.uint64)
 
 
 def uniform(seed: int, name: str, first: int, count: int, attempt: int = 0) -> Array:
-    """Return numbers (count,) inside (0, 1), number i by Philox's count i under the key of seed and name.
+    """Return the numbers (count,) inside (0, 1) of members from `first` on, by Philox with the key of seed and name.
 
-    A number's own stream has the name of the number in its key, so that what else varies does not change it.
+    attempt: a part of the counter; another attempt gives independent numbers. The stream of a number has its name in
+    the key, so that it does not depend on which other numbers vary.
     """
     start = first // WORDS
     stream = np.random.Philox(key=key_of(seed, name), counter=np.array([start, attempt, 0, 0], dtype=np.uint64))
@@ -54,13 +55,13 @@ def uniform(seed: int, name: str, first: int, count: int, attempt: int = 0) -> A
 
 
 def at_random(ensemble: Ensemble, first: int, count: int, attempt: int = 0) -> Array:
-    """Return members' points at random; of attempts from 1 on others than the first, whatever the design."""
+    """Return members' random points (count, n), whatever the design; another attempt gives independent points."""
     columns = [uniform(ensemble.seed, marginal.name, first, count, attempt) for marginal in ensemble.varying]
     return np.column_stack(columns)
 
 
 def _sobol(ensemble: Ensemble, first: int, count: int) -> Array:
-    """Return points of Sobol's sequence, scrambled by a random matrix and shift (Matousek 1998), as SciPy has it.
+    """Return points of Sobol's sequence, scrambled by a random matrix and shift (Matousek 1998), by SciPy.
 
     Half a cell is added: a point at 0, as any scrambled sequence may have, has no normal score.
     """
@@ -70,13 +71,13 @@ def _sobol(ensemble: Ensemble, first: int, count: int) -> Array:
     if first:
         sequence.fast_forward(first)
     else:
-        head = sequence.random(1)  # scipy warns of a first batch that is no power of 2
+        head = sequence.random(1)  # SciPy warns if the size of the first batch is not a power of 2
     return np.concatenate([head, sequence.random(count - len(head))]) + 0.5 ** (SOBOL_BITS + 1)
 
 
 @lru_cache(maxsize=2)
 def _hypercube(dimensions: int, runs: int, seed: int) -> Array:
-    """Return all rows, as each depends on how many there are: 8 bytes a number that varies, and a run.
+    """Return all rows (runs, dimensions), as each depends on how many there are: 8 bytes for each number.
 
     Each number has one value in each of `runs` equal parts (McKay, Beckman and Conover, Technometrics 21, 1979).
     """
@@ -91,14 +92,14 @@ def _generator(seed: int) -> np.random.Generator:
 
 
 def _grid(ensemble: Ensemble, first: int, count: int) -> Array:
-    """Return points of a grid, the last number changing first."""
+    """Return points of a grid; the last number changes from each member to the next."""
     axes = [_places(marginal) for marginal in ensemble.varying]
     places = np.unravel_index(np.arange(first, first + count), [len(axis) for axis in axes])
     return np.column_stack([axis[place] for axis, place in zip(axes, places, strict=True)])
 
 
 def _places(marginal: Marginal) -> Array:
-    """Return a number's places in the grid: from end to end where it is uniform, else the middles of equal shares."""
+    """Return a number's places in the grid: with both ends if it is uniform, else the middles of equal parts."""
     n = marginal.points
     return np.arange(n) / (n - 1) if marginal.kind == UNIFORM and n > 1 else (np.arange(n) + 0.5) / n
 
@@ -112,12 +113,12 @@ _DESIGNS: Mapping[str, Callable[[Ensemble, int, int], Array]] = {
 
 
 def mapped(function: Callable[[float], float], numbers: Array) -> Array:
-    """Return a function of Python's floats of each number; unlike NumPy's, its bits do not depend on the array."""
+    """Return a function of floats, evaluated for each number; unlike NumPy's, its bits do not depend on the array."""
     return np.fromiter(map(function, numbers.tolist()), np.float64, len(numbers))
 
 
 _MIDDLE, _FAR = 0.425, 5.0
-"""Where one rational function of the algorithm below follows another: of |u - 1/2|, and of sqrt(-ln) of the tail."""
+"""Where the algorithm below changes its rational function: a value of |u - 1/2|, and of sqrt(-ln p), p the tail."""
 _RATIOS = {
     "median": (
         (2.5090809287301226727e3, 3.3430575583588128105e4, 6.7265770927008700853e4, 4.5921953931549871457e4,
@@ -138,7 +139,7 @@ _RATIOS = {
          1.48753612908506148525e-2, 1.3692988092273580531e-1, 5.9983220655588793769e-1, 1.0),
     ),
 }  # fmt: skip
-"""The rational functions of M. J. Wichura's algorithm AS 241, Applied Statistics 37, 1988: above and below the bar."""
+"""The rational functions of M. J. Wichura's algorithm AS 241, Applied Statistics 37, 1988: numerator, denominator."""
 
 
 def _ratio(part: str, r: Array, factor: Array | float = 1.0) -> Array:
@@ -147,10 +148,10 @@ def _ratio(part: str, r: Array, factor: Array | float = 1.0) -> Array:
 
 
 def normal_scores(u: Array) -> Array:
-    """Return where the standard normal distribution function is u, 0 < u < 1; error <= 4 eps.
+    """Return the inverse of the standard normal distribution function at u, 0 < u < 1; error <= 4 eps.
 
-    In sums, products and roots, which NumPy rounds as all do, and in the logarithm of Python, as NumPy's has other bits
-    on other processors: the bits are those of `statistics.NormalDist`.
+    It uses sums, products and square roots, which NumPy rounds correctly, and Python's logarithm, as the bits of
+    NumPy's depend on the processor. The bits are those of `statistics.NormalDist`.
     """
     q = u - 0.5
     r = 0.180625 - q * q  # the square of _MIDDLE, as the algorithm has it
@@ -165,14 +166,14 @@ def normal_scores(u: Array) -> Array:
 
 
 def probabilities(z: Array) -> Array:
-    """Return the standard normal distribution function inside (0, 1)."""
+    """Return the standard normal distribution function at z, kept inside (0, 1)."""
     return np.clip(mapped(NormalDist().cdf, z), 2.0**-1000, 1.0 - 2.0**-53)
 
 
 def values_of(marginal: Marginal, u: Array, z: Array | None = None) -> Array:
-    """Return the values of a number at places u of its distribution function, 0 < u < 1 (0 and 1 if it is bounded).
+    """Return the values of a number where its distribution function is u, 0 < u < 1 (0 <= u <= 1 if it is bounded).
 
-    z: its normal scores, in place of these. Values of a number that is relative are factors of the scene's.
+    z: normal scores to use in place of u. Values of a relative number are factors on the scene's number.
     """
     if marginal.kind in _SCORED:
         return _SCORED[marginal.kind](*marginal.arguments, normal_scores(u) if z is None else z)
@@ -191,11 +192,11 @@ def _triangular(low: float, mode: float, high: float, u: Array) -> Array:
 
 
 _BOUNDED: Mapping[str, Callable[..., Array]] = {UNIFORM: _uniform, TRIANGULAR: _triangular}
-"""Values by the arguments of a distribution and by places of its distribution function."""
+"""The inverse of each bounded distribution function, by its arguments and u."""
 
 
 def _exponential(x: float) -> float:
-    """Return exp x, infinite where it is too large for a number: a member with it is refused, and no other."""
+    """Return exp x, or infinity if it overflows: then this member is refused, and no other."""
     try:
         return math.exp(x)
     except OverflowError:
@@ -207,7 +208,7 @@ _SCORED: Mapping[str, Callable[..., Array]] = {
     RELATIVE: lambda deviation, z: 1.0 + deviation * z,
     LOGNORMAL: lambda median, deviation, z: median * mapped(_exponential, deviation * z),
 }
-"""Values by the arguments and by normal scores."""
+"""The values of each normal distribution, by its arguments and normal scores."""
 
 
 def correlated_values(ensemble: Ensemble, cube: Array) -> dict[str, Array]:
@@ -218,9 +219,9 @@ def correlated_values(ensemble: Ensemble, cube: Array) -> dict[str, Array]:
 
 
 def _scores_by_correlation(correlation: Correlation | None, places: dict[str, Array]) -> dict[str, Array]:
-    """Return the normal scores of those numbers that depend on each other.
+    """Return the normal scores of the correlated numbers.
 
-    The sums are taken term by term: a product of matrices may round otherwise in a larger chunk.
+    They are summed term by term, as a product of matrices may round differently in a larger chunk.
     """
     if correlation is None:
         return {}

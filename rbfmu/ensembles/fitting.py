@@ -1,7 +1,7 @@
-"""Series for an ensemble: the cheapest whose worst member is likely to meet the accuracy.
+"""Series for an ensemble: the cheapest with which the worst member is likely to meet the accuracy.
 
-Orders and tolerances are fitted to a few pilots, followed to the end. Of the worst of many members these tell little:
-scouts, up to a thousand members beside a far tighter tolerance, give the tail of the errors.
+Order and tolerance are fitted to a few pilots over their whole runs. A few pilots say little about the worst of many
+members. Scouts, up to a thousand members that are compared with a far tighter tolerance, show the tail of the errors.
 """
 
 import math
@@ -27,45 +27,46 @@ from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 from rbfmu_kernels.quantities import ANGLE, OUTPUT
 
 PART, MOST, LOOSER = 0.15, 0.5, 2.0
-"""The part of the accuracy up to which pilots' errors go, as those of other members scatter, and that where round-off
-alone makes more: with half of it series were fitted twice in every third ensemble, to a tolerance no looser in the end.
-And the loosest tolerance over the accuracy: with 14 the estimates overlooked one member in a thousand, which was off by
-8.4 times the accuracy where all others were within 0.2, so that no tail told of it."""
+"""PART: the largest error of a pilot, as a part of the accuracy, as errors of other members scatter. With 0.5, series
+were fitted twice in every third ensemble, and the final tolerance was no looser. MOST: the same where round-off alone
+exceeds PART. LOOSER: the loosest tolerance over the accuracy. With 14, the error estimates missed one member in a
+thousand: it was off by 8.4 times the accuracy, all others by at most 0.2, so that no tail showed it."""
 TIGHT, LITTLE = 1e-16, 1e-3
-"""The tolerance of the series by which pilots are judged; and the part of the accuracy by which two such may differ, or
-of a tolerance, which that of a truth may be."""
+"""TIGHT: the tolerance of the series by which pilots are judged. LITTLE: the largest difference of two such series, in
+parts of the accuracy; and the largest tolerance of the scouts' truth, as a part of the plan's tolerance."""
 HIGHEST = 20
 """The highest order of series."""
 POINTS, INSIDE = 1_000, 16
-"""The communication points, about, at which pilots and scouts are looked at: in longer runs, at one of some. And how
-many times more their steps are than their series: a series that serves so many is the same one, whatever these are.
+"""POINTS: about the number of communication points at which pilots and scouts are compared; longer runs skip some.
+INSIDE: the number of steps in a series above which the series does not depend on the length of these steps.
 """
 SCOUTS, FEWEST, TAIL, HEAVY = 1024, 64, 32, 5.0
-"""The most and the fewest members whose errors tell of those of others, and of how many the tail is taken; and how many
-times larger than those seen others may be by that tail before more are looked at."""
+"""SCOUTS, FEWEST: the largest and the smallest number of scouts. TAIL: the number of largest errors from which the tail
+is estimated. HEAVY: more scouts are run if the estimated worst error is more than HEAVY times the largest one seen."""
 MEMBERS = 10_000
-"""The members whose worst error is estimated: a plan does not depend on the number of runs, which may be extended."""
+"""The number of members whose worst error is estimated, whatever the number of runs, which may be extended later."""
 SCATTER = 1.15
-"""How much larger than estimated the exponent of the tail is taken, see `likely_worst`."""
+"""The factor by which the estimated exponent of the tail is increased, see `likely_worst`."""
 NEAR, WITHIN, WORTH, DEARER = 0.3, 0.4, 3.0, 1.15
-"""The part of the accuracy that the likely worst error is brought to, and that which it may come to; by how much a
-tolerance is loosened if at all, as three times saves a twelfth of a run of order 14; and the cost over that of pilots'
-tolerance from which on orders are tried again.
+"""NEAR: the likely worst error that is aimed at, as a part of the accuracy. WITHIN: the largest that is accepted.
+WORTH: the least factor by which a tolerance is loosened: 3 saves a twelfth of a run of order 14. DEARER: orders are
+tried again if the cost is more than DEARER times the cost at the pilots' tolerance.
 
-More than half of the accuracy is left to single members whose estimate of the error passes zero by chance in a step:
-no tail tells of them. In one of 200 ensembles these were up to 3.4 times beyond the likely worst, in all others within.
+More than half of the accuracy is left for single members whose error estimate passes zero by chance in a step, which
+no tail shows. In one of 200 ensembles their errors were up to 3.4 times the likely worst, in all others below it.
 """
 SECONDS, LONGER, TIGHTER, TINY = 0.03, 1.0, 1e-4, 1e-300
-"""The time that scouts may take one by one, and where the first of them tell that no tolerance holds; the tolerance
-that they are compared with, over the plan's; and what a quantity is relative to where it is zero."""
+"""SECONDS: the time that all scouts may take, counted as if run one by one. LONGER: the same for more scouts, where the
+first are too few or show that no tolerance is tight enough. TIGHTER: the tolerance of the scouts' truth over that of
+the plan. TINY: the size that errors of a quantity are relative to if the quantity is zero."""
 APART = (1 << 32) + 1
-"""The attempt by whose numbers scouts are drawn, which no member and no pilot has."""
+"""The number of the attempt (see `draws.at_random`) by which scouts are drawn; no member and no pilot has it."""
 
 
 def parts_of_steps(judges: Sequence[Judge], general: Plan) -> int:
-    """Return into how many steps of one length the time between two points is cut that pilots and scouts are looked at.
+    """Return the number of equal steps between two points at which pilots and scouts are compared.
 
-    As many as a run has there, or fewer, where series serve many of these.
+    It is the number of the run's steps there, or fewer where a series serves many steps.
     """
     one = judges[0]
     if one.stride == 1:
@@ -76,10 +77,10 @@ def parts_of_steps(judges: Sequence[Judge], general: Plan) -> int:
 
 
 def fit_of_members(judges: Sequence[Judge], general: Plan, parts: int, part: float) -> Plan | None:
-    """Return the cheapest series whose errors in pilots are at most such a part of the accuracy.
+    """Return the cheapest series whose errors in all pilots are at most `part` of the accuracy.
 
-    Orders are compared on the member of the largest error and on that which takes most substeps; then all are tried.
-    parts: see `parts_of_steps`. None where no tolerance is tight enough.
+    Orders are compared on two pilots: the one with the largest error and the one with the most substeps. The tolerance
+    of the best order is then fitted to all pilots. parts: see `parts_of_steps`. None if no tolerance is tight enough.
     """
     asked = judges[0].asked
     looser, steps = replace(general, tolerance=LOOSER * asked.accuracy), asked.scene.run.count
@@ -112,9 +113,10 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, parts: int, part: flo
 
 
 def follow_in_doubles(judges: Sequence[Judge]) -> None:
-    """Take tight series of two orders for the truth, where these agree: what they differ by is mostly round-off.
+    """Let all judges use a tight series in doubles as the truth, if such series of two orders agree.
 
-    Else all are followed in double-double arithmetic, which takes as long as all else here.
+    Their difference is then mostly round-off. Otherwise all judges use double-double arithmetic, which takes as long
+    as all other work here.
     """
     for judge in judges:
         judge.follow_by(series_of_all(judge.asked, MAX_ORDER - 4, TIGHT))
@@ -125,10 +127,10 @@ def follow_in_doubles(judges: Sequence[Judge]) -> None:
 
 
 def at_bound(found: Plan, bound: float, loosest: float, substeps: float, steps: int) -> float:
-    """Return the substeps where the error is the bound, or the tolerance is the loosest.
+    """Return the expected number of substeps at the tolerance whose error is the bound, or at the loosest tolerance.
 
-    The error goes with their length^order. They are whole ones in each communication step, but for series that serve
-    many of these.
+    The error is proportional to (length of a substep)^order. Each communication step has a whole number of substeps,
+    unless a series serves several steps.
     """
     if found.tolerance >= loosest:
         return substeps
@@ -139,7 +141,7 @@ def at_bound(found: Plan, bound: float, loosest: float, substeps: float, steps: 
 def _loosest(
     worst: Callable[[Plan], tuple[float, float]], general: Plan, order: int, tolerance: float, bound: float
 ) -> tuple[Plan | None, float, float]:
-    """Return the plan of an order whose error is near a bound and not beyond, its tolerance, and its substeps."""
+    """Return the plan of an order whose error is at or a little below a bound, its tolerance, and its substeps."""
     kept, substeps = None, math.inf
     for _ in range(4):
         plan = series_plan(general, order, tolerance)
@@ -153,16 +155,21 @@ def _loosest(
 
 
 class Scouts:
-    """Many more members than pilots, whose errors tell of those of all: runs beside a far tighter tolerance.
+    """Many more members than pilots, from whose errors the worst error of all members is estimated.
 
-    Errors of a few pilots say little of the worst of many members, which may come near to where nearly equal starts
-    lead apart. Scouts run in lanes, at a cost of some members each.
+    Each is run twice: at the plan's tolerance and at a far tighter one. Errors of a few pilots say little about the
+    worst of many members, which may pass near a separatrix, where motions from nearly equal starts diverge.
+    Scouts run in lanes, and each costs as much as a few members.
     """
 
     def __init__(
         self, scene: Scene, plan: Plan, names: tuple[str, ...], parts: int | None = None, seconds: float = SECONDS
     ) -> None:
-        """Follow them; parts: see `parts_of_steps`, as many as the run has where it is None."""
+        """Run the scouts at the far tighter tolerance.
+
+        names: the quantities that are compared; parts: see `parts_of_steps`, by default the number of the run's steps
+        between two points; seconds: the time that scouts may take, which limits their number.
+        """
         steps = scene.run.count
         stride = math.ceil(steps / POINTS)
         self.scene = scene.replace({"outputs.quantities": names, "run.step": stride * scene.run.step})
@@ -173,13 +180,13 @@ class Scouts:
         most = min(int(MOST_BYTES / (8.0 * numbers)), int(1e9 * seconds / (plan.cost * steps)))
         cube = draws.at_random(members.ensemble_of(scene), 0, max(min(most, SCOUTS), FEWEST), APART)
         self.samples = members.samples_at(self.scene, cube)
-        order = plan.order + 2 if plan.order < MAX_ORDER else MAX_ORDER - 2  # of one order steps may be the same
+        order = plan.order + 2 if plan.order < MAX_ORDER else MAX_ORDER - 2  # with equal orders, steps may be equal
         self.exact = replace(plan, tolerance=TIGHTER * plan.tolerance, order=order)
         self.truth = self._run(self.exact)
         self.are_too_few = False
 
     def tell_of(self, plan: Plan) -> bool:
-        """Return whether they were followed by series much tighter than a plan."""
+        """Return whether the scouts' truth is much tighter than a plan."""
         return self.exact.tolerance <= LITTLE * plan.tolerance
 
     def _run(self, plan: Plan) -> Array:
@@ -187,7 +194,7 @@ class Scouts:
         return run_samples(work, self.samples, ends_alone=False)[0]
 
     def likely_worst(self, plan: Plan) -> float:
-        """Return what the errors of MEMBERS members are likely not to exceed; note whether few tell of far larger."""
+        """Return the likely worst error of MEMBERS members; set `are_too_few` if it is far above the errors seen."""
         errors = _errors(self.columns, self._run(plan), self.truth, self.at_rest)
         likely = likely_worst(errors, MEMBERS)
         self.are_too_few = len(errors) < SCOUTS and likely > HEAVY * float(np.nanmax(errors, initial=0.0))
@@ -195,14 +202,14 @@ class Scouts:
 
 
 def for_the_worst(scouts: Scouts, fitted: Plan) -> Plan | None:
-    """Return series with their likely error, at a tolerance with which the worst of all members meets the accuracy.
+    """Return the series at a tolerance with which the worst of all members is likely to meet the accuracy.
 
-    None where none is likely to.
+    Its error is the likely worst error. None if no tolerance is tight enough.
     """
     accuracy, found, kept = scouts.scene.run.accuracy, fitted, None
-    # nearer to the tolerance that they are compared with, differences would be those of both
+    # closer to the tolerance of the scouts' truth, differences would contain the errors of both
     least, pilots = max(10.0 * scouts.exact.tolerance, TIGHTEST), max(found.error, TINY) / found.tolerance
-    most = min(REACHED / pilots, LOOSER) * accuracy  # the farthest pilot meets it as well
+    most = min(REACHED / pilots, LOOSER) * accuracy  # at which the worst pilot meets the accuracy as well
     while found.tolerance >= least:
         worst = scouts.likely_worst(found)
         ratio = min(max(NEAR * accuracy / max(worst, TINY), 1e-3), 1e2)
@@ -220,26 +227,26 @@ def for_the_worst(scouts: Scouts, fitted: Plan) -> Plan | None:
 
 
 def dearest(judges: Sequence[Judge], found: Plan) -> Plan:
-    """Return series with the cost that they have of the pilot which takes most substeps."""
+    """Return the series with its cost for the pilot that takes most substeps."""
     asked = judges[0].asked
     substeps = max(judge.try_out(found, parts=judge.stride)[1] for judge in judges) / asked.scene.run.count
     return replace(found, cost=series_cost(found.order, asked.load_shares) * substeps)
 
 
 def with_likely_error(scene: Scene, found: Plan, names: tuple[str, ...]) -> Plan:
-    """Return the plan of series with the error that the worst of all members is likely to have."""
+    """Return the plan with the likely worst error of all members; other plans than series keep their error."""
     if found.model != LOADED_TAYLOR.key:
         return found
     return replace(found, error=max(found.error, Scouts(scene, found, names).likely_worst(found)))
 
 
 def likely_worst(errors: Array, runs: int) -> float:
-    """Return what the largest of so many more errors will not exceed in 99 of 100 ensembles.
+    """Return the bound that the largest of `runs` further errors does not exceed in 99 of 100 ensembles.
 
-    The tail of errors is taken for a power law, whose exponent is Hill's estimate from the largest of them (B. M. Hill,
-    Annals of Statistics 3, 1975; the quantile beyond all data is I. Weissman's, J. Am. Stat. Assoc. 73, 1978): errors
-    grow as 1/d where members come to a distance d from a separatrix, and this is the heaviest tail met. The estimate
-    scatters by 1/sqrt(TAIL), and is taken so much larger that 99 of 100 hold.
+    The tail of the errors is modelled as a power law, whose exponent is Hill's estimate from the largest errors (B. M.
+    Hill, Annals of Statistics 3, 1975); the quantile beyond all data is I. Weissman's (J. Am. Stat. Assoc. 73, 1978).
+    The reason: errors grow as 1/d at a distance d from a separatrix, the heaviest tail met. The estimated exponent
+    scatters by a relative 1/sqrt(TAIL), and is increased by SCATTER so that 99 of 100 ensembles stay within the bound.
     """
     known = np.sort(errors[np.isfinite(errors)])[::-1]
     if not len(known) or known[0] == 0.0:
@@ -251,7 +258,10 @@ def likely_worst(errors: Array, runs: int) -> float:
 
 
 def _sizes_at_rest(asked: Question) -> dict[str, tuple[float, float]]:
-    """Return, by quantity, the size up to which it is round-off of a body at rest, and what errors are relative to."""
+    """Return for each quantity the largest size that is round-off of a body at rest, and its natural size.
+
+    Errors of a quantity that is only round-off are relative to its natural size.
+    """
     sizes = natural_sizes(asked, {})
     return {name: (size * (NOISE**2 if OUTPUT[name].unit == "J" else NOISE), size) for name, size in sizes.items()}
 
@@ -259,10 +269,10 @@ def _sizes_at_rest(asked: Question) -> dict[str, tuple[float, float]]:
 def _errors(
     columns: variables.Columns, rows: Array, truth: Array, at_rest: Mapping[str, tuple[float, float]] = {}
 ) -> Array:
-    """Return each member's largest error, as an accuracy counts it; NaN of those that fail.
+    """Return each member's largest error (members,), as an accuracy counts it; NaN for members that fail.
 
-    at_rest: see `_sizes_at_rest`. The judge's own errors are made a row at a time, which would take as long here as
-    all scouts' motions.
+    at_rest: see `_sizes_at_rest`. The judge's `largest_error` takes one motion at a time, which would take as long here
+    as the scouts' runs.
     """
     found, true = columns.split(rows), columns.split(truth)
     worst = np.zeros(len(rows))

@@ -18,17 +18,17 @@ except ImportError:
     msvcrt = None  # type: ignore[assignment]
 
 FAR = 1 << 30
-"""The byte that is locked on Windows: nobody else can read one that is, and the first ones say who holds the file."""
+"""The byte that is locked on Windows: others cannot read a locked byte, and the first bytes say who holds the file."""
 _HERE: dict[str, object] = {}
-"""The stores that this process writes to: the lock of a file is that of a process, not of a thread."""
+"""The stores that this process writes to: the lock of a file belongs to a process, not to a thread."""
 
 
 @contextmanager
 def store_lock(store: Path) -> Iterator[None]:
-    """Hold a store, or that where a link leads, by a lock on a file beside it. Raises BlockingIOError that says whose.
+    """Lock a store, or the target of a link, by a file beside it. Raises BlockingIOError that names the holder.
 
-    The lock ends with its process, however that ends, and is not that of processes forked from it. Where files cannot
-    be locked nothing is held.
+    The lock ends with its process, however that ends; forked processes do not have it. Where files cannot be locked,
+    nothing is locked.
     """
     key, mine = os.path.realpath(store), object()
     beside = Path(f"{key}.lock")
@@ -58,7 +58,7 @@ def _lock_file(store: Path, beside: Path) -> int | None:
                 os.ftruncate(handle, 0)
                 os.write(handle, _me().encode())
                 return handle
-        except FileNotFoundError:  # who held it has just removed it
+        except FileNotFoundError:  # the last holder has just removed it
             pass
         except OSError as error:
             holder = os.read(handle, 200).decode(errors="replace")
@@ -82,7 +82,7 @@ def _try_lock(handle: int) -> None:
 
 
 def _remove(beside: Path, handle: int) -> None:
-    """Remove a locked file: on POSIX before others can lock it, on Windows once it is closed, unless others have it."""
+    """Remove a locked file: on POSIX before others can lock it, on Windows after closing it, unless others hold it."""
     if fcntl is None:
         os.close(handle)
     with suppress(OSError):

@@ -1,8 +1,8 @@
-"""The compiled loops of ensembles: members one after the other or in lanes, and moments of what they gave.
+"""The compiled loops of ensembles: members run one after the other or in lanes, and moments of their outputs.
 
-They let go of the GIL, so that threads run side by side. A model's `initialize` and `step` are called by their
-addresses: one loop serves all models, with the code that `simulate` calls. Lanes are those of a vector: some members
-side by side, where their model knows how, with the same bits.
+They release the GIL, so that threads run in parallel. A model's `initialize` and `step` are called by their addresses:
+one loop runs all models, with the code that `simulate` calls. Lanes are those of a vector register: several members are
+stepped side by side, if their model has lanes, with the same bits.
 """
 
 import math
@@ -32,7 +32,7 @@ _INITIALIZE, _STEP = types.FunctionType(int64(_NUMBERS)), types.FunctionType(int
 
 @cache
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a loop of this module as machine code, kept on disk where that can be written, until a kernel changes."""
+    """Return a loop of this module as machine code, kept on disk, if that can be written, until a kernel changes."""
     return loop(function, _SIGNATURES[function])  # type: ignore[no-any-return]
 
 
@@ -49,7 +49,7 @@ def run_members(
 ) -> int:
     """Run members by a model's `initialize` and `step`, one after the other: see `body.members`.
 
-    z (SIZE,), state (k,): room for one.
+    z (SIZE,), state (k,): work space for one member.
     """
     run, steps = Run(control, members, driving, room), len(driving.time) - 1
     for i in range(len(members.values)):
@@ -69,19 +69,19 @@ def run_members(
 
 
 LANES = 16
-"""Sums that are added up side by side, in an order that no processor changes."""
+"""The number of partial sums of a sum; the order of additions is the same on every processor."""
 
 
 @kernel
 def _put_columns(rows: Any, good: Any, first: int, at: Any, x: Any) -> None:
-    """Put numbers of the good members, from a time on, to the places at (p,) of x and after each: see `moments`.
+    """Put number p of each good member, counted from a time on, one member after another to x from place at[p] on.
 
-    Four members at a time; beyond the last member it is once more that one.
+    See `moments`. Four members are put at a time; behind the last member its number is repeated.
     """
     count, own = len(good), rows.shape[2]
     size, last = rows.shape[1] * own, count - 1
     flat, to = rows.reshape(rows.size), x.reshape(x.size)
-    zero = lanes(0.0, 0.0, 0.0, 0.0)  # which is added as sorting leaves no order to -0 and 0
+    zero = lanes(0.0, 0.0, 0.0, 0.0)  # added to turn -0 into 0, which sorting cannot tell apart
     for top in range(0, count, 4):
         i = good[top] * size + first * own
         j = good[min(top + 1, last)] * size + first * own
@@ -94,7 +94,7 @@ def _put_columns(rows: Any, good: Any, first: int, at: Any, x: Any) -> None:
 
 @kernel
 def _products(a: Any, c: float, b: Any, d: float, count: int) -> float:
-    """Return the sum of (a + c) (b + d) over so many numbers: in vectors, which stay in registers, and what is left."""
+    """Return the sum of (a + c) (b + d) over `count` numbers: in vectors that stay in registers, then the rest."""
     c_4, d_4 = lanes(c, c, c, c), lanes(d, d, d, d)
     s_0 = s_1 = s_2 = s_3 = lanes(0.0, 0.0, 0.0, 0.0)
     whole = count - count % LANES
@@ -113,11 +113,11 @@ def _products(a: Any, c: float, b: Any, d: float, count: int) -> float:
 
 
 def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any, products: Any, x: Any) -> int:
-    """Set the means (t, W) of members at t times and the sums (t, P) of products of two deviations from them.
+    """Set the means (t, W) of members at t times and the sums (t, P) of products of two deviations from the means.
 
-    rows (m, n, K); good (g,): which of them; first: of the times. angles (a,): columns of which sine and cosine are
-    taken as well; W = K + 2 a. pairs (P, 2): columns of the products. x (t W, more than g): the numbers of the good
-    members, each column a row.
+    rows (m, n, K): outputs; good (g,): the members that count; first: index of the first time. angles (a,): columns
+    whose sines and cosines are appended as columns; W = K + 2 a. pairs (P, 2): columns of the products. x (t W, more
+    than g): work space; row by row the good members' numbers of one time and column.
     """
     count, own, width = len(good), rows.shape[2], mean.shape[1]
     ones, at = np.ones(count), np.empty(len(mean) * own, np.int64)
@@ -138,13 +138,13 @@ def moments(rows: Any, good: Any, first: int, angles: Any, pairs: Any, mean: Any
 
 
 RUN = 256
-"""Numbers up to which NumPy sorts by a network within registers: 2 ns for each, beyond that seven to twelve times more
-where a processor is slow to store the chosen lanes of a vector, as AMD's Zen 4 is."""
+"""The largest count of numbers that NumPy sorts by a network in registers, 2 ns for each. Beyond it sorting takes seven
+to twelve times more on a processor that stores chosen lanes of a vector slowly, such as AMD's Zen 4."""
 
 
 @kernel
 def _put_smaller(x: Any, i: Any, j: Any, y: Any, to: Any) -> tuple[Any, Any]:
-    """Put the smaller of x[i] and x[j] to y[to]; return the places to go on from."""
+    """Put the smaller of x[i] and x[j] to y[to]; return the next places i and j."""
     a, b = x[i], x[j]
     y[to] = a if a < b else b
     taken = np.uint64(a <= b)
@@ -153,7 +153,7 @@ def _put_smaller(x: Any, i: Any, j: Any, y: Any, to: Any) -> tuple[Any, Any]:
 
 @kernel
 def _put_larger(x: Any, i: Any, j: Any, y: Any, to: Any) -> tuple[Any, Any]:
-    """Put the larger of x[i] and x[j] to y[to]; return the places to go on from."""
+    """Put the larger of x[i] and x[j] to y[to]; return the next places i and j."""
     a, b = x[i], x[j]
     y[to] = a if a > b else b
     taken = np.uint64(a <= b)
@@ -162,9 +162,10 @@ def _put_larger(x: Any, i: Any, j: Any, y: Any, to: Any) -> tuple[Any, Any]:
 
 @kernel
 def _merge(x: Any, at: Any, beside: Any, half: Any, y: Any, to: Any, other: Any) -> None:
-    """Merge the sorted halves from x[at] on to y[to], and those from x[beside] on to y[other].
+    """Merge the two sorted halves from x[at] on to y[to], and those from x[beside] on to y[other].
 
-    From both ends, so that no half can end too soon, and two at once, so that none waits for another's comparison.
+    Each merge runs from both ends, so that no half can end too soon. Two run at once, so that neither waits for the
+    other's comparison.
     """
     one = np.uint64(1)
     i, j, end = at + half - one, at + half + half - one, to + half + half - one
@@ -178,7 +179,10 @@ def _merge(x: Any, at: Any, beside: Any, half: Any, y: Any, to: Any, other: Any)
 
 
 def merged(x: Any, ranks: Any, found: Any, room: Any) -> int:
-    """Set the numbers (r, p) that have these ranks (p,) in each of r rows x (r n,); see `in_order`. room (2 n,)."""
+    """Set `found` (r, p) to the numbers of given ranks (p,) in each of r rows x (r n,), whose runs are sorted.
+
+    room (2 n,): work space; see `in_order`.
+    """
     zero, whole = np.uint64(0), np.uint64(len(room) // 2)
     for r in range(0, len(found), 2):
         s = min(r + 1, len(found) - 1)
@@ -196,9 +200,9 @@ def merged(x: Any, ranks: Any, found: Any, room: Any) -> int:
 
 
 def in_order(values: Array, ranks: Indices) -> Array:
-    """Return the numbers (..., p) that have these ranks (p,), from 0 on, among n numbers: values (..., n).
+    """Return the numbers (..., p) of given ranks (p,), counted from 0, among values (..., n).
 
-    Runs are sorted, and merged two by two: rows are filled up to a power of 2 of them.
+    Runs of RUN numbers are sorted, then merged two by two. Rows are filled up with infinity to a power of 2 of runs.
     """
     *shape, count = values.shape
     size = max(count, 1) if count <= RUN else RUN << (-(-count // RUN) - 1).bit_length()
@@ -223,11 +227,11 @@ _SIGNATURES: dict[Callable[..., Any], Any] = {
 
 
 AT_ONCE = 64
-"""Members whose buffers are filled at a time: their part that is used lies in a processor's own cache."""
+"""Members whose buffers are filled at a time: the parts in use fit into a processor's own cache."""
 _CACHE_LINE = 8
 """The numbers in a cache line."""
 MOST_MODELS = 16
-"""Models whose lanes are remembered: a loop that writes its numbers into texts makes one a turn."""
+"""Models whose lanes are remembered: a user's loop that writes numbers into formulas makes a new model each time."""
 
 
 def run_alone(kernels: Any, members: Members, control: Any, driving: Driving) -> None:
@@ -241,9 +245,9 @@ def _room(members: Members, driving: Driving) -> Room:
 
 
 def run_in_lanes(kernels: Any, members: Members, control: Any, driving: Driving, compile_now: bool = True) -> bool:
-    """Do what `run_alone` does, with the same bits; return False, with nothing done, where lanes do not serve.
+    """Do what `run_alone` does, with the same bits; return False, with nothing done, where lanes cannot be used.
 
-    compile_now: else lanes serve where their code is there already, or kept on disk.
+    compile_now: whether to compile lanes; otherwise they are used only if their code is loaded or kept on disk.
     """
     if not kernels.lanes or config.DISABLE_JIT or len(members.values) < 2:
         return False
@@ -251,7 +255,7 @@ def run_in_lanes(kernels: Any, members: Members, control: Any, driving: Driving,
     if not (compile_now or has_code(run, signature)):
         return False
     _compile(run, signature)
-    run.disable_compile()  # whatever the controller, it is called by its address
+    run.disable_compile()  # the controller is called by its address, so that another one needs no other code
     room = _room_of_lanes(kernels, min(AT_ONCE, len(members.values)), len(driving.start))
     run(control, members, driving, _room(members, driving), *room)
     return True
@@ -264,7 +268,7 @@ def _lanes_of(kernels: Any) -> tuple[Any, tuple[Any, ...]]:
 
 
 def _room_of_lanes(kernels: Any, count: int, states: int) -> tuple[Array, ...]:
-    """Return room for so many members at a time, whose controllers have so many numbers of their own."""
+    """Return work space for `count` members at a time, whose controllers have `states` numbers each."""
     size, count = -(-kernels.SIZE // _CACHE_LINE) * _CACHE_LINE, max(count, WIDEST)
     buffers = aligned_zeros(count * size).reshape(count, size)[:, : kernels.SIZE]
     return buffers, np.empty((count, states)), np.zeros((count, MARKS)), aligned_zeros(kernels.lanes().SCRATCH)
@@ -274,16 +278,16 @@ def _compile(run: Any, signature: tuple[Any, ...]) -> None:
     try:
         if not has_code(run, signature):
             run.compile(signature)
-    except RuntimeError:  # others found code on disk while this waited, so that none is to be compiled
+    except RuntimeError:  # meanwhile another thread found code on disk and disabled compilation
         if not has_code(run, signature):
             raise
 
 
 @lru_cache(MOST_MODELS)
 def compile_lanes(kernels: Any) -> Thread | None:
-    """Compile lanes beside what else is done, once in a process; return the thread that does, None without lanes.
+    """Compile lanes in a thread of their own, once in a process; return the thread, or None without lanes.
 
-    A process that ends sooner waits for it: the code is kept for all that come.
+    A process waits for it before it ends: the code is kept on disk for later processes.
     """
     if not kernels.lanes or config.DISABLE_JIT:
         return None

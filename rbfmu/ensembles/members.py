@@ -1,6 +1,6 @@
-"""The members of an ensemble: what is drawn for each, what is applied, which no body has, and the scene of one.
+"""The members of an ensemble: the numbers drawn for each, the values applied, which are refused, and the scene of one.
 
-What is applied: attitudes as quaternions, inertia as matrices, all else by its key.
+Applied are attitudes as quaternions, inertia as matrices, and all other numbers by their keys.
 """
 
 from collections.abc import Iterator, Mapping
@@ -23,9 +23,10 @@ from rbfmu_kernels.mechanics import inertia
 from rbfmu_kernels.rotations import euler_angles, quaternion, rotation_vector
 
 ATTEMPTS = 100
-"""How often a member whose inertia no body has is drawn again; after that it stays, and is refused.
+"""How often a member with an inertia that is not physically possible is drawn again; after that it is refused.
 
-Where half of the draws are possible one member in 1e30 stays; where none is, the scene is wrong and should say so soon.
+If half of the draws are possible, one member in 1e30 is refused. If none is possible, the scene is wrong, and the user
+should learn this soon.
 """
 
 
@@ -34,8 +35,8 @@ class Samples:
     """Members of an ensemble, one a row.
 
     first: the number of the first member; applied: SI numbers (count, ...) by the key of the scene, attitudes q_ab as
-    quaternions, scalar first, inertia as matrices; drawn: the numbers behind these (count,), in the file's units, those
-    that are relative as factors; redrawn: how often each member was drawn again, as no body has its inertia.
+    quaternions, scalar first, inertia as matrices; drawn: the drawn numbers (count,) by name, in the file's units,
+    relative ones as factors; redrawn: how often each member was drawn again because its inertia was impossible.
     """
 
     first: int
@@ -56,9 +57,10 @@ def ensemble_of(scene: Scene) -> Ensemble:
 
 
 def with_runs(scene: Scene, runs: int | None) -> Scene:
-    """Return the scene with so many runs, if any are given.
+    """Return the scene with this number of runs; None keeps the scene's own.
 
-    Raises SceneError without an ensemble, of a grid, or where what is kept would have one name twice.
+    Raises SceneError without an ensemble, for another number of runs of a grid, or if two kept results would have the
+    same name.
     """
     ensemble_of(scene)
     variables.check_names(scene)
@@ -66,10 +68,11 @@ def with_runs(scene: Scene, runs: int | None) -> Scene:
 
 
 def for_ends(scene: Scene) -> Scene:
-    """Return the scene with the whole run for its communication step, where only ends are kept and nothing drives it.
+    """Return the scene with the whole run as one communication step if only final values are kept, without ports.
 
-    Shorter ones would be made for nobody, cut what a series reaches over, and keep members from going side by side: 600
-    steps under a constant torque took 7 times as long. Events stay as they are: there may be many in a run.
+    Nobody reads the results of shorter steps. They would end a series before its reach, and prevent members from
+    running side by side: 600 steps under a constant torque took 7 times as long. A scene with events keeps its steps,
+    as there may be many events in a run.
     """
     if ensemble_of(scene).keep != (variables.FINAL,) or scene.inputs.ports or scene.events:
         return scene
@@ -96,7 +99,7 @@ def samples_at(scene: Scene, cube: Array, first: int = 0) -> Samples:
 
 
 def _possible(scene: Scene, found: Samples) -> Samples:
-    """Return the members, those whose inertia no body has drawn again: all numbers, by the member's own stream."""
+    """Return the members, with all numbers of those with an impossible inertia drawn again, by their own streams."""
     if ensemble_of(scene).variation_of(INERTIA) is None:
         return found
     rows = _to_draw_again(found)
@@ -113,7 +116,7 @@ def _possible(scene: Scene, found: Samples) -> Samples:
 
 
 def _to_draw_again(samples: Samples) -> Indices:
-    """Return the rows whose inertia is impossible, but for those that no positive mass has: they are refused."""
+    """Return the rows with an impossible inertia, except those whose mass is not positive: these are refused."""
     rows = impossible_rows(samples.applied[INERTIA])
     mass = samples.applied.get("body.mass")
     return rows if mass is None else rows[mass[rows] > 0.0]
@@ -125,7 +128,7 @@ def _to_draw_again(samples: Samples) -> Indices:
 def member(scene: Scene, samples: Samples, row: int, more: Mapping[str, Any] = MappingProxyType({})) -> Scene:
     """Return the scene of one member, as a user would have written it, with more changes; no event ends its run.
 
-    Raises SceneError where it is refused.
+    Raises SceneError if the member is refused.
     """
     changes: dict[str, Any] = {"ensemble": None, **more}
     if any(event.stop for event in scene.events.values()):
@@ -144,7 +147,7 @@ def member(scene: Scene, samples: Samples, row: int, more: Mapping[str, Any] = M
 
 
 def refusals(scene: Scene, samples: Samples) -> dict[int, str]:
-    """Return the rows of members that are no scenes, with what is wrong with each: the scene's own checks."""
+    """Return for each refused member its row and the message, by the scene's own checks."""
     messages = {}
     for row in np.unique(np.concatenate(list(_doubtful(scene, samples)))).tolist():
         try:
@@ -155,7 +158,7 @@ def refusals(scene: Scene, samples: Samples) -> dict[int, str]:
 
 
 def _check_shape(scene: Scene, samples: Samples, row: int) -> None:
-    """Raise SceneError for a shape that a scene refuses; its inertia may not tell."""
+    """Raise SceneError for a shape that a scene refuses, as its inertia alone may look possible."""
     if shape := ensemble_of(scene).variation_of(SHAPE):
         sizes = {key.removeprefix(f"{SHAPE}."): value[row].tolist() for key, value in samples.applied.items()
                  if key.startswith(f"{SHAPE}.")}  # fmt: skip
@@ -163,7 +166,7 @@ def _check_shape(scene: Scene, samples: Samples, row: int) -> None:
 
 
 def _doubtful(scene: Scene, samples: Samples) -> list[Indices]:
-    """Return rows that a scene's checks may refuse; they are few, but for slender beams."""
+    """Return the rows that a scene's checks may refuse: few, except for slender beams."""
     found, known = [np.empty(0, dtype=np.int64)], {**RULES, **variables.SIZES}
     for key, values in samples.applied.items():
         rows = values.reshape(len(samples), -1)
@@ -181,22 +184,22 @@ def _doubtful(scene: Scene, samples: Samples) -> list[Indices]:
 
 
 def _in_si(key: str) -> str:
-    """Return the key under which numbers are applied in SI units; a name of your own may end in `_deg` too."""
+    """Return the key under which numbers are applied in SI units; a user's own name may end in `_deg` as well."""
     return "initial.omega_b" if key == DEGREES else key
 
 
 FEW = 2_000
-"""The runs up to which array functions are not worth their compilation."""
+"""The number of runs up to which compiling array functions does not pay."""
 
 
 class _Appliance:
-    """What is applied to some members, by the keys of the scene: SI numbers (count, ...), of numbers drawn (count,)."""
+    """Makes the values that are applied to members: SI numbers (count, ...) by key, from drawn numbers (count,)."""
 
     def __init__(self, scene: Scene, drawn: Mapping[str, Array], count: int) -> None:
         self.scene, self.ensemble, self.drawn, self.count = scene, ensemble_of(scene), drawn, count
 
     def values(self) -> Iterator[tuple[str, Array]]:
-        """Yield the keys with what is applied."""
+        """Yield the keys of the scene and the values that are applied."""
         for variation in self.ensemble.vary:
             if variation.key == ATTITUDE:
                 yield ATTITUDE, self._attitude(variation)
@@ -208,7 +211,7 @@ class _Appliance:
             yield INERTIA, self._inertia()
 
     def call(self, kernel: Any, *columns: Array, sequence: str = "") -> Array:
-        """Return a kernel's values for each member: by array functions where there are many, with the same bits."""
+        """Return a kernel's values for each member; if there are many, by its array function, with the same bits."""
         names = (sequence,) if sequence else ()
         if self.ensemble.runs > FEW:
             return np.asarray(getattr(arrays, kernel.__name__)(*names, *columns))
@@ -216,10 +219,10 @@ class _Appliance:
         rows = zip(*(map(_tuples, column.tolist()) for column in columns), strict=True)
         return np.array([of_one(*row) for row in rows])
 
-    # Numbers that stand for themselves
+    # Numbers that are applied as drawn
 
     def column(self, marginal: Marginal) -> Array:
-        """Return the values of one number, which may be the same for all."""
+        """Return the values (count,) of one number; a constant is the same for all members."""
         found = self.drawn.get(marginal.name)
         return np.full(self.count, marginal.constant) if found is None else found
 
@@ -256,7 +259,7 @@ class _Appliance:
         return self.call(quaternion.normalize, q)
 
     def _any_rotation(self, u: Array) -> Array:
-        """Return quaternions that are uniform on all rotations, from three numbers in [0, 1] each.
+        """Return quaternions (count, 4) that are uniform over all rotations, from numbers u (count, 3) in [0, 1].
 
         Source: Shoemake, Uniform random rotations, Graphics Gems III (1992).
         """
@@ -264,14 +267,14 @@ class _Appliance:
         return np.column_stack([np.sqrt(1.0 - u[:, :1]) * first, np.sqrt(u[:, :1]) * second])
 
     def _unit_circle(self, angle: Array) -> Array:
-        """Return (cos, sin), by the kernels' own functions."""
+        """Return (cos, sin) (count, 2), by the kernels' own functions."""
         zero = np.zeros(self.count)
         return self.call(rotation_vector.quaternion_from_rotvec, np.column_stack([zero, zero, 2.0 * angle]))[:, [0, 3]]
 
     # Inertia
 
     def _inertia(self) -> Array:
-        """Return M_c, symmetric to the bit."""
+        """Return M_c (count, 3, 3), symmetric to the last bit."""
         variation = self.ensemble.variation_of(INERTIA)
         if variation is None:
             return self._inertia_of_shape()
@@ -285,7 +288,7 @@ class _Appliance:
         return 0.5 * (M + M.transpose(0, 2, 1))
 
     def _along_axes(self, own: Array | None, variation: Variation) -> Array:
-        """Return M_c with the scene's own axes, its principal moments varied; own: moments, or factors of them."""
+        """Return M_c with the scene's own principal axes and varied moments; own: the moments, or factors on them."""
         if self.ensemble.variation_of(SHAPE):
             M = self._inertia_of_shape()
             return M if own is None else M * (own[:, None, :] * np.eye(3))
@@ -302,7 +305,7 @@ class _Appliance:
         assert self.scene.body is not None
         mass = self.ensemble.variation_of("body.mass")
         masses = self._numbers(mass) if mass else np.full(self.count, self.scene.body.mass)
-        # A member with a negative number is refused for that, and not drawn again for its inertia.
+        # A member with a negative number is refused for that number, and not drawn again because of its inertia.
         sizes = (np.abs(value) for _, value in self._sizes(variation))
         return self.call(getattr(inertia, f"{variation.form}_inertia"), np.abs(masses), *sizes)
 
@@ -311,7 +314,10 @@ class _Appliance:
 
 
 def axes_of(body: Body) -> tuple[Array, Any]:
-    """Return the principal moments of M_c and R_bp; in the order of the body's axes, and None, where these serve."""
+    """Return the principal moments of M_c and R_bp.
+
+    If M_c is diagonal, the moments are in the order of the body's axes, and R_bp is None.
+    """
     M = np.array(body.inertia)
     if not np.any(M - np.diag(np.diag(M))):
         return np.diag(M), None
@@ -324,11 +330,11 @@ def _tuples(value: Any) -> Any:
 
 
 NEAR = 1e3 * inertia.INERTIA_TOLERANCE
-"""The part of the trace within which a border is left to the kernels' own judgement."""
+"""The distance from a border of the possible, as a part of the trace, within which the kernels' own check decides."""
 
 
 def impossible_rows(M: Array) -> Indices:
-    """Return the rows of symmetric matrices (n, 3, 3) that no body has, as the kernels' check judges."""
+    """Return the rows of symmetric matrices (n, 3, 3) that are no inertia of a body, by the kernels' own check."""
     found = [row for row in _near_a_border(M) if evaluated(inertia.check_inertia, _tuples(M[row].tolist()))]
     return np.array(found, dtype=np.int64)
 
@@ -342,10 +348,10 @@ def thin_rows(M: Array) -> Indices:
 
 
 def _near_a_border(M: Array) -> Indices:
-    """Return the rows that are not plainly possible: E = t/2 - M is positive definite where M is, t the trace.
+    """Return the rows that are not clearly possible: those where E = t/2 - M, t the trace, is not clearly positive.
 
-    E's eigenvalues are half of what two moments have over the third. Each is at least det E / t^2, so a moment and a
-    triangle far from their borders are found without any eigenvalue.
+    An eigenvalue of E is half the excess of the sum of two moments over the third. Each is at least det E / t^2. So a
+    matrix far from the borders, a zero moment and an equality in the triangle inequality, is found without eigenvalues.
     """
     with np.errstate(all="ignore"):
         t = np.trace(M, axis1=1, axis2=2)

@@ -1,4 +1,4 @@
-"""The picture of an ensemble: bands over time, how runs end, and what drives it."""
+"""The picture of an ensemble: bands over time, how runs end, and what drives the ends."""
 
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from rbfmu.types import Array
 from rbfmu_kernels.quantities import Quantity, indices
 
 BANDS = ((0.05, 0.95, 0.16), (0.25, 0.75, 0.3))
-"""Between which parts of the runs a band lies, and how opaque it is."""
+"""The lower and upper quantile of each band, and its opacity."""
 MOST_DOTS = 3000
 SIGMAS = (1.0, 2.0, 3.0)
 WORDS = (
@@ -24,7 +24,7 @@ WORDS = (
 
 
 def plot_ensemble(result: EnsembleResult, path: str | Path | None = None) -> Figure:
-    """Draw an ensemble, to a file too where a path is given; return the figure."""
+    """Draw an ensemble, also to a file if a path is given; return the figure."""
     names, drivers = tuple(result.rows), result.drivers()
     events = tuple(result.counts)
     heights = [*[1.9] * len(names), *[1.5] * len(events), 0.7 + 0.24 * len(drivers.varied)]
@@ -69,7 +69,7 @@ def _bands(axes: Any, result: EnsembleResult, name: str, is_last: bool) -> None:
 
 
 def _ends(axes: Any, result: EnsembleResult, name: str) -> None:
-    """Draw the two components that spread most, or how often values of a single number occur."""
+    """Draw the ends in the two components that spread most, or a histogram if only one component differs."""
     row, ends = result.rows[name], result.good_ends(name)
     apart = variables.differ(ends)
     if not apart.any():
@@ -81,7 +81,7 @@ def _ends(axes: Any, result: EnsembleResult, name: str) -> None:
     axes.locator_params(nbins=5)
     axes.ticklabel_format(scilimits=(-2, 4))
     for axis in (axes.xaxis, axes.yaxis):
-        axis.get_offset_text().set_fontsize(8)  # as large as the numbers that it belongs to
+        axis.get_offset_text().set_fontsize(8)  # as large as the axis' numbers
     if np.count_nonzero(apart) == 1:
         axes.hist(ends[:, spread[0]], bins=40, color=COLORS[0], alpha=0.6)
         axes.set_xlabel(_component(row, spread[0]), fontsize=8, loc="left")
@@ -93,7 +93,7 @@ def _ends(axes: Any, result: EnsembleResult, name: str) -> None:
     pair = ends[:, [j, k]]
     for sigma in SIGMAS:
         axes.add_patch(_ellipse(pair.mean(axis=0), np.cov(pair.T), sigma))
-    axes.set_xlabel(_component(row, j), fontsize=8, loc="left")  # a power of ten stands on the right
+    axes.set_xlabel(_component(row, j), fontsize=8, loc="left")  # on the right is the power of ten
     axes.set_ylabel(_component(row, k), fontsize=8)
 
 
@@ -102,7 +102,7 @@ def _component(row: Quantity, k: int) -> str:
 
 
 def _event(axes: Any, beside: Any, result: EnsembleResult, name: str) -> None:
-    """Draw in which share of the runs an event has happened by a time, and beside how often it happened in a run."""
+    """Draw the share of runs in which an event has happened, over time, and how often it happens in a run."""
     times, counts = np.sort(result.first_of(name)), result.counts[name][result.good]
     share = np.arange(len(times) + 1) / max(len(counts), 1)
     ends = np.concatenate([result.time[:1], times, result.time[-1:]])

@@ -1,9 +1,9 @@
 """The plan of an ensemble: one model and method that hold for every member.
 
-The parameters that vary are listed, as where an importer may change them, so that only models are taken that hold for
-all values of them. Order and tolerance come from pilot members: some as members are, and some as far out as the
-farthest. Series are fitted to them together; of other models each pilot has a plan, of which the largest, with the
-tightest setting, serves all, and every pilot's error under it is measured.
+The parameters that vary are listed, as if an importer could change them, so that only models are chosen that are valid
+for all their values. Order and tolerance come from pilot members: some are drawn as members are, some lie as far out as
+the farthest member. Series are fitted to all pilots together. With other models, each pilot has its own plan; the
+largest model with the tightest setting is used for all members, and its error is measured in every pilot.
 """
 
 from collections.abc import Callable, Iterator
@@ -28,40 +28,42 @@ from rbfmu.simulation import SimulationError, run_of
 from rbfmu.types import Array
 
 USUAL, FAR, OF_SERIES = 3, 5, 4
-"""The numbers of pilots: drawn as members are, and at points beyond nearly all members; and of those that series are
-fitted to, which scouts try besides.
+"""USUAL: the number of pilots that are drawn as members are. FAR: the number of pilots beyond nearly all members.
+OF_SERIES: the number of pilots to which series are fitted; scouts add to these.
 
-Of three bodies with a port, at three seeds each, members ask by their own growth for less than `MARGIN` of the least
-tolerance of these eight in 1 of 80 cases; of one usual pilot alone in 1 of 12, of three in 1 of 30, of five far ones in
-1 of 40. Six usual and ten far ones leave 1 of 90.
+For three bodies with a port, at three seeds each, a member's own growth requires less than `MARGIN` times the least
+tolerance of these eight pilots in 1 of 80 cases; of one usual pilot alone in 1 of 12, of three in 1 of 30, of five far
+ones in 1 of 40. With six usual and ten far pilots it is 1 of 90.
 """
 APART = 1 << 32
-"""The attempt by whose numbers pilots are drawn, which no member has."""
+"""The number of the attempt (see `draws.at_random`) by which pilots are drawn; no member has it."""
 FEW_POINTS = 8
-"""The number of points in time at which runs are compared that differ in one key."""
+"""The number of points in time at which two runs that differ in one key are compared."""
 BEYOND = 3.0
-"""How far these lie from the centre beyond the usual distance, sqrt(n) of n normal scores.
+"""The distance of far pilots from the centre, in normal scores, less the usual distance sqrt(n) of n normal scores.
 
 The distance of n normal scores has the chi distribution, whose mean is close to sqrt(n) and whose standard deviation is
-about 1/sqrt(2) whatever n: 3 more is beyond four standard deviations, which one member of some 1e4 to 1e5 exceeds.
+about 1/sqrt(2) for any n. So 3 is more than four standard deviations, which one member of some 1e4 to 1e5 exceeds.
 """
 PARTS = np.outer(0.7 ** np.arange(8), (1.0, -1.0)).ravel()
-"""Parts of the distance at which a far pilot is tried, to both sides, until it is a scene."""
+"""Parts of the distance at which a far pilot is tried, on both sides of the centre, until one is a valid scene."""
 MARGIN = 0.3
-"""The part of the pilots' least tolerance that is taken: errors of members scatter about those of eight pilots.
+"""The factor on the pilots' least tolerance, as members' errors scatter about those of eight pilots.
 
-Without it 1 of 13 members of these bodies would ask for less, with it 1 of 80 (see `USUAL`).
-Series of a body under loads have a fit of their own instead (`fitting`): with this margin upon those of each pilot's
-own plan they came to errors of a thousandth of the accuracy.
+Without it 1 of 13 members of these bodies would require a smaller tolerance, with it 1 of 80 (see `USUAL`).
+Series of a body under loads are fitted in another way (`fitting`): with this factor on the least tolerance of the
+pilots' own plans, their errors were a thousandth of the accuracy.
 """
 ENOUGH = 0.1
-"""The part of the accuracy up to which a pilot's error under the common plan is left as it is: others may have more."""
+"""The error of a pilot under the common plan, as a part of the accuracy, above which the tolerance is tightened.
+
+It is small because errors of other members may be larger."""
 
 
 def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) -> Plan:
-    """Choose model, method and step for all members.
+    """Choose the model, method and settings for all members.
 
-    progress: a function that is told from time to time which part of the work is done.
+    progress: a function that is called from time to time with the part of the work that is done, 0 to 1.
     Raises SceneError without an ensemble, and where a pilot cannot meet the accuracy asked.
     """
     found, doubts = _with_doubts(scene, progress)
@@ -70,7 +72,7 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
 
 
 def plan_once(scene: Scene) -> Plan:
-    """Return the plan of an ensemble; of a scene that was planned lately the same, and say again what was said then."""
+    """Return the plan of an ensemble. A scene that was planned lately has the same plan and the same warnings again."""
     found, doubts = _planned(scene)
     warn(scene, doubts)
     return found
@@ -82,7 +84,7 @@ def _planned(scene: Scene) -> tuple[Plan, list[str]]:
 
 
 def _with_doubts(scene: Scene, progress: Callable[[float], Any] | None = None) -> tuple[Plan, list[str]]:
-    """Return the plan, and in which way members may miss the accuracy or keys do nothing."""
+    """Return the plan and its doubts: how members may miss the accuracy, and which varied keys have no effect."""
     tell = progress or (lambda part: None)
     pilots, growth = _pilots(scene), 1.0
     judges = [Judge(question.Question(pilot), most=fitting.POINTS) for pilot in islice(pilots, OF_SERIES)]
@@ -97,7 +99,7 @@ def _with_doubts(scene: Scene, progress: Callable[[float], Any] | None = None) -
                 found.append(select.cheapest(judge.asked, judge))
             tell(0.9 * (k + 1) / len(judges))
         for_all = _for_all(found).of_scene(scene)
-        if wild:  # the worst members magnify errors far more than pilots: all that helps is to add none
+        if wild:  # the worst members magnify errors far more than pilots: use the tightest tolerance
             for_all = replace(for_all, tolerance=methods.TIGHTEST)
         chosen, growth = _accurate(for_all, judges)
         if not wild:
@@ -106,23 +108,24 @@ def _with_doubts(scene: Scene, progress: Callable[[float], Any] | None = None) -
             chosen = chosen if wild else likely
     tell(1.0)
     doubts = [*_of_growth(scene, growth, wild)]
-    if not scene.inputs.ports:  # through which anything may act
+    if not scene.inputs.ports:  # a port may supply anything, so that any key may have an effect
         doubts += _of_no_effect(scene, chosen)
     why = (*_of_model(judges[0].asked, chosen), *_of_members(scene, chosen, len(judges), wild))
     return replace(chosen, reasons=why), doubts
 
 
 def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
-    """Return whether series were fitted to pilots together, and those that hold for all members, if any do.
+    """Return whether series are fitted to the pilots together, and the plan valid for all members, or None.
 
-    Where the worst member asks for a far tighter tolerance than pilots do, another order is the cheapest.
+    If the worst member requires a far tighter tolerance than the pilots, another order may be the cheapest: the fit is
+    then repeated with a smaller error of the pilots.
     """
     with faults_of(f"{scene.name}, pilot member 1"):
-        if scene.inputs.ports or not select.series_serve_alone(judges[0]):  # what ports will supply no pilot has seen
+        if scene.inputs.ports or not select.series_serve_alone(judges[0]):  # pilot runs do not see what ports supply
             return False, None
         asked = judges[0].asked
         general = replace(methods.whole_series(scene, 0, scene.run.accuracy), pinned=asked.pinned)
-        if scene.run.count == 1:  # which no series has to serve beyond: members go side by side
+        if scene.run.count == 1:  # no series has to go beyond this one step, so that members run side by side
             general = replace(general, substep=scene.run.step)
         fitting.follow_in_doubles(judges)
         parts = fitting.parts_of_steps(judges, general)
@@ -134,7 +137,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
                 scouts = fitting.Scouts(scene, methods.with_cost(asked, fitted), judges[0].names, parts)
             found = fitting.for_the_worst(scouts, fitted)
             if scouts.seconds < fitting.LONGER and (found is None or scouts.are_too_few):
-                # a few tell little of a heavy tail: more, beside the tightest
+                # a few scouts say little about a heavy tail: take more, with a truth for the tightest tolerance
                 tightest = replace(fitted, tolerance=methods.TIGHTEST)
                 scouts = fitting.Scouts(
                     scene, methods.with_cost(asked, tightest), judges[0].names, parts, fitting.LONGER
@@ -154,7 +157,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
 
 
 def _of_model(pilot: question.Question, chosen: Plan) -> Iterator[str]:
-    """Yield what the model leaves out, and why it is right, with a pilot's numbers."""
+    """Yield what the model leaves out, and why it is valid, with one pilot's numbers."""
     if chosen.model == registry.PRESCRIBED_RATES.key:
         yield closed_forms.PRESCRIBED
         return
@@ -162,7 +165,7 @@ def _of_model(pilot: question.Question, chosen: Plan) -> Iterator[str]:
         yield from chosen.reasons
         return
     if chosen.formulas:
-        from rbfmu.planning.formulas import what_formulas_read  # what has none starts sooner
+        from rbfmu.planning.formulas import what_formulas_read  # only if needed, as it loads slowly
 
         yield from what_formulas_read(pilot, chosen)
         yield f"{held_over_a_run(chosen)} in every member"
@@ -195,7 +198,7 @@ def _of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator
 
 
 def _of_growth(scene: Scene, growth: float, wild: bool) -> Iterator[str]:
-    """Yield that members may miss the accuracy; wild: whether no tolerance holds for the worst of them."""
+    """Yield the doubt that members may miss the accuracy; wild: whether no tolerance is tight enough for the worst."""
     if magnified_round_off(growth) > scene.run.accuracy:
         said = f"a pilot member magnifies an error {growth:.1e} times, round-off beyond the accuracy"
         yield f"{said}: members may miss it"
@@ -204,13 +207,13 @@ def _of_growth(scene: Scene, growth: float, wild: bool) -> Iterator[str]:
 
 
 def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
-    """Yield which keys do nothing: those that a member has of another one, while its outputs stay as they are."""
+    """Yield a doubt for each varied key without effect: a member's outputs are the same with another member's value."""
     samples = members.samples_at(scene, draws.at_random(members.ensemble_of(scene), 0, 2, APART))
     shaped = any(key.startswith(f"{SHAPE}.") for key in samples.applied)
     step = {"run.step": (scene.run.stop - scene.run.start) / FEW_POINTS}
-    with suppress(SceneError, SimulationError):  # of no member that can be tried nothing is said
+    with suppress(SceneError, SimulationError):  # if the members cannot run, there is no doubt
         own = _shown(members.member(scene, samples, 0).replace(step), chosen)
-        for key in samples.applied:  # a shape's inertia has its mass
+        for key in samples.applied:  # the inertia of a shape depends on the mass
             swapped = [key, INERTIA] if key == "body.mass" and shaped else [key]
             reverse = {one: samples.applied[one][::-1] for one in swapped}
             other = replace(samples, applied={**samples.applied, **reverse})
@@ -221,10 +224,10 @@ def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
 
 
 def _named(scene: Scene, key: str) -> str:
-    """Return the key by which a scene's ensemble varies what is applied, if there is one that says so."""
+    """Return the key in `ensemble.vary` that varies an applied key; "" if no such key can be named."""
     ensemble = members.ensemble_of(scene)
     shape = ensemble.variation_of(SHAPE)
-    if key == INERTIA and not ensemble.variation_of(INERTIA):  # it is the shape's
+    if key == INERTIA and not ensemble.variation_of(INERTIA):  # the inertia is the shape's
         return SHAPE if shape and any(marginal.varies for marginal in shape.marginals) else ""
     return "" if key.startswith(f"{SHAPE}.") else key
 
@@ -242,13 +245,13 @@ def _shown(scene: Scene, chosen: Plan) -> dict[str, Array]:
 
 
 def _listed(scene: Scene) -> dict[str, Any]:
-    """Return the change of the scene that lists what varies, so that a plan holds for every value of it."""
+    """Return the scene's change that lists all varying parameters, so that a plan is valid for every value of them."""
     names = dict.fromkeys((*scene.inputs.parameters, *members.ensemble_of(scene).parameters))
     return {"inputs.parameters": [name for name in names if name not in scene.inputs.ports]}
 
 
 def _pilots(scene: Scene) -> Iterator[Scene]:
-    """Yield scenes of members, with what varies listed. Raises SceneError where no member is a scene."""
+    """Yield the scenes of pilots, with the varying parameters listed. Raises SceneError if no sample is valid."""
     message, found = "", 0
     for samples in _pilot_samples(scene):
         bad = members.refusals(scene, samples)
@@ -263,9 +266,10 @@ def _pilots(scene: Scene) -> Iterator[Scene]:
 
 
 def _pilot_samples(scene: Scene) -> Iterator[members.Samples]:
-    """Yield rows of which the first that is a scene is a pilot; they do not depend on the design and the runs.
+    """Yield samples for each pilot: the first row that is a valid scene is the pilot.
 
-    Usual ones and far ones take turns, as series are fitted to the first.
+    They depend neither on the design nor on the number of runs. Usual and far pilots alternate, as series are fitted to
+    the first few.
     """
     ensemble = members.ensemble_of(scene)
     cube = draws.at_random(ensemble, 0, USUAL * len(PARTS) + FAR, APART)
@@ -283,7 +287,7 @@ def _pilot_samples(scene: Scene) -> Iterator[members.Samples]:
 
 
 def _for_all(found: list[Plan]) -> Plan:
-    """Return the plan of the largest model, with the shortest step and the least tolerance of all."""
+    """Return the plan with the largest model, and of the plans with it the shortest substep and the least tolerance."""
     order = [*registry.MODELS, registry.FORMULAS.key]
     largest = max(order.index(one.model) for one in found)
     same = [one for one in found if order.index(one.model) == largest]
@@ -296,7 +300,10 @@ def _for_all(found: list[Plan]) -> Plan:
 
 
 def _accurate(found: Plan, judges: list[Judge]) -> tuple[Plan, float]:
-    """Return the plan with the pilots' largest error, tightened where it must be, and how much an error grows."""
+    """Return the plan with the pilots' largest error, its tolerance tightened if necessary, and the growth of an error.
+
+    The growth is 1 unless the tolerance is the tightest. Raises SceneError where a pilot cannot meet the accuracy.
+    """
     worst, growth = found.error if found.spec.closed_form else 0.0, 1.0
     for judge in judges if found.model != registry.PRESCRIBED_RATES.key else ():
         error, accuracy = _error(judge, found), judge.scene.run.accuracy
@@ -315,7 +322,7 @@ def _accurate(found: Plan, judges: list[Judge]) -> tuple[Plan, float]:
 
 
 def _error(judge: Judge, found: Plan) -> float:
-    """Return a pilot's error; of a closed form at some points of a long run, where that takes no more than seconds."""
+    """Return a pilot's error; of a closed form only at some points of a long run, and 0 if the truth takes too long."""
     if not found.spec.closed_form:
         return judge.try_out(found)[0]
     few = judge if judge.scene.run.count <= fitting.POINTS else Judge(judge.asked, most=fitting.POINTS)

@@ -1,4 +1,4 @@
-"""What an ensemble gave: what was applied to each run, how it ended, statistics over time, what drives which end."""
+"""The result of an ensemble: the values applied to each run, its end, statistics over time, what drives the ends."""
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
@@ -19,9 +19,9 @@ from rbfmu.types import Array, Indices, NDArray
 from rbfmu_kernels.quantities import Quantity, indices
 
 MOST_RANKED, LEAST = 20_000, 3
-"""The most runs that are ranked, the first ones, and the fewest."""
+"""The most runs that are ranked (the first ones), and the fewest."""
 SURE = 3.0
-"""Standard deviations of a correlation of independent numbers, above which one is not chance."""
+"""A correlation counts if it is larger than this many standard deviations of that of independent numbers."""
 
 
 def _checkpoint(store: Path) -> Path:
@@ -29,7 +29,7 @@ def _checkpoint(store: Path) -> Path:
 
 
 def kept_runs(store: Path) -> tuple[int, int]:
-    """Return how many runs a store has, and of how many; zeros where it was not begun."""
+    """Return how many runs a store has, and how many it will have; zeros if it was not begun."""
     if not _checkpoint(store).exists():
         return 0, 0
     known = Checkpoint.read(_checkpoint(store))
@@ -62,9 +62,9 @@ class Arrays(Mapping[str, Any]):
 
 
 class Drivers(NamedTuple):
-    """Rank correlations (p, q) of p numbers that vary with q numbers at the end; chance: what chance alone may make.
+    """Rank correlations (p, q) of p varying numbers with q numbers at the end; chance: the largest that may be chance.
 
-    Of an attitude that varies the numbers are the vector part of the quaternion that turns the mean to it.
+    The numbers of a varying attitude are the vector part of the quaternion from the mean attitude to it.
     """
 
     varied: tuple[str, ...]
@@ -74,7 +74,10 @@ class Drivers(NamedTuple):
 
     @classmethod
     def between(cls, *columns: Mapping[str, Array]) -> "Drivers":
-        """Return Spearman's, of what varies and of ends, columns (n,); what is the same in all runs is left out."""
+        """Return Spearman's rank correlations of two sets of columns (n,): varying numbers and ends of the runs.
+
+        Columns that are the same in all runs are left out.
+        """
         varied, ends = ({name: x for name, x in some.items() if np.ptp(x) > 0.0} for some in columns)
         if not varied or not ends:
             return cls((*varied,), (*ends,), np.empty((len(varied), len(ends))), 1.0)
@@ -83,7 +86,7 @@ class Drivers(NamedTuple):
         return cls((*varied,), (*ends,), a.T @ b, SURE / float(np.sqrt(len(a) - 1)))
 
     def __repr__(self) -> str:
-        """Return what drives each number at the end most."""
+        """Return for each number at the end the varying number that drives it most."""
         varied, ended = f"{len(self.varied)} numbers that vary", f"{len(self.ends)} at the end"
         lines = [f"Drivers({varied}, {ended}; the largest correlations:"]
         for end, column in zip(self.ends, self.correlations.T, strict=True):
@@ -93,9 +96,9 @@ class Drivers(NamedTuple):
 
 
 def _ranks(x: Array) -> Array:
-    """Return the ranks of numbers (n,), from 1 on; those that are equal have the mean of theirs.
+    """Return the ranks of numbers (n,), counted from 1; equal numbers have the mean of their ranks.
 
-    As `scipy.stats.rankdata`, which takes a second to load.
+    The same as `scipy.stats.rankdata`, which takes a second to load.
     """
     _, at, counts = np.unique(x, return_inverse=True, return_counts=True)
     return np.asarray((np.cumsum(counts) - 0.5 * (counts - 1))[at])
@@ -109,19 +112,19 @@ def _columns(name: str, row: Quantity, values: Array) -> dict[str, Array]:
 class EnsembleResult:
     """The runs of an ensemble.
 
-    time (n,): s. samples: key of the scene -> (runs, ...) what was applied, SI; attitudes as quaternions, inertia as
+    time (n,): s. samples: key of the scene -> applied values (runs, ...), SI; attitudes as quaternions, inertia as
     matrices. final: quantity -> (runs, k). mean, std: quantity -> (n, k); covariance -> (n, k, k); quantiles -> (q, n,
-    k) at the q parts `probabilities` of the runs. all: quantity -> (runs, n, k). What the scene's `ensemble.keep` does
-    not name is empty. A quantity of one number has no last axis. Runs that failed are in no statistics; failed: index
-    of a run -> message, its numbers are NaN. redrawn (runs,): how often its numbers were drawn again. rank_error: by
-    which part of the runs a quantile is displaced at most, but for those of attitudes. counts, first (runs,): event ->
-    how often it happened, and when first, s, NaN where it did not; an event with `stop` ends no run here.
+    k) at the q `probabilities`. all: quantity -> (runs, n, k). What the scene's `ensemble.keep` does not name is empty.
+    A quantity of one number has no last axis. failed: index of a run -> message; numbers of runs that failed are NaN,
+    and in no statistics. redrawn (runs,): how often a run's numbers were drawn again. rank_error: the largest error of
+    a quantile's rank, as a part of the runs, except for attitudes. counts, first (runs,): event -> how often it
+    happened, and when first, s (NaN where it did not happen); an event with `stop` ends no run here.
 
-    Of attitudes q_i mean is the q (n, 4) to which sum (q q_i)^2 is largest; covariance (n, 3, 3) and std (n, 3) are of
-    twice the vector part of q* q_i, body axes, which is the rotation vector of small turns; quantiles (q, n) are of the
-    angle from the mean, rad; where not all runs are kept, of some thousand, so that ranks are off by 1 or 2 %. Of roll,
-    pitch, yaw mean is the direction of the sum of unit vectors, covariance of the sines of what is beside it, and
-    quantiles are around it.
+    Attitudes q_i: the mean is the q (n, 4) with the largest sum (q q_i)^2. Covariance (n, 3, 3) and std (n, 3) are of
+    twice the vector part of q* q_i, in body axes, which is the rotation vector of a small rotation. Quantiles (q, n)
+    are of the angle from the mean, rad; unless all runs are kept, from about a thousand of them, so that ranks are off
+    by 1 or 2 %. Roll, pitch, yaw: the mean is the direction of the sum of unit vectors, the covariance is of the sines
+    of deviations from it, and quantiles are of angles within half a turn of it.
     """
 
     def __init__(self, scene: Scene, arrays: Mapping[str, Any], failed: Mapping[int, str]) -> None:
@@ -132,7 +135,7 @@ class EnsembleResult:
         self.rank_error = float(np.asarray(arrays.get(names.RANK_ERROR, 0.0))) if names.STATISTICS in keep else 0.0
         applied = {name: arrays[name] for name in names.varied_rows(scene) if name in arrays}
         self.samples = Arrays(applied, "no key that varies")
-        # what is not kept is not looked for: an output of your own may have its name
+        # do not look for what is not kept: a user's own output may have such a name
         ends, every, over_time = (
             scene.outputs.names if what in keep else () for what in (names.FINAL, names.ALL, names.STATISTICS)
         )
@@ -162,7 +165,7 @@ class EnsembleResult:
 
     @cached_property
     def redrawn(self) -> Indices:
-        """Return how often each run's numbers were drawn again, as no body has their inertia."""
+        """Return how often each run's numbers were drawn again because their inertia was impossible."""
         return np.asarray(self._arrays[names.REDRAWN])
 
     @property
@@ -176,30 +179,30 @@ class EnsembleResult:
         return tuple(name for name in self.rows if name in self.all or name in self.final)
 
     def member(self, number: int) -> Scene:
-        """Return the scene of a run, counted from 0, to be simulated alone, which no event ends.
+        """Return the scene of a run, counted from 0, to be simulated alone; no event ends it.
 
-        Where ends alone are kept it has one step, as the run had: `.replace({"run.step": ...})` shows the way there.
-        Raises SceneError where it is refused.
+        If only ends are kept it has one step, as the run had; with `.replace({"run.step": ...})` it shows the motion.
+        Raises SceneError if the member is refused.
         """
         number = whole(0, self.runs - 1).read(number, "number")
         return members.member(self.scene, members.draw(self.scene, number, 1), 0)
 
     def ends(self, name: str) -> Array:
-        """Return a quantity at the end of all runs (runs, k), NaN of those that failed. Raises KeyError if not kept."""
+        """Return a quantity at the end of all runs (runs, k), NaN for failed runs. Raises KeyError if not kept."""
         return np.asarray(self.all[name][:, -1] if name in self.all else self.final[name])
 
     def good_ends(self, name: str) -> Array:
-        """Return a quantity at the end of the good runs (g, k): of angles those that are nearest to their mean."""
+        """Return a quantity at the end of the good runs (g, k); angles are within half a turn of their mean."""
         ends = self.ends(name)[self.good].reshape(len(self.good), -1)
         return attitudes.around(self.at_end(name)[0], ends) if name == attitudes.ANGLES else ends
 
     def first_of(self, name: str) -> Array:
-        """Return when an event happened first, s, in those of the good runs in which it did (n,)."""
+        """Return the first times of an event, s, in the good runs in which it happened (n,)."""
         times = self.first[name][self.good]
         return np.asarray(times[np.isfinite(times)])
 
     def drivers(self) -> Drivers:
-        """Return the rank correlations of what varies with how the runs end."""
+        """Return the rank correlations of the varying numbers with the runs' ends."""
         rows, applied, ended = self.good[:MOST_RANKED], dict[str, Array](), dict[str, Array]()
         if len(rows) >= LEAST:
             for key, values in self.samples.items():
@@ -214,9 +217,9 @@ class EnsembleResult:
         return Drivers.between(applied, ended)
 
     def at_end(self, name: str) -> tuple[Array, Array]:
-        """Return mean and standard deviation (k,) of a quantity at the end of the good runs, NaN of none.
+        """Return mean and standard deviation (k,) of a quantity at the end of the good runs; NaN without good runs.
 
-        The latter of an attitude is that of the turn from the mean, rad, body axes (3,).
+        The standard deviation of an attitude (3,) is that of the rotation from the mean, rad, body axes.
         """
         if name in self.mean:
             return np.atleast_1d(self.mean[name][-1]), np.atleast_1d(self.std[name][-1])
@@ -229,7 +232,7 @@ class EnsembleResult:
         return mean[0], np.sqrt(np.diagonal(covariance[0]))
 
     def to_xarray(self) -> Any:
-        """Return a xarray.Dataset of all that is kept, with the names of components, units and frames."""
+        """Return an xarray.Dataset of all that is kept, with the names of components, units and frames."""
         known, found, named = names.variables_of(self.scene, self._arrays), {}, {}
         for name, variable in known.items():
             if name in self._arrays:
@@ -241,7 +244,7 @@ class EnsembleResult:
         return needed("xarray", "ensemble").Dataset(found, names.coordinates(self.time) | named)
 
     def plot(self, path: str | Path | None = None) -> Any:
-        """Draw bands of quantiles, the scatter at the end and what drives it; return the matplotlib.figure.Figure.
+        """Draw bands of quantiles, the runs' ends and what drives them; return the matplotlib.figure.Figure.
 
         path: a file to draw to, whose ending (.png, .svg, .pdf) sets the format.
         """
@@ -251,7 +254,7 @@ class EnsembleResult:
 
     @classmethod
     def load(cls, path: str | Path) -> "EnsembleResult":
-        """Read a finished store, .npz or .zarr. Raises ValueError where it is none, or where runs are missing."""
+        """Read a finished store, .npz or .zarr. Raises ValueError if it is not one, or if runs are missing."""
         path = path_of(path)
         known = Checkpoint.read(_checkpoint(path))
         scene = Scene.from_dict(known.identity["scene"], str(path))

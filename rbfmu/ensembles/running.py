@@ -1,4 +1,4 @@
-"""Run an ensemble: chunks on threads, any executor or Dask, taken in their order and kept in a store."""
+"""Run an ensemble: chunks run on threads, any executor or Dask, and are kept in a store in their order."""
 
 import errno
 import logging
@@ -27,14 +27,14 @@ from rbfmu.scene.scene import Scene, of_scene_or_path
 from rbfmu.simulation import simulate
 
 AHEAD = 3
-"""Chunks that are on their way or wait for an earlier one, for each worker: memory is bounded by that.
+"""Chunks for each worker that are submitted but not yet taken: this bounds the memory.
 
-One runs, one is ready when that ends, and one more so that a slow chunk, whose turn it is, does not stop the others.
+One runs, one can start when that ends, and one more is there so that a slow chunk that comes next does not stop others.
 """
 WARMING = 64
-"""Runs that compile what an ensemble needs."""
+"""The runs of a chunk that is run to compile what an ensemble needs."""
 PATIENCE = "30s"
-"""How long a scheduler is waited for."""
+"""The longest time to wait for a scheduler."""
 
 Submit = Callable[..., Any]
 
@@ -55,15 +55,15 @@ def run_ensemble(
 ) -> result.EnsembleResult:
     """Run the ensemble of a scene, or of a scene file; run i has the same bits wherever and whenever it runs.
 
-    store: a file .npz or a folder .zarr to keep it in, from which `resume` goes on after a stop of any kind; by default
-    memory. executor: a number of threads (by default one for each processor), an executor of concurrent.futures, or a
-    client of Dask. runs: in place of the scene's. progress: whether to show a bar on a terminal or in a notebook.
-    planned: a plan, used as it is; without one a scene that was run lately keeps its plan. inputs: what drives the
-    ports: for all members as in `simulate`, or a function of a member's number that returns that; interpolate: "hold",
-    or "linear" between their times. controller: a `Controller`, or its function alone, which is called at each
-    communication point, after the inputs. Raises SceneError, SimulationError where the executor fails, FileExistsError
-    and ValueError where the store is there already or is of another ensemble, BlockingIOError where another program is
-    writing to it.
+    store: a file .npz or a folder .zarr for the results, by default memory; `resume` continues a store after a stop of
+    any kind. executor: a number of threads (by default one for each processor), an executor of concurrent.futures, or
+    a client of Dask. runs: their number, in place of the scene's. progress: whether to show a bar on a terminal or in a
+    notebook. planned: a plan that is used unchanged; without it a scene that was run lately keeps its plan. inputs:
+    what drives the ports: for all members as in `simulate`, or a function of a member's number that returns its inputs;
+    interpolate: "hold", or "linear" between their times. controller: a `Controller`, or only its function, which is
+    called at each communication point, after the inputs are set. Raises SceneError; SimulationError if the executor
+    fails; FileExistsError if the store exists; ValueError for a wrong argument, or a store of another ensemble;
+    BlockingIOError if another program is writing to it.
     """
     check_store(store, resume)
     scene = members.with_runs(scene, runs)
@@ -79,9 +79,10 @@ def run_ensemble(
 
 
 def check_store(store: str | Path | None, resume: bool) -> None:
-    """Refuse what cannot be a store or be resumed, or is one already, before anything is planned.
+    """Check before planning that a path can be a store, and that it exists only if it is to be resumed.
 
-    Raises ValueError, ModuleNotFoundError without zarr, FileNotFoundError without its folder, FileExistsError.
+    Raises ValueError for a wrong name or nothing to resume, ModuleNotFoundError without zarr, FileNotFoundError if its
+    folder is missing, FileExistsError if it exists and is not to be resumed.
     """
     if store is None:
         if resume:
@@ -92,7 +93,7 @@ def check_store(store: str | Path | None, resume: bool) -> None:
         raise ValueError(f"store = {str(store)!r}: expected a name that ends in .npz or .zarr")
     if path.suffix == ".zarr":
         needed("zarr", "ensemble")
-    if not path.parent.is_dir():  # where no lock could stand beside it
+    if not path.parent.is_dir():  # no lock file could be written beside the store
         raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(path.parent))
     refuse_existing(path, resume)
 
@@ -106,7 +107,7 @@ def _store(work: Work, path: str | Path | None) -> Store:
 
 
 def _run(work: Work, store: Store, executor: Any, shown: bool) -> None:
-    """Run what is missing, and keep it."""
+    """Run the missing chunks, and keep them."""
     first = store.progress.chunks
     done, begin = first * work.size, monotonic()
     with bar(work.scene.name, shown) as tell, closing(chunks_in_order(work, first, executor)) as chunks:
@@ -116,7 +117,7 @@ def _run(work: Work, store: Store, executor: Any, shown: bool) -> None:
                 done += chunk.members
                 speed = (done - first * work.size) / max(monotonic() - begin, 1e-9)
                 tell(done, work.runs, f"{work.scene.name}: {done:,} of {work.runs:,} runs, {speed:,.0f} runs/s")
-        except OSError:  # of the store, which stays as it was
+        except OSError:  # the store cannot be written, and stays as it was
             raise
         except BaseException:
             store.commit()
@@ -129,14 +130,14 @@ def _run(work: Work, store: Store, executor: Any, shown: bool) -> None:
 
 @contextmanager
 def workers_of(executor: Any) -> Iterator[tuple[Submit, int]]:
-    """Yield `submit` and the number of workers of an executor; of None or a number of threads: threads of our own."""
+    """Yield `submit` and the number of workers of an executor; for None or a number, an executor of new threads."""
     if executor is None or (isinstance(executor, Integral) and not isinstance(executor, bool)):
         number = processors() if executor is None else int(executor)
         if number < 1:
             raise ValueError(f"executor = {number!r}: expected at least one thread")
         with ThreadPoolExecutor(number, "rbfmu") as pool:
             yield pool.submit, number
-    elif hasattr(executor, "scheduler_info"):  # a client of Dask, which runs the chunk of a worker that dies on another
+    elif hasattr(executor, "scheduler_info"):  # a client of Dask; if a worker dies, Dask runs its chunk on another
         if executor.status == "closed":
             raise ValueError(f"executor = {executor!r}: expected a client of Dask that is open")
         with _losses():  # the scheduler may have died while the ensemble was planned
@@ -158,7 +159,8 @@ def processors() -> int:
 def dask_client(address: str) -> Iterator[Any]:
     """Yield a client of the scheduler at an address such as tcp://host:8786.
 
-    Dask is kept from writing tracebacks of lost connections, of which an error says enough.
+    Dask's log of tracebacks for lost connections is switched off, as an error says enough. Raises ValueError if there
+    is no scheduler.
     """
     try:
         client = needed("distributed", "cluster").Client(address, timeout=PATIENCE, set_as_default=False)
@@ -175,8 +177,8 @@ def dask_client(address: str) -> Iterator[Any]:
 
 
 def chunks_in_order(work: Work, first: int, executor: Any) -> Generator[Chunk]:
-    """Yield the chunks from the number `first` on in their order, of which few are on their way at a time."""
-    # functions of any kind need no packing for threads of this process
+    """Yield the chunks from number `first` on in their order; only a few are submitted at a time."""
+    # threads of this process need no packing, so that functions of any kind can be used
     here = executor is None or isinstance(executor, Integral | ThreadPoolExecutor)
     task, given = (run_chunk, work) if here else (run_packed, packed(work))
     with workers_of(executor) as (submit, workers):
@@ -195,7 +197,7 @@ def chunks_in_order(work: Work, first: int, executor: Any) -> Generator[Chunk]:
 
 
 def _result(waiting: "deque[Any]") -> Chunk:
-    """Return the chunk that comes next, and forget it."""
+    """Wait for the next chunk, remove it from the queue, and return it."""
     with _losses():
         chunk: Chunk = waiting.popleft().result()
     return chunk
@@ -203,7 +205,7 @@ def _result(waiting: "deque[Any]") -> Chunk:
 
 @contextmanager
 def _losses() -> Iterator[None]:
-    """Turn an error of an executor or of a connection, not of what it runs, into one that says so."""
+    """Turn an error of an executor or a connection, but not of the work that it runs, into a SimulationError."""
     try:
         yield
     except Exception as error:
@@ -214,9 +216,9 @@ def _losses() -> Iterator[None]:
 
 
 def packed(work: Work) -> bytes:
-    """Return work as bytes, with what its bits rest on here; kernels of formulas are made again of the scene."""
+    """Return work as bytes, with its `origin`; a worker makes kernels of formulas again from the scene."""
     bare = replace(work, plan=replace(work.plan, formulas=None))
-    with suppress(ImportError):  # Dask brings it; it also packs functions that stand in no module
+    with suppress(ImportError):  # it is installed with Dask, and also packs functions that are in no module
         from cloudpickle import dumps
 
         return pickle.dumps((origin(), dumps(bare)))
@@ -230,7 +232,7 @@ def _unpacked(given: bytes) -> Work:
 
 
 def run_packed(given: bytes, index: int) -> Chunk:
-    """Run a chunk of packed work, which a worker unpacks once. Raises SimulationError where its bits may be others."""
+    """Run a chunk of packed work, which a worker unpacks once. Raises SimulationError if its bits may differ here."""
     there, work = pickle.loads(given)
     if other := [name for name, value in there.items() if origin().get(name) != value]:
         raise SimulationError(f"a worker has another {', '.join(other)}, whose bits may be others: expected the same")
@@ -238,7 +240,7 @@ def run_packed(given: bytes, index: int) -> Chunk:
 
 
 def warm(scene: Scene, planned: Plan) -> None:
-    """Compile what a run of a scene needs, and its ensemble, where that pays: the first of its runs tell."""
+    """Compile what a run of a scene and its ensemble need, where that pays, by running the first members."""
     simulate(scene, planned=planned)
     if scene.ensemble:
         scene = members.for_ends(members.with_runs(scene, None))

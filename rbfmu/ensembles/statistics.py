@@ -1,10 +1,10 @@
-"""Mean, covariance and quantiles over time, made chunk by chunk: the same bits whatever ran where.
+"""Mean, covariance and quantiles over time, computed chunk by chunk: the same bits wherever chunks run.
 
-Who runs a chunk sums it up; what is merged after that is small. Sums are merged in the order of the chunks, as
-floating-point sums depend on their order. Quantiles come of a sketch: of the sorted values of a chunk every w-th stands
-for w of them, and eight such sets are sorted together and thinned out to one of the next level (Munro and Paterson
-1980; Manku, Rajagopalan and Lindsay 1998). Its memory grows with the logarithm of the runs, and the largest error of a
-rank is known.
+The worker that runs a chunk also sums it up, so that little is left to merge. Sums are merged in the order of the
+chunks, as floating-point sums depend on their order. Quantiles are from a sketch: every w-th of the sorted values of a
+chunk is a point of weight w, which represents w values. Eight such sets are sorted together and thinned out to one set
+of the next level (Munro and Paterson 1980; Manku, Rajagopalan and Lindsay 1998). The memory grows with the logarithm of
+the number of runs, and the largest error of a rank is known.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,24 +20,24 @@ from rbfmu.ensembles.variables import Columns
 from rbfmu.types import Array, Indices
 
 MOST_POINTS, LEAST_POINTS = 256, 32
-"""Points that stand for the values of many members at one instant."""
+"""The largest and the smallest limit on the points that represent the values of many members at one time."""
 MOST_NUMBERS = 4_000_000
-"""The largest number of numbers in one table of points, of which there are SETS for each level."""
+"""The largest size of one table of points; each level has up to SETS tables."""
 MOST_SAMPLED = 1024
-"""Members of whose attitudes some are kept as they are, on average, for their angles from a mean that all make."""
+"""The average number of members whose attitudes are kept for quantiles of the angle from the mean of all members."""
 SETS = 8
-"""Sets of points of a level that become one of the next."""
+"""The number of sets of points of a level that are merged into one set of the next level."""
 LEAST_WEIGHT = 8
-"""For how many members a point stands where not all fit: what is left to merge is so much less than what was run."""
+"""The least weight of a point if not all values fit: it divides the work of merging."""
 SUMMED_AT_ONCE = 100_000
-"""Numbers that are summed up and sorted together: more lie side by side where rows are long, fewer stay in a cache."""
+"""How many numbers are summed up and sorted together: more have longer contiguous rows, fewer stay in a cache."""
 
 
 class Points(NamedTuple):
-    """Sorted values (c, p) of c numbers; each stands for `weight` of so many members.
+    """p sorted values (c, p) of each of c numbers; each value represents `weight` members.
 
-    members: those that failed are counted as well, so that all sets of a level have the same weight. error: of ranks,
-    at most.
+    members: all that are represented, with those that failed, so that all sets of a level have the same weight. error:
+    the largest error of a rank, in members.
     """
 
     values: Array
@@ -47,14 +47,14 @@ class Points(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """Attitudes (s, n, 4) of members that are taken by chance, and what decides whether they are: keys (s,)."""
+    """Attitudes (s, n, 4) of randomly chosen members, and the keys (s,) by which they were chosen: see `keys_of`."""
 
     keys: Array
     values: Array
 
 
 class Summary(NamedTuple):
-    """What is known of the members of a chunk: mean (n, W), sums of products of deviations (n, P), points, sample."""
+    """The summary of a chunk's members: mean (n, W), sums of products of deviations (n, P), points, sample."""
 
     members: int
     mean: Array
@@ -64,20 +64,21 @@ class Summary(NamedTuple):
 
 
 def most_points(numbers: int) -> int:
-    """Return how many points are kept of each of n K numbers: fewer where there are many."""
+    """Return the largest number of points for each of n K numbers; it is smaller if there are many numbers."""
     fitting = MOST_NUMBERS // max(numbers, 1)
     return min(max(1 << max(fitting.bit_length() - 1, 0), LEAST_POINTS), MOST_POINTS)
 
 
 def weight_of(members: int, most: int, least: int = LEAST_WEIGHT) -> int:
-    """Return for how many of so many members a point stands: 1 where all fit, else a power of 2 from the least on."""
+    """Return the weight of a point if `most` points represent `members`: 1 if all fit, else a power of 2 >= least."""
     return 1 if members <= most else max(least, 1 << (-(-members // most) - 1).bit_length())
 
 
 def keys_of(members: Indices) -> Array:
-    """Return numbers below 1 as if by chance, by the number of each member: a sample takes those that are small.
+    """Return a pseudo-random key in [0, 1) for each member's number; a sample contains the members with small keys.
 
-    That of more runs is so a part of that of fewer. Steele, Lea and Flood, splitmix64 (OOPSLA 2014).
+    So the sample of more runs contains only members of the sample of fewer runs, and new ones. Steele, Lea and Flood,
+    splitmix64 (OOPSLA 2014).
     """
     z = (members.astype(np.uint64) + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
@@ -86,7 +87,7 @@ def keys_of(members: Indices) -> Array:
 
 
 def sample_of(rows: Array, good: Indices, first: int, columns: Columns, share: float) -> Sample | None:
-    """Return the attitudes of such a share of those rows of a chunk that are good; first: the number of its first."""
+    """Return the attitudes of a share of a chunk's good rows, None if they are no output; first: its first member."""
     if ATTITUDE not in columns.slices:
         return None
     keys = keys_of(first + good)
@@ -95,10 +96,10 @@ def sample_of(rows: Array, good: Indices, first: int, columns: Columns, share: f
 
 
 def summary_of(rows: Array, good: Indices, columns: Columns, most: int, turn: int, full: bool = True) -> Summary:
-    """Return the summary of those rows (m, n, K) of a chunk that are good, with at most so many points.
+    """Return the summary of the good rows (m, n, K) of a chunk, with at most `most` points; turn: the chunk's number.
 
-    full: whether it has as many members as a chunk may have; one that has not is the last, or alone, and is merged with
-    no other, so that it keeps all points that fit.
+    full: whether the chunk has the full number of members. A smaller one is the last or the only one. Its points are
+    merged with no others, so that it keeps all that fit.
     """
     (members, points, _), angles, pairs, ranked = rows.shape, columns.angles, columns.pairs, columns.ranked
     width = columns.width + 2 * len(angles)
@@ -107,7 +108,7 @@ def summary_of(rows: Array, good: Indices, columns: Columns, most: int, turn: in
     chosen, error = _every(weight, len(good) if most else 0, turn)
     values = np.empty((points, len(ranked), len(chosen)))
     at_once = max(1, SUMMED_AT_ONCE // (width * max(len(good), 1)))
-    padded = -(-len(good) // LANES) * LANES + LANES  # rows whose lengths are powers of 2 share their places in a cache
+    padded = -(-len(good) // LANES) * LANES + LANES  # no power of 2: such rows would share places of a cache
     x = np.empty((at_once * width, padded))
     for first in range(0, points, at_once):
         times = slice(first, first + at_once)
@@ -120,10 +121,11 @@ def summary_of(rows: Array, good: Indices, columns: Columns, most: int, turn: in
 
 
 def _every(step: int, count: int, turn: int) -> tuple[Indices, float]:
-    """Return the places of the points that stand for `step` of so many sorted ones each, and the error of ranks.
+    """Return the places of points among `count` sorted ones, each for `step` of them, and the largest error of a rank.
 
-    They lie a quarter of equal parts from their beginning or end, in turns, so that errors cancel, and the ends of all
-    are seen. Where members failed, parts are of other lengths, lest one end is left out.
+    The sorted ones are cut into equal parts. A point is a quarter of a part from its beginning, or, in every other
+    turn, from its end, so that errors cancel and both ends are represented. If members failed, the parts have another
+    length than `step`, so that no end is left out.
     """
     parts = -(-(count - step // 2) // step) if count > step else min(count, 1)
     places = (4 * np.arange(parts) + (1, 3)[turn % 2]) * count // max(4 * parts, 1)
@@ -135,7 +137,7 @@ def _weight(points: Points) -> int:
 
 
 def _thinned(sets: Sequence[Points], weight: int, turn: int) -> Points:
-    """Return the points of sets of one weight, sorted, so few that each stands for so many members."""
+    """Return one set of points of a larger weight, made from sets that have one and the same weight."""
     old, count, rows = sets[0].weight, sum(points.values.shape[1] for points in sets), len(sets[0].values)
     chosen, error = _every(weight // old, count, turn)
     thinned = np.empty((rows, len(chosen)))
@@ -149,9 +151,10 @@ def _thinned(sets: Sequence[Points], weight: int, turn: int) -> Points:
 
 @dataclass
 class Statistics:
-    """The statistics of the members of chunks 0, 1, ... that were added; levels: sets of points of 1, 8, ... chunks.
+    """The statistics of the members of chunks 0, 1, ... that were added.
 
-    most: points of each number, at most; none are taken where it is 0.
+    count: of members that did not fail; mean, products: as in `Summary`; most: the largest number of points for each
+    number, 0 for no quantiles; levels: sets of points of 1, 8, ... chunks.
     """
 
     count: int
@@ -169,10 +172,10 @@ class Statistics:
         return cls(0, 0, np.zeros((points, width)), np.zeros((points, pairs)), most)
 
     def add(self, new: Summary, pairs: Indices) -> None:
-        """Add the next chunk.
+        """Add the next chunk; pairs (P, 2): columns of the products.
 
-        Mean and products are merged as Chan, Golub and LeVeque do (The American Statistician 37, 1983): the deviation
-        of the means is what both groups add to the products besides their own.
+        Mean and products are merged as by Chan, Golub and LeVeque (The American Statistician 37, 1983): the products of
+        both groups are added, and a product of the difference of their means.
         """
         self.chunks += 1
         if new.members:
@@ -188,9 +191,9 @@ class Statistics:
             self.samples.append(new.sample)
 
     def _add_points(self, new: Points) -> None:
-        """Add a set of the first level. One that is full is thinned out when the next comes, not before.
+        """Add a set to the first level. A full level is thinned out only when the next set comes.
 
-        The last chunk, which may be smaller than the others, so is never merged with them.
+        So the last chunk, which may be smaller than the others, is never merged with them.
         """
         for level, sets in enumerate(self.levels):
             if len(sets) < SETS:
@@ -202,15 +205,15 @@ class Statistics:
         self.levels.append([new])
 
     def sample(self, share: float) -> Array:
-        """Return the attitudes (s, n, 4) of such a share of all members, at most that which was taken."""
+        """Return the attitudes (s, n, 4) of a share of all members, at most the share that was sampled."""
         taken = [one.values[one.keys < share] for one in self.samples]
         return np.concatenate(taken) if taken else np.empty((0, len(self.mean), 4))
 
     def quantiles(self, probabilities: Array, middle: Array) -> tuple[Array, float]:
-        """Return the quantiles (q, n, R): values at which so large a part of the members is passed.
+        """Return the quantiles (q, n, R) at probabilities (q,), and the largest error of their ranks.
 
-        middle (n, R): of angles their mean, around which they are taken; NaN of numbers. And by which part of all
-        members their ranks are wrong at most: 0 where all values are kept.
+        middle (n, R): for angles the mean, about which quantiles are taken; NaN for other numbers. The error is a part
+        of all members, 0 if all values are kept. Quantiles are NaN without members.
         """
         sets = sorted((one for sets in self.levels for one in sets), key=_weight)
         if not any(points.values.shape[1] for points in sets):
@@ -223,7 +226,7 @@ class Statistics:
         return found.reshape(len(probabilities), *middle.shape), points.error / self.count
 
     def to_arrays(self) -> dict[str, Any]:
-        """Return arrays from which `from_arrays` makes the same."""
+        """Return the statistics as arrays, for `from_arrays`."""
         arrays: dict[str, Any] = {"counted": np.array([self.count, self.chunks, self.most])}
         arrays |= {"mean": self.mean, "products": self.products}
         for level, sets in enumerate(self.levels):
@@ -236,7 +239,7 @@ class Statistics:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Any]) -> "Statistics":
-        """Return the inverse of `to_arrays`. Raises ValueError for what others wrote."""
+        """Return the statistics from what `to_arrays` returned. Raises ValueError for arrays of an older rbfmu."""
         if "counted" not in arrays:
             raise ValueError("an older rbfmu made its statistics, in another way")
         count, chunks, most = (int(n) for n in arrays["counted"])
@@ -252,7 +255,7 @@ class Statistics:
 
 
 def exact_quantiles(values: Array, probabilities: Array) -> Array:
-    """Return the quantiles (q, ...) over the first axis, NaN left out."""
+    """Return the quantiles (q, ...) over the first axis; entries with a NaN are left out."""
     good = values[~np.isnan(values).any(axis=tuple(range(1, values.ndim)))]
     if not len(good):
         return np.full((len(probabilities), *values.shape[1:]), np.nan)
@@ -260,9 +263,9 @@ def exact_quantiles(values: Array, probabilities: Array) -> Array:
 
 
 def _quantiles(values: Array, probabilities: Array) -> Array:
-    """Return the quantiles (q, ...) of n numbers: values (..., n), of which each has the rank of its middle.
+    """Return the quantiles (q, ...) of values (..., n), interpolated linearly between ranks.
 
-    Value i of n has the rank (i - 1/2) / n (Hazen), as has a point in the middle of its weight.
+    Value i of n, i = 1, 2, ..., has the rank (i - 1/2) / n (Hazen), the middle of the members that it represents.
     """
     count = values.shape[-1]
     ranks = np.clip(probabilities * count - 0.5, 0.0, count - 1.0)

@@ -1,7 +1,7 @@
 """Where an ensemble's numbers are kept: in memory, or in one .npz. For zarr see `zarr_store`.
 
-A checkpoint, one file that is replaced whole, says how far an ensemble is.
-A store holds whole chunks from the first on. What stands beyond its checkpoint is written again, the same.
+A checkpoint, one file that is always replaced as a whole, says how far an ensemble has come. A store contains whole
+chunks from the first on. Anything beyond its checkpoint is written again, with the same bits.
 """
 
 import copy
@@ -25,13 +25,16 @@ from rbfmu.runs.motion import attitude_error
 from rbfmu.types import Array
 
 EXTENDABLE = ("random", "sobol")
-"""Designs of which more members may be asked for later."""
+"""Designs to which more members may be added later."""
 _HEAD, _STATISTICS = "resume/head", "resume/statistics/"
 
 
 @contextmanager
 def damage_of(store: Path, what: str = "", but: type[Exception] = ModuleNotFoundError) -> Iterator[None]:
-    """Turn any error, of a checksum, a codec or JSON, into a ValueError that says that the store cannot be read."""
+    """Turn any error, such as of a checksum, a codec or JSON, into a ValueError: the store cannot be read.
+
+    but: errors of this type stay as they are.
+    """
     try:
         yield
     except but:
@@ -42,7 +45,7 @@ def damage_of(store: Path, what: str = "", but: type[Exception] = ModuleNotFound
 
 @dataclass
 class Progress:
-    """What the chunks 0, 1, ... that were added have given."""
+    """How far an ensemble is: the number of chunks 0, 1, ... that were added, their statistics and failures."""
 
     chunks: int
     statistics: Statistics | None
@@ -65,10 +68,10 @@ class Progress:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What a file holds: whose ensemble it is of, its progress in whole chunks, and arrays by variable.
+    """What a file contains: the ensemble's identity, its progress in whole chunks, and arrays by variable.
 
-    rows: arrays with a row a run, as far as they are not kept elsewhere; results: others, once all runs are done; runs:
-    how many are done then, 0 before.
+    rows: arrays with one row for each run, unless they are kept elsewhere; results: the other arrays, once all runs are
+    done; runs: their number once all are done, 0 before.
     """
 
     identity: Mapping[str, Any]
@@ -78,9 +81,9 @@ class Checkpoint:
     runs: int = 0
 
     def write(self, path: Path) -> None:
-        """Write to a file beside, and put that in place of the file, or of that where a link leads: all or the old one.
+        """Write a file beside the path, or beside the target of a link, and rename it: no file is ever half written.
 
-        A rename is atomic (POSIX), and `fsync` before it keeps a crash of the machine from leaving an empty file.
+        A rename is atomic (POSIX), and `fsync` before it prevents that a crash of the machine leaves an empty file.
         """
         statistics = self.progress.statistics.to_arrays() if self.progress.statistics else {}
         kept = {f"{_STATISTICS}{name}": array for name, array in statistics.items()}
@@ -101,7 +104,7 @@ class Checkpoint:
 
     @classmethod
     def read(cls, path: Path) -> "Checkpoint":
-        """Read a file. Raises ValueError where it is no checkpoint of an ensemble."""
+        """Read a file. Raises ValueError if it is no checkpoint of an ensemble, FileNotFoundError if there is none."""
         with damage_of(path, but=FileNotFoundError):
             arrays = read_npz(path)
             head = json.loads(str(arrays.pop(_HEAD)))
@@ -113,7 +116,7 @@ class Checkpoint:
 
 
 def identity_of(work: Work) -> dict[str, Any]:
-    """Return what tells an ensemble's bits from those of others, for JSON."""
+    """Return all that the bits of an ensemble depend on, as a table for JSON."""
     plan = {k: v for k, v in work.plan.to_dict().items() if k != "reasons"}
     found = {"scene": work.scene.to_dict(), "plan": plan, "members of a chunk": work.size, "origin": origin()}
     found |= work.control.identity if work.control else {}
@@ -121,9 +124,9 @@ def identity_of(work: Work) -> dict[str, Any]:
 
 
 def difference(there: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
-    """Return what differs first between the ensemble of a store and one that is asked for; empty where nothing does.
+    """Return the first difference between the ensemble of a store and the one asked for, as a message; "" if none.
 
-    More runs are no difference where members do not depend on how many there are, nor is what is said about a scene.
+    More runs are no difference if members do not depend on the number of runs. Nor is the text about a scene.
     """
     is_extendable = asked["scene"]["ensemble"]["design"] in EXTENDABLE
     for path, old, new in _differences(there, asked, ""):
@@ -135,7 +138,7 @@ def difference(there: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
 
 
 def _differences(old: Any, new: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
-    """Yield the path and both values of what differs between two tables."""
+    """Yield the path and both values of each difference between two tables."""
     if isinstance(old, Mapping) and isinstance(new, Mapping):
         for key in dict.fromkeys([*old, *new]):
             yield from _differences(old.get(key), new.get(key), f"{path}.{key}")
@@ -149,16 +152,16 @@ def _short(value: Any) -> str:
 
 
 OFTEN, SHARE = 1.0, 0.05
-"""The least time between two commits, s, and the largest share of time that they take."""
+"""The least time between two commits, s, and the largest part of the time that commits take."""
 SORTED_AT_ONCE = 2e7
-"""Numbers of all runs that are sorted at once."""
+"""How many numbers of all runs are sorted at once."""
 
 
 class Store:
-    """The place of an ensemble's numbers: arrays in memory; with a path also a file, written anew at each commit.
+    """Keeps an ensemble's numbers in arrays in memory; with a path also in a file, written anew at each commit.
 
-    Chunks are added in their order, and those that are full are kept from time to time. Other stores hold rows
-    elsewhere than in memory (`zarr_store`). file: that of the checkpoint, if it is not the path.
+    Chunks are added in their order, and full chunks are committed from time to time. `zarr_store` keeps rows elsewhere
+    than in memory. file: the checkpoint, if it is not the path itself.
     """
 
     def __init__(self, work: Work, path: Path | None = None, file: Path | None = None) -> None:
@@ -166,15 +169,16 @@ class Store:
         self._identity = identity_of(work) if path else {}
         self.progress = self._whole = Progress.none(work)
         self._rows: dict[str, Any] = {}
-        self._first = 0  # the run of the first of these rows
+        self._first = 0  # the number of the run in the first of these rows
         self._results: Mapping[str, Any] = {}
         self._is_clean = True
         self._cost, self._last = 0.0, monotonic()
 
     def begin(self, resume: bool) -> int:
-        """Make the store ready; return how many runs a finished one has, else 0. Raises FileExistsError, ValueError.
+        """Make the store ready; return the number of runs if it is finished, else 0.
 
-        `progress` is then that of full chunks, or of all runs where none is missing.
+        `progress` is then that of full chunks, or of all runs if none is missing. Raises FileExistsError for a store
+        that exists and is not to be resumed, ValueError if it is damaged or of another ensemble.
         """
         known = self._checkpoint(resume)
         self._open(known)
@@ -189,7 +193,7 @@ class Store:
         return done
 
     def _checkpoint(self, resume: bool) -> Checkpoint | None:
-        """Return the checkpoint, None where there is none yet. Raises FileExistsError, ValueError."""
+        """Return the checkpoint, or None if there is none yet. Raises as `begin`."""
         if self._path is None or self._file is None:
             return None
         refuse_existing(self._path, resume)
@@ -201,7 +205,7 @@ class Store:
         return known
 
     def _open(self, known: Checkpoint | None) -> None:
-        """Take over what is there."""
+        """Take over the arrays of a checkpoint."""
         if known is not None:
             self._results = known.results
             for name, values in known.rows.items():
@@ -212,7 +216,7 @@ class Store:
             Checkpoint(self._identity, progress, rows, self._results if runs else {}, runs).write(self._file)
 
     def add(self, chunk: Chunk) -> None:
-        """Take the next chunk."""
+        """Add the next chunk, and commit if it is time."""
         self._is_clean = False  # an interrupt may come between any two lines
         if self._file is not None and chunk.members < self._work.size:
             self._whole = copy.deepcopy(self.progress)
@@ -232,7 +236,7 @@ class Store:
         self._rows[name][first : first + len(values)] = values
 
     def commit(self) -> None:
-        """Keep the chunks that were taken, if they are full, even if the program is killed after that."""
+        """Write the chunks that were added, if all are full; they then survive if the program is killed."""
         if self._is_clean:
             begin = monotonic()
             self._write(self.progress, self._rows_of(self.progress))
@@ -245,7 +249,7 @@ class Store:
         return {name: values[:count] for name, values in self._rows.items() if count > 0}
 
     def finish(self) -> None:
-        """Keep everything, also the progress in full chunks, from which more runs may go on."""
+        """Write everything, also the progress in full chunks, from which the ensemble can be extended."""
         self._whole.failed = self.progress.failed
         self._results = results_of(self._work, self.progress.statistics, self._rows)
         self._write(self._whole, self._rows, self._work.runs)
@@ -256,13 +260,13 @@ class Store:
 
 
 def refuse_existing(store: Path, resume: bool) -> None:
-    """Raise FileExistsError for a store that is there and is not to be resumed."""
+    """Raise FileExistsError for a store that exists and is not to be resumed."""
     if not resume and store.exists():
         raise FileExistsError(errno.EEXIST, "exists already, and stays as it is; --resume goes on with it", str(store))
 
 
 def chunk_arrays(work: Work, chunk: Chunk) -> dict[str, Any]:
-    """Return a chunk's part of all variables that have a row a run."""
+    """Return a chunk's part of all variables with one row for each run."""
     arrays: dict[str, Any] = {**chunk.samples, names.REDRAWN: chunk.redrawn, **chunk.events}
     if work.keeps(names.FINAL):
         arrays |= {f"{name}_final": values for name, values in work.columns.split(chunk.rows[:, -1]).items()}
@@ -272,7 +276,7 @@ def chunk_arrays(work: Work, chunk: Chunk) -> dict[str, Any]:
 
 
 def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any]) -> dict[str, Array]:
-    """Return the variables without a row a run: times, and statistics over time. rows: those with one."""
+    """Return the variables without rows for runs: times, and statistics over time. rows: the variables with rows."""
     run, probabilities = work.scene.run, np.array(names.PROBABILITIES)
     found = {names.TIMES: run.grid(), names.PROBABILITY: probabilities}
     if statistics is None:
@@ -302,7 +306,7 @@ def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any
 
 
 def _of_all(name: str, mean: Array, values: Any, probabilities: Array) -> Array:
-    """Return the quantiles over all runs (runs, n, ...), some times after others: those are read at once."""
+    """Return the quantiles over all runs of values (runs, n, ...); a block of times is read and sorted at once."""
     times = max(1, int(SORTED_AT_ONCE // (values.size // values.shape[1] or 1)))
     parts = []
     for first in range(0, values.shape[1], times):

@@ -1,4 +1,4 @@
-"""The variables of an ensemble: columns of a member's outputs; names, dimensions, units and frames of what is kept."""
+"""The variables of an ensemble: columns of a member's outputs; names, dimensions, units and frames of kept arrays."""
 
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
@@ -24,21 +24,21 @@ SIZES = {f"{SHAPE}.{name}": shape._rules[name] for shape in SHAPES.values() for 
 _SIZED = {key: Parameter(key.removeprefix(f"{SHAPE}."), int(np.prod(rule.shape)), "m", "size of the body's shape")
           for key, rule in SIZES.items()}  # fmt: skip
 KEYS: Mapping[str, Parameter | Load] = {**QUANTITY_OF, **_SIZED}
-"""The quantity that each key sets which may vary, and each size of a shape."""
+"""The quantity that is set by each key that may vary, the sizes of shapes among them."""
 
 
 ALIKE = 1e-12
-"""The part of a quantity's largest number by which round-off alone makes runs differ.
+"""The largest difference between runs that may be round-off, as a part of a quantity's largest number.
 
-Members whose mass a shape's inertia makes without effect differed by 5e-16 (free, 10 s) to 8e-13 (a pendulum). Where
-the motion magnifies round-off more, as by 2e-11, nothing is said of a key without effect.
+Members that differed only in a mass without effect, as a shape's inertia depends on it, differed by 5e-16 (free, 10 s)
+to 8e-13 (a pendulum). If the motion magnifies round-off more, as to 2e-11, a key without effect is not reported.
 """
 
 _ROWS, _COLUMNS = np.transpose(TRIANGLE)
 
 
 def flat(values: Array) -> Array:
-    """Return numbers (m, k) of values (m, ...): of matrices (m, 3, 3) the six of an inertia."""
+    """Return values (m, ...) as rows of numbers (m, k); of matrices (m, 3, 3) the six numbers of an inertia."""
     chosen = values[:, _ROWS, _COLUMNS] if values.ndim == 3 else values
     return chosen.reshape(len(values), -1)
 
@@ -51,7 +51,7 @@ def symmetric(numbers: Array) -> Array:
 
 
 def differ(values: Array) -> NDArray[np.bool_]:
-    """Return which components (k,) of a quantity's numbers (n, k) differ by more than round-off."""
+    """Return for each component (k,) of numbers (n, k) whether its values differ by more than round-off."""
     return np.asarray(np.ptp(values, axis=0) > ALIKE * np.max(np.abs(values), initial=0.0))
 
 
@@ -60,13 +60,13 @@ def output_rows(scene: Scene) -> dict[str, Output]:
     known = {name: OUTPUT[name] for name in scene.outputs.quantities}
     if not scene.outputs.own:
         return known
-    from rbfmu.models.formulas import equations_of  # what has none starts sooner
+    from rbfmu.models.formulas import equations_of  # only if needed, as it loads slowly
 
     return known | equations_of(scene).own_rows
 
 
 def varied_rows(scene: Scene) -> Mapping[str, Parameter | Load]:
-    """Return the quantity that each key sets which may vary in a scene, its own constants and states among them."""
+    """Return the quantity set by each key of a scene that may vary, its own constants and states among them."""
     return {**KEYS, **scene.own_parameters}
 
 
@@ -97,32 +97,32 @@ class Columns:
 
     @property
     def angles(self) -> Indices:
-        """Return the columns of angles, of which sine and cosine are summed up, in columns after all others."""
+        """Return the columns of angles; their sines and cosines are summed up in columns after all others."""
         return np.arange(self.width, dtype=np.int64)[self.slices.get(ANGLES, slice(0))]
 
     @property
     def ranked(self) -> Indices:
-        """Return the columns whose quantiles are taken: all but those of attitudes."""
+        """Return the columns that have quantiles: all except those of attitudes."""
         return np.delete(np.arange(self.width), self.slices.get(ATTITUDE, slice(0)))
 
     @property
     def summed(self) -> dict[str, Indices]:
-        """Return the columns of each quantity whose means and covariances are taken."""
+        """Return for each quantity the columns that have means and covariances: for angles those of sine and cosine."""
         every = np.arange(self.width + 2 * len(self.angles))
         return {name: every[self.width :] if name == ANGLES else every[s] for name, s in self.slices.items()}
 
     @property
     def pairs(self) -> Indices:
-        """Return the pairs of columns (P, 2) whose covariance is taken: all of one quantity."""
+        """Return the pairs of columns (P, 2) that have a covariance: all pairs within one quantity."""
         found = [(a, b) for columns in self.summed.values() for k, a in enumerate(columns) for b in columns[k:]]
         return np.array(found, dtype=np.int64)
 
     def split(self, rows: Array) -> dict[str, Array]:
-        """Return the quantities of rows (..., K): (...) or (..., k) each."""
+        """Return each quantity of rows (..., K): as (...) if it is one number, else as (..., k)."""
         return {n: rows[..., s.start if self._sizes[n] == 1 else s] for n, s in self.slices.items()}
 
     def matrices(self, products: Array) -> dict[str, Array]:
-        """Return the symmetric matrices (..., k, k) of rows (..., P) of pairs."""
+        """Return for each quantity the symmetric matrices (..., k, k), given rows (..., P) of products of `pairs`."""
         found, first = {}, 0
         for name, columns in self.summed.items():
             row, column = np.triu_indices(len(columns))
@@ -133,7 +133,7 @@ class Columns:
         return found
 
     def places(self, blocks: dict[str, slice]) -> Indices:
-        """Return where the columns stand in a model's buffer."""
+        """Return the places of the columns in a model's buffer."""
         return places_of(blocks, self._sizes)
 
 
@@ -141,14 +141,14 @@ PROBABILITIES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 RUN, TIMES, PROBABILITY = "run", "time", "probability"
 RANK_ERROR = "quantile_rank_error"
 RESUME = "resume"
-"""The group of the checkpoint in a folder of zarr, in which a variable would take its place."""
+"""The group of the checkpoint in a folder of zarr; a variable of this name would collide with it."""
 REDRAWN = "redrawn"
 COUNT, FIRST = ".count", ".first"
-"""After the name of an event: how often it happened in each run, and when first."""
+"""Endings after the name of an event: how often it happened in each run, and when first."""
 
 
 class Variable(NamedTuple):
-    """An array, the names of its dimensions, and what is said of it."""
+    """The name of an array, the names of its dimensions, and its attributes."""
 
     name: str
     dims: tuple[str, ...]
@@ -156,7 +156,7 @@ class Variable(NamedTuple):
 
 
 def variables(scene: Scene, sampled: Mapping[str, int]) -> Iterator[Variable]:
-    """Yield all variables of a scene's ensemble; sampled: the number of dimensions of each key that varies."""
+    """Yield all variables of a scene's ensemble; sampled: the number of dimensions of the array of each varied key."""
     keep = scene.ensemble.keep if scene.ensemble else ()
     for key, ndim in sampled.items():
         varied = varied_rows(scene)[key]
@@ -175,7 +175,7 @@ def variables(scene: Scene, sampled: Mapping[str, int]) -> Iterator[Variable]:
 
 
 def check_names(scene: Scene) -> None:
-    """Raise SceneError for an output of your own with the name of another variable, a dimension or a group."""
+    """Raise SceneError for a user's own output with the name of another variable, a dimension or a group."""
     known = list(variables(scene, {}))
     dims = {PROBABILITY, RESUME}.union(*(variable.dims for variable in known))
     counts = Counter([*dims, *(variable.name for variable in known)])
@@ -185,7 +185,7 @@ def check_names(scene: Scene) -> None:
 
 
 def variables_of(scene: Scene, arrays: Mapping[str, Any]) -> dict[str, Variable]:
-    """Return what is known of the arrays of an ensemble's result."""
+    """Return the variables of an ensemble's result by name, given its arrays."""
     sampled = {name: len(array.shape) for name, array in arrays.items() if name in varied_rows(scene)}
     return {variable.name: variable for variable in variables(scene, sampled)}
 
@@ -224,7 +224,7 @@ _FRAMES = {"inertial axes": _AXES["a"], "body axes": _AXES["b"], "q_ab": "ab (fr
 
 
 def coordinates(time: Array) -> dict[str, tuple[str, Any, dict[str, str]]]:
-    """Return the coordinates with numbers: dimension, values, attributes."""
+    """Return the numeric coordinates by name: dimension, values, attributes."""
     parts = {"units": "1", "long_name": "part of the members below"}
     return {
         TIMES: (TIMES, time, {"units": TIME.unit, "long_name": TIME.meaning}),

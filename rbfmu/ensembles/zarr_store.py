@@ -1,4 +1,4 @@
-"""A folder of zarr, which xarray and others read: rows of runs are written in whole chunks of zarr, and once only."""
+"""A folder of zarr, which xarray and others can read: rows of runs are written once, in whole chunks of zarr."""
 
 import errno
 import hashlib
@@ -13,13 +13,13 @@ from rbfmu.ensembles import chunks, store, variables as names
 from rbfmu.extras import needed
 
 ROWS = 16384
-"""The least number of runs in a chunk of zarr, of variables without time: fewer are held in the checkpoint."""
+"""The least number of runs in a chunk of zarr of variables without time; fewer are kept in the checkpoint."""
 NUMBERS = 262144
-"""The number of numbers in a chunk of zarr, of variables with time."""
+"""How many numbers a chunk of zarr has, of variables with time."""
 PART = ".partial"
-"""The ending of files that zarr has not yet put in their place."""
+"""The ending of files that zarr has not yet renamed to their final name."""
 LAYOUT = f"{names.RESUME}/layout"
-"""In the checkpoint: the digest of what zarr keeps about the arrays beside their chunks, which have checksums."""
+"""In the checkpoint: the digest of zarr's metadata of the arrays. The chunks themselves have checksums."""
 
 
 def _is_ours(path: Path) -> bool:
@@ -27,7 +27,7 @@ def _is_ours(path: Path) -> bool:
 
 
 class StoredArray:
-    """An array of a folder of zarr, which is read where it is looked at. Raises ValueError where it is damaged."""
+    """An array of a folder of zarr, of which parts are read when they are used. Raises ValueError if it is damaged."""
 
     def __init__(self, path: Path, array: Any) -> None:
         self._path, self._array = path, array
@@ -42,9 +42,9 @@ class StoredArray:
 
 
 def arrays_of_folder(path: Path, known: Mapping[str, Any]) -> dict[str, StoredArray]:
-    """Return the arrays of a finished store by name. Raises ValueError where it is damaged.
+    """Return the arrays of a finished store by name. Raises ValueError if it is damaged.
 
-    known: what the checkpoint says of them; nothing of a store that was written without checksums.
+    known: the checkpoint's results; they contain no LAYOUT if the store was written without checksums.
     """
     with store.damage_of(path):
         arrays = dict(needed("zarr", "ensemble").open_group(path, mode="r").arrays())
@@ -55,13 +55,13 @@ def arrays_of_folder(path: Path, known: Mapping[str, Any]) -> dict[str, StoredAr
 
 
 def _layout(arrays: Mapping[str, Any]) -> str:
-    """Return a digest of names, shapes and codecs; attributes may change."""
+    """Return a digest of names, shapes and codecs, but not of attributes, which may change."""
     found = {name: array.metadata.to_dict() | {"attributes": None} for name, array in arrays.items()}
     return hashlib.sha256(json.dumps(found, sort_keys=True, default=str).encode()).hexdigest()
 
 
 class ZarrStore(store.Store):
-    """A folder of zarr, version 3 of the format; rows that do not yet fill chunks of zarr are in the checkpoint."""
+    """A store in a folder of zarr, format 3; rows that do not yet fill a chunk of zarr are in the checkpoint."""
 
     def __init__(self, work: chunks.Work, path: Path) -> None:
         super().__init__(work, path, path / names.RESUME / "checkpoint.npz")
@@ -70,10 +70,10 @@ class ZarrStore(store.Store):
         self._group: Any = None
 
     def _open(self, known: store.Checkpoint | None) -> None:
-        """Take over what is there. Raises FileExistsError for a folder of something else."""
+        """Open or make the folder. Raises FileExistsError if it contains something else than an ensemble."""
         if known is None:
             self._refuse_others()
-        for part in self._folder.rglob(f"*{PART}"):  # of a program that was killed
+        for part in self._folder.rglob(f"*{PART}"):  # left by a program that was killed
             part.unlink()
         with store.damage_of(self._folder, but=OSError):
             self._group = self._zarr.open_group(self._folder, mode="a", zarr_format=3)
@@ -88,12 +88,12 @@ class ZarrStore(store.Store):
             self._give_each_run_a_row()
 
     def _refuse_others(self) -> None:
-        """Refuse a folder of something else; one that was begun and killed before its first checkpoint has little."""
+        """Refuse a folder with other content than that of a store that was killed before its first checkpoint."""
         if self._folder.exists() and not (self._folder.is_dir() and all(map(_is_ours, self._folder.iterdir()))):
             raise FileExistsError(errno.EEXIST, "is no store of an ensemble, and stays as it is", str(self._folder))
 
     def _give_each_run_a_row(self) -> None:
-        """Resize arrays by their own length: zarr leaves out, without a word, what is written beyond it."""
+        """Resize arrays of another length: zarr silently drops what is written beyond the end of an array."""
         for _, array in self._group.arrays():
             if (array.metadata.dimension_names or ())[:1] == ("run",) and array.shape[0] != self._work.runs:
                 array.resize((self._work.runs, *array.shape[1:]))
@@ -110,7 +110,7 @@ class ZarrStore(store.Store):
             self._write_rows()
 
     def _create(self, arrays: Mapping[str, Any]) -> None:
-        """Create the arrays with a row a run, by the first chunk."""
+        """Create the arrays with one row for each run, with the types of the first chunk."""
         for variable in names.variables_of(self._work.scene, arrays).values():
             if variable.dims[:1] == ("run",):
                 values = arrays[variable.name]
@@ -131,7 +131,7 @@ class ZarrStore(store.Store):
         return (self._length, *shape[1:]) if variable.dims[:1] == ("run",) else shape
 
     def _set(self, name: str, part: Any, values: Any) -> None:
-        with self._zarr.config.set({"array.write_empty_chunks": True}):  # so that a chunk that is not there was lost
+        with self._zarr.config.set({"array.write_empty_chunks": True}):  # so that a missing chunk was lost
             self._group[name][part] = values
 
     def _write_rows(self) -> None:
@@ -141,7 +141,7 @@ class ZarrStore(store.Store):
         self._rows = {}
 
     def finish(self) -> None:
-        """Keep everything, also the progress in full chunks, from which more runs may go on."""
+        """Write everything, also the progress in full chunks, from which the ensemble can be extended."""
         self._whole.failed = self.progress.failed
         last = self._rows_of(self._whole)
         self._write_rows()
@@ -164,5 +164,5 @@ class ZarrStore(store.Store):
         self._write(self._whole, last, self._work.runs)
 
     def arrays(self) -> Mapping[str, Any]:
-        """Return all variables by name; they are read when they are looked at."""
+        """Return all variables by name; they are read when they are used."""
         return arrays_of_folder(self._folder, self._results)

@@ -1,4 +1,4 @@
-"""A scene's formulas together: their graph, and what is wrong with them, in words with a caret."""
+"""All formulas of a scene: their graph, and messages for what is wrong with them, with a caret."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -17,24 +17,25 @@ ENERGIES = ("potential_energy", "total_energy")
 TAKEN = (
     "order", "time", "status", "step", "save", "restore", "reset", "hold", "values", "plot", "scene", "plan", "events",
 )  # fmt: skip
-"""Names of results, simulators and FMUs."""
+"""Names that results, simulators or FMUs have."""
 ATTRIBUTES = (
     "buffer", "columns", "load", "of_rows", "quantities", "rows", "step_to_event",
     "to_dataframe", "to_xarray", "touches", "units", "until",
 )  # fmt: skip
-"""More names of results and simulators, which no output can have."""
+"""More names that results and simulators have, so that no output can have them."""
 
 
 class Texts:
-    """The values of a scene's formulas on a graph; faults: what is wrong, by key.
+    """The values of a scene's formulas on a graph; faults: messages with keys.
 
-    unread: whether outputs of its own could not be read, so that an event may name one that is unknown here.
+    A formula that is wrong has None as its value. unread: whether some own outputs could not be read, so that an event
+    may name one that is unknown here.
     """
 
     def __init__(self, scene: Any, given: Given, unread: bool = False) -> None:
         self.motion = Motion(given)
         self.faults: list[str] = []
-        self._wrong: set[str] = set()  # names that are at fault: nothing is said of a formula that reads one
+        self._wrong: set[str] = set()  # names that are at fault: a formula that reads one gets no message
         self.scene = scene
         self._check_names(scene)
         for name, row in scene.tables.items():
@@ -47,7 +48,7 @@ class Texts:
             name: self._value_of(f"states.{name}.rate", row.rate, () if len(row.start) == 1 else (3,))
             for name, row in scene.states.items()
         }
-        read = {name for row in scene.events.values() for name in names_in(row.when)}  # outputs among them come first
+        read = {name for row in scene.events.values() for name in names_in(row.when)}  # their outputs come first
         self.own = self._own_values(scene.outputs.own, lambda name: name in read)
         self.motion.names |= self.own
         self._wrong |= {name for name, value in self.own.items() if value is None}
@@ -59,16 +60,16 @@ class Texts:
 
     @property
     def rates(self) -> dict[str, Any]:
-        """Return the rates of the states of the body and of your own, by their elements' names."""
+        """Return the rates of the body's states and of the scene's own states, by their elements' names."""
         own = {f"{STATE}{name}": rate for name, rate in self.states.items()}
         return {**self.motion.rates(self.loads), **dict(by_element(own))}
 
     def _own_values(self, own: Mapping[str, Any], which: Callable[[str], bool]) -> dict[str, Any]:
-        """Return the values of outputs of your own, by name."""
+        """Return the values of some own outputs, by name."""
         return {name: self._value_of(f"outputs.{name}.value", own[name].value, None) for name in own if which(name)}
 
     def _changing(self, key: str, text: str) -> Any:
-        """Return the value of a scalar formula that changes with the motion, the time or an input, not by jumps."""
+        """Return the value of a scalar formula that depends on the motion, the time or an input, not only by jumps."""
         found = self._value_of(key, text, ())
         if found is None or self.motion.graph.reached_of(("state", "input"), [found], "side"):
             return found
@@ -78,7 +79,7 @@ class Texts:
         return None
 
     def _take_potential(self, text: str | None) -> None:
-        """Add the force and the torque of a potential, and let outputs read energies."""
+        """Add the force and the torque of a potential to the loads, and energies to the names that outputs can read."""
         potential: Any = None if text is None else self._value_of("loads.potential", text, ())
         if potential is not None and not self._reads_place_alone(potential):
             self.faults.append(f"loads.potential: expected a formula of position and attitude: {text}")
@@ -90,13 +91,13 @@ class Texts:
             self.faults += self._without_potential(asked[0])
         rates = self.motion.rates({name: load for name, load in self.loads.items() if load is not None})
         kinetic = self.motion.outputs(rates)["kinetic_energy"][0]
-        # with a potential the buffer has the force of both; a load that is not given is one zero here
+        # with a potential the buffer's force_a is the sum of both; a load that is not given is a scalar zero here
         force_a = None if potential is None else np.zeros(3) + np.array(self.scene.loads.force_a)
         energy = self.motion.potential_energy(0.0 if potential is None else potential, force_a)
         self.motion.names |= {"kinetic_energy": kinetic, "potential_energy": energy, "total_energy": kinetic + energy}
 
     def _without_potential(self, asked: str) -> Iterator[str]:
-        """Yield what is wrong where loads act that have no potential."""
+        """Yield a message if loads act that have no potential; asked: the energy that an output shows."""
         loads, inputs = self.scene.loads, self.scene.inputs
         acting = [name for name in ("force_b", "torque_a", "torque_b") if any(getattr(loads, name))]
         acting += [*(name for name in loads.formulas if name != "potential"), *inputs.ports]
@@ -105,7 +106,7 @@ class Texts:
             yield f"outputs.quantities: expected no {asked}: {acting[0]} has no potential"
 
     def _reads_place_alone(self, potential: Any) -> bool:
-        """Return whether a potential changes with the path and the attitude alone."""
+        """Return whether a potential depends only on the path and the attitude."""
         changing = self.motion.graph.reached_of(("state", "input"), [potential])
         return {str(x.value).partition("[")[0] for x in changing} <= {"q", "r_c"}
 
@@ -127,7 +128,7 @@ class Texts:
                 is_energy = table == "outputs" and name in ENERGIES and names[name].value == name
                 if table == "inputs.ports" and name == "h":
                     self.faults.append("inputs.ports.h: expected another name: h is a simulator's step")
-                elif table == "outputs" and name.startswith("_"):  # a simulator's attribute would be its own
+                elif table == "outputs" and name.startswith("_"):  # it could be an attribute of a simulator
                     said = "expected another name, without _ in front: results have such names themselves"
                     self.faults.append(f"outputs.{name}: {said}")
                 elif not is_energy and (name in taken or name in beside.get(table, ())):
@@ -143,7 +144,7 @@ class Texts:
                 self.faults.append(f"{seen[name]}.{name}: expected another name: that is {why}")
 
     def _read_formulas(self, texts: Mapping[str, str]) -> None:
-        """Take formulas in an order in which each comes after those that it names."""
+        """Evaluate formulas in an order in which each comes after those that it names."""
         left = dict(texts)
         while left:
             ready = [name for name, text in left.items() if not names_in(text) & {*left}]
@@ -159,7 +160,7 @@ class Texts:
                 self._wrong |= {name} if found is None else set()
 
     def _value_of(self, key: str, text: str, shape: tuple[int, ...] | None) -> Array:
-        """Return what a formula gives, of a shape if one is asked for; None where something is wrong."""
+        """Return the value of a formula, with the shape asked for, if any; None if it is wrong, with a fault added."""
         if names_in(text) & self._wrong:
             return None
         try:
@@ -178,7 +179,7 @@ class Texts:
 
 
 def _circle(reads: Mapping[str, set[str]]) -> list[str]:
-    """Return names of which each reads the next, and the last the first."""
+    """Return a circle of names: each reads the next, and the last is the first again."""
     path = [next(iter(reads))]
     while path[-1] not in path[:-1]:
         path.append(sorted(reads[path[-1]])[0])
@@ -186,9 +187,9 @@ def _circle(reads: Mapping[str, set[str]]) -> list[str]:
 
 
 def given_to(scene: Any, numbers: Mapping[str, Sequence[float]], varied: Iterable[str] = ()) -> Given:
-    """Return what a scene gives its formulas.
+    """Return the numbers of a scene that formulas can read.
 
-    numbers: of the body's blocks of a buffer, by name; varied: numbers of blocks whose zeros may become others.
+    numbers: of the body's blocks of a buffer, by name; varied: elements whose blocks' zeros may become other numbers.
     """
     numbers = {**numbers, **{f"{CONSTANT}{name}": row.value for name, row in scene.constants.items()}}
     constants = {name: len(row.value) for name, row in scene.constants.items()}
@@ -202,7 +203,7 @@ def given_to(scene: Any, numbers: Mapping[str, Sequence[float]], varied: Iterabl
 
 
 def blocks_of(parameters: Iterable[str]) -> Iterator[str]:
-    """Yield the blocks whose zeros may become other numbers where parameters are listed."""
+    """Yield the blocks whose zeros may become other numbers if parameters are listed."""
     for name in parameters:
         yield name
         yield f"constant_{name}"
@@ -213,16 +214,13 @@ def blocks_of(parameters: Iterable[str]) -> Iterator[str]:
 
 
 def unit_numbers() -> dict[str, list[float]]:
-    """Return numbers for a body's blocks that stand for any, where only names and shapes matter."""
+    """Return placeholder numbers for a body's blocks, for use where only names and shapes matter."""
     return {name: [1.0] * (block.stop - block.start) for name, block in memory.BLOCKS.items()}
 
 
 @lru_cache(maxsize=32)
 def faults_of_texts(scene: Any, unread: bool = False) -> tuple[str, ...]:
-    """Return what is wrong with a scene's formulas; their graph takes milliseconds, and equal scenes are asked once.
-
-    unread: as `Texts` has it.
-    """
+    """Return the faults of a scene's formulas; unread: as in `Texts`. Cached, as the graph takes milliseconds."""
     if "omega_b" in scene.inputs.ports:
         rows = {"loads": scene.loads.formulas, "outputs": scene.outputs.own}
         rows |= {name: getattr(scene, name) for name in ("formulas", "states", "tables", "events")}

@@ -1,4 +1,4 @@
-"""What formulas know: constants, functions, tables, and which of scalars, vectors and conditions each takes."""
+"""What formulas can use: constants, functions and tables, and the kinds of their arguments."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -11,19 +11,19 @@ from rbfmu_kernels.compile.tiered import interpreted
 from rbfmu_kernels.rotations import vec3
 
 Array = Any
-"""A scalar (a float or a graph's Symbol), or a NumPy array of such, of one axis or two."""
+"""A scalar (a float or a graph's Symbol), or a NumPy array of scalars with one axis or two."""
 CONSTANTS = {"pi": math.pi, "deg": math.pi / 180.0, "rpm": math.pi / 30.0}
-"""Numbers that every formula knows."""
+"""Numbers that every formula can read."""
 
 
 class Condition(NamedTuple):
-    """What is true or false: 1 or -1."""
+    """A condition: 1 if it is true, -1 if it is false."""
 
     side: graph.Number
 
 
 class Function(NamedTuple):
-    """A function of formulas: what it takes and means, and how its result is made."""
+    """A function of formulas: the names of its arguments, its meaning, and a function that makes its result."""
 
     takes: str
     meaning: str
@@ -31,14 +31,17 @@ class Function(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A function of one number: coefficients (rows, 4) of powers of what x is beyond each knot, constant outside."""
+    """A function of one number x, by cubic polynomials between knots: constant outside.
+
+    rows: for each interval the coefficients of powers 0 to 3 of the distance of x from the knot where it begins.
+    """
 
     knots: tuple[float, ...]
     rows: tuple[tuple[float, float, float, float], ...]
 
     @classmethod
     def through(cls, x: Sequence[float], y: Sequence[float], cubic: bool) -> "Table":
-        """Return the table through points, with straight lines or as the natural cubic spline."""
+        """Return the table through points (x, y), by straight lines, or as the natural cubic spline."""
         step = np.diff(x)
         slope, bend = np.diff(y) / step, np.zeros(len(x))
         if cubic and len(x) > 2:  # second derivatives, zero at the ends (de Boor, A Practical Guide to Splines, IV)
@@ -51,7 +54,7 @@ class Table(NamedTuple):
         return cls(tuple(map(float, x)), tuple(flat))
 
     def at(self, x: graph.Number) -> graph.Number:
-        """Return the value at a number; the row is chosen by on which side of each knot it is."""
+        """Return the value at x; the row is chosen by the signs of x less each knot."""
         total: graph.Number = 0.0
         sides = [graph.side(x - knot) for knot in self.knots]
         beyond = x - self._choose(sides, (self.knots[0], *self.knots))
@@ -68,11 +71,11 @@ class Table(NamedTuple):
 
 
 NO_NUMBER = (Condition, Table)
-"""What formulas may name or say that is no scalar, vector or matrix."""
+"""Values in formulas that are no scalar, vector or matrix."""
 
 
 class MismatchError(ValueError):
-    """What was expected instead of the arguments."""
+    """An error that says what was expected instead of the arguments."""
 
 
 def _such(x: Array, fits: bool, expected: str) -> Any:
@@ -82,22 +85,22 @@ def _such(x: Array, fits: bool, expected: str) -> Any:
 
 
 def as_scalar(x: Array) -> graph.Number:
-    """Return a scalar as it is. Raises MismatchError for anything else, as those below do."""
+    """Return a scalar unchanged. Raises MismatchError for anything else, as the functions below do."""
     return _such(x, not isinstance(x, np.ndarray | Condition | Table), "a scalar")  # type: ignore[no-any-return]
 
 
 def as_number(x: Array) -> Array:
-    """Return a scalar, a vector or a matrix as it is."""
+    """Return a scalar, a vector or a matrix unchanged."""
     return _such(x, not isinstance(x, NO_NUMBER), "a number")
 
 
 def as_vector(x: Array) -> Array:
-    """Return a vector of 3 numbers as it is."""
+    """Return a vector of 3 numbers unchanged."""
     return _such(x, shape_of(x) == (3,), "a vector of 3 numbers")
 
 
 def as_condition(x: Array) -> Condition:
-    """Return a condition as it is."""
+    """Return a condition unchanged."""
     return _such(x, isinstance(x, Condition), "a condition, such as x > 0")  # type: ignore[no-any-return]
 
 
@@ -126,12 +129,12 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def legs(x: graph.Number) -> tuple[graph.Number, graph.Number]:
-    """Return a cosine and its sine >= 0: the root of 1 - x^2, which keeps its digits near 1 as a product."""
+    """Return a cosine x and its sine >= 0: the square root of 1 - x^2, as a product, which is accurate near |x| = 1."""
     return x, graph.square_root((1.0 - x) * (1.0 + x))
 
 
 def inverse_cosines(legs: Callable[[graph.Number], tuple[graph.Number, graph.Number]]) -> dict[str, Function]:
-    """Return `asin` and `acos`; legs: returns a cosine and its sine, which may be known in other ways."""
+    """Return `asin` and `acos`; legs: a function that returns a cosine and its sine, as `legs` does."""
     return {
         "asin": Function("x", "angle in [-pi/2, pi/2], rad", _of_scalars(lambda x: graph.arctangent(*legs(x)))),
         "acos": Function("x", "angle in [0, pi], rad", _of_scalars(lambda x: graph.arctangent(*legs(x)[::-1]))),
@@ -139,10 +142,10 @@ def inverse_cosines(legs: Callable[[graph.Number], tuple[graph.Number, graph.Num
 
 
 def _angle(y: graph.Number, x: graph.Number) -> graph.Number:
-    """Return the angle of (x, y) in (-pi, pi].
+    """Return the angle of (x, y) in (-pi, pi], rad.
 
-    A series of an angle goes on smoothly where the angle jumps, from pi to -pi; where x is negative it is therefore
-    that of the opposite point, and half a turn to the side on which y is, at whose corner series end.
+    The series of an angle is smooth where the angle jumps from pi to -pi. For negative x, the angle is therefore that
+    of the opposite point plus or minus half a turn, with the sign of y: at its sign change the series ends.
     """
     half_turn = graph.select(graph.side(y), math.pi, -math.pi)
     return graph.select(graph.side(x), graph.arctangent(y, x), graph.arctangent(-y, -x) + half_turn)
@@ -188,9 +191,9 @@ FUNCTIONS: Mapping[str, Function] = {
     "table": Function("name, x", "a table of the scene at x", _table),
     "where": Function("condition, a, b", "a where the condition holds, else b", _where),
 }
-"""What formulas know besides operators; `to_a` and `to_b` come with a scene."""
+"""The functions of formulas; `to_a` and `to_b` are added for a scene."""
 
 
 def shape_of(x: Array) -> tuple[int, ...]:
-    """Return (), (n,) or (n, m)."""
+    """Return the shape of a scalar (), a vector (n,) or a matrix (n, m)."""
     return np.shape(x) if isinstance(x, np.ndarray) else ()

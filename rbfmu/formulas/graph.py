@@ -1,7 +1,7 @@
-"""The graph of formulas: each operation on numbers that are not known yet, once, whoever asks for it.
+"""The graph of formulas: operations on numbers that are not known yet; each operation occurs once.
 
-Kernels that run as plain Python take these numbers as they take others, so that the equations of motion become part of
-the graph without being written again.
+Kernels that run as plain Python accept these numbers like floats, so that the equations of motion become part of the
+graph without being written again.
 """
 
 import math
@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 from rbfmu_kernels.numerics import elementary
 
 MOST_OPERATIONS = 20_000
-"""What a scene's formulas may come to: a hundred times what an attitude controller needs."""
+"""The most operations of a scene's formulas: a hundred times what an attitude controller needs."""
 
 
 class Operation(NamedTuple):
-    """One operation: its kind, the places of what it is of, and a number (of "number") or a name (of a leaf)."""
+    """One operation: its kind, the indices of its arguments, and a number (of "number") or a name (of a leaf)."""
 
     kind: str
     of: tuple[int, ...] = ()
@@ -24,28 +24,31 @@ class Operation(NamedTuple):
 
 
 LEAVES = ("place", "state", "input")
-"""What operations begin with: a parameter, constant through a run; what is integrated; a port, which may change."""
+"""The kinds of named numbers: a parameter in the buffer, constant in a run; a state; a port, which may change."""
 
 
 class TooLargeError(ValueError):
-    """Formulas come to more operations than `MOST_OPERATIONS`."""
+    """Formulas need more operations than `MOST_OPERATIONS`."""
 
 
 class Graph:
-    """Operations in an order in which each comes after those that it is of."""
+    """A list of operations, each after its arguments."""
 
     def __init__(self, numbers: Mapping[str, float] | None = None) -> None:
-        """numbers: what places hold now, by which kernels choose between forms that are equal but for round-off."""
+        """numbers: present values of places, by which kernels choose between forms that differ only in round-off."""
         self.numbers = numbers or {}
         self.operations: list[Operation] = []
         self.varies: list[bool] = []
-        """Of each operation whether it comes of states or inputs."""
+        """For each operation whether it depends on states or inputs."""
         self.powers: dict[int, tuple[int, float]] = {}
-        """Powers of roots, by which number to which power they are: finite slopes where that is zero."""
+        """Operations that are powers of a square root: the radicand and its exponent, for finite slopes at its zero."""
         self._at: dict[Operation, int] = {}
 
     def add(self, kind: str, *of: "Number", value: float | str = 0.0) -> "Symbol":
-        """Return the number that an operation gives, the same each time."""
+        """Return the result of an operation, which is added if the graph does not have it yet.
+
+        Raises TooLargeError beyond `MOST_OPERATIONS`.
+        """
         operation = Operation(kind, tuple(self.index_of(x) for x in of), value)
         if operation not in self._at:
             if len(self.operations) >= MOST_OPERATIONS:
@@ -56,19 +59,19 @@ class Graph:
         return Symbol(self, self._at[operation])
 
     def index_of(self, x: "Number") -> int:
-        """Return the place of the operation that gives a number."""
+        """Return the index of the operation whose result is a number."""
         return x.index if isinstance(x, Symbol) else self.add("number", value=float(x)).index
 
     def symbol_of(self, x: "Number") -> "Symbol":
-        """Return a number as one of the graph."""
+        """Return a number as a symbol of the graph."""
         return Symbol(self, self.index_of(x))
 
     def leaf(self, kind: str, name: str) -> "Symbol":
-        """Return a number that is known by its name alone; kind: one of LEAVES."""
+        """Return a number that has only a name; kind: one of LEAVES."""
         return self.add(kind, value=name)
 
     def reached(self, numbers: Iterable["Number"], last: str = "") -> list[int]:
-        """Return the places of all operations that numbers come of, in order; last: a kind to look no further than."""
+        """Return the indices of all operations on which numbers depend, in order; last: a kind to search no further."""
         seen: set[int] = set()
         left = [x.index for x in numbers if isinstance(x, Symbol)]
         while left:
@@ -79,12 +82,12 @@ class Graph:
         return sorted(seen)
 
     def reached_of(self, kinds: Collection[str], numbers: Iterable["Number"], last: str = "") -> list[Operation]:
-        """Return those operations of some kinds that numbers come of; last: see `reached`."""
+        """Return the operations of some kinds on which numbers depend; last: see `reached`."""
         return [x for i in self.reached(numbers, last) if (x := self.operations[i]).kind in kinds]
 
 
 class Symbol:
-    """A number of a graph. What is added and multiplied is one as well, or a float where all is known."""
+    """A number of a graph. Sums and products with it are symbols as well, or floats if their value is known."""
 
     __slots__ = ("graph", "index")
 
@@ -93,17 +96,17 @@ class Symbol:
 
     @property
     def operation(self) -> Operation:
-        """What gives the number."""
+        """The operation whose result is the number."""
         return self.graph.operations[self.index]
 
     @property
     def is_constant(self) -> bool:
-        """Whether it stays as it is through a run."""
+        """Whether it is constant in a run."""
         return not self.graph.varies[self.index]
 
     @property
     def scaled(self) -> "tuple[Number, Symbol]":
-        """A constant and a number whose product it is: 1 and itself where it was not made so."""
+        """A constant factor and the number that it multiplies: 1 and the symbol itself if it is no such product."""
         kind, of, _ = self.operation
         if kind != "multiply" or self.graph.varies[of[0]] or not self.graph.varies[of[1]]:
             return 1.0, self
@@ -116,7 +119,7 @@ class Symbol:
         return f"{kind}({', '.join(repr(Symbol(self.graph, i)) for i in of)})" if of else f"{value}"
 
     def __eq__(self, other: object) -> bool:
-        """Return whether it is that number for certain: no float is one, as a kernel must keep what may not be zero."""
+        """Return whether it is certainly the same number: never for a float, as kernels keep what may not be zero."""
         return isinstance(other, Symbol) and other.graph is self.graph and other.index == self.index
 
     def __hash__(self) -> int:
@@ -130,7 +133,7 @@ class Symbol:
 
     @property
     def known(self) -> float:
-        """What a place holds now. Raises TypeError for what is not known when the graph is made."""
+        """The present value of a place. Raises TypeError for a number that is not known when the graph is made."""
         if self.operation.kind != "place":
             raise TypeError(f"{self!r} is not known yet")
         return self.graph.numbers[str(self.operation.value)]
@@ -162,7 +165,7 @@ class Symbol:
         return -self if other == 0.0 else self.graph.add("subtract", other, self)
 
     def __mul__(self, other: "Number") -> "Number":
-        """Return the product: a x times b y, with constants a and b, is a b times x y, which is made once for all."""
+        """Return the product; a x times b y with constants a and b becomes (a b) (x y), so that x y is made once."""
         if not isinstance(other, Symbol):
             if other == 0.0:
                 return 0.0
@@ -194,7 +197,7 @@ class Symbol:
 Number = float | Symbol
 
 
-# Functions of one number or two, of floats or of symbols
+# Functions of numbers, which may be floats or symbols
 
 
 KNOWN: Mapping[str, Callable[..., float]] = {
@@ -204,7 +207,7 @@ KNOWN: Mapping[str, Callable[..., float]] = {
     "power": math.pow, "atan2": lambda y, x, _: math.atan2(y, x), "logistic": lambda x, _: elementary.logistic(x),
     "side": lambda x: math.copysign(1.0, x + 0.0), "select": lambda condition, a, b: a if condition > 0.0 else b,
 }  # fmt: skip
-"""What each operation is of floats."""
+"""Each operation as a function of floats."""
 
 
 def _operation(kind: str) -> Callable[..., Number]:
@@ -233,7 +236,7 @@ def select(condition: Number, a: Number, b: Number) -> Number:
 
 
 def _quotient(x: Number, y: Symbol) -> Number:
-    """Return x / y: by the logistic function where y is 1 + e^u, which may be too large for a number."""
+    """Return x / y; if y is 1 + e^u, by the logistic function, as e^u may overflow."""
     operations = y.graph.operations
     if y.operation.kind == "add":
         first, last = y.operation.of
@@ -245,12 +248,12 @@ def _quotient(x: Number, y: Symbol) -> Number:
 
 
 def logistic(x: Number, _: object = None) -> Number:
-    """Return 1 / (1 + e^-x)."""
+    """Return 1 / (1 + e^-x); the second argument is not used, as -x takes its place."""
     return _operation("logistic")(x, -x)
 
 
 def power(x: Number, exponent: Number) -> Number:
-    """Return x to a power: products where it is a small whole number, roots where it is half of one."""
+    """Return x^exponent: by products for a small integer, by a square root and products for half of an odd integer."""
     if not isinstance(exponent, Symbol):
         if exponent == int(exponent) and abs(exponent) <= 1024.0:
             whole = _whole_power(x, abs(int(exponent)))
@@ -261,7 +264,7 @@ def power(x: Number, exponent: Number) -> Number:
             return power(square_root(x), 2.0 * exponent)
     if isinstance(exponent, Symbol) and not exponent.is_constant:
         return exponential(exponent * logarithm(x))
-    if isinstance(x, Symbol) and x.operation.kind == "sqrt":  # which would have no series beside zero either
+    if isinstance(x, Symbol) and x.operation.kind == "sqrt":  # drop the root, which has no series at zero
         return power(Symbol(x.graph, x.operation.of[0]), 0.5 * exponent)
     return _operation("power")(x, exponent)
 
@@ -277,15 +280,16 @@ SYMBOLIC: Mapping[str, Callable[..., Number]] = {
     **KNOWN, "sqrt": square_root, "sin": sine, "cos": cosine, "exp": exponential, "log": logarithm, "power": power,
     "atan2": lambda y, x, _: arctangent(y, x), "logistic": logistic, "side": side, "select": select,
 }  # fmt: skip
-"""What each operation is of numbers that may be symbols."""
+"""Each operation as a function of numbers, which may be symbols."""
 
 
 def numbers_of(
     graph: Graph, ends: Sequence[Number], leaves: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]] = KNOWN
 ) -> list[Any]:
-    """Return what numbers come to; leaves: by their names. Raises ArithmeticError or ValueError where one is none.
+    """Return the values of numbers; leaves: values by name. Raises ArithmeticError or ValueError if one has no value.
 
-    functions: the operations, by which what leaves are may be no numbers, but another's expressions or text.
+    functions: of each operation. With other functions, values need not be numbers: they may be other expressions or
+    text.
     """
     found: dict[int, Any] = {}
     for i in graph.reached(ends):
@@ -301,9 +305,9 @@ def numbers_of(
 
 
 def gradient(y: Number, variables: Sequence[Symbol]) -> list[Number]:
-    """Return the derivatives of a number, by one sweep from it to what it comes of (reverse accumulation).
+    """Return the derivatives of a number by variables, by one sweep from the number to its leaves (reverse mode).
 
-    Griewank & Walther, Evaluating Derivatives, 2nd ed. 2008, ch. 3. What is frozen counts as constant.
+    Griewank & Walther, Evaluating Derivatives, 2nd ed. 2008, ch. 3. Sides count as constant.
     """
     if not isinstance(y, Symbol):
         return [0.0] * len(variables)
@@ -318,7 +322,7 @@ def gradient(y: Number, variables: Sequence[Symbol]) -> list[Number]:
 
 
 def changes_of(numbers: Sequence[Number], of_leaves: Mapping[Symbol, Number]) -> list[Number]:
-    """Return how much numbers change at once as leaves do, by one sweep from these to them (forward accumulation)."""
+    """Return the changes of numbers by given changes of leaves, by one sweep from leaves to numbers (forward mode)."""
     changes = {leaf.index: change for leaf, change in of_leaves.items()}
     for x in (x for x in numbers if isinstance(x, Symbol)):
         for i in x.graph.reached([x]):
@@ -336,17 +340,17 @@ _PARTIALS: Mapping[str, Callable[[Symbol, Symbol, Symbol, Symbol], Sequence[Numb
     "sin": lambda y, a, b, c: (cosine(a),),
     "cos": lambda y, a, b, c: (-sine(a),),
     "exp": lambda y, a, b, c: (y,),
-    "logistic": lambda y, a, b, c: (y * (1.0 - y), 0.0),  # the last, -x, is there for where series end
+    "logistic": lambda y, a, b, c: (y * (1.0 - y), 0.0),  # the last argument, -x, is only for where series end
     "log": lambda y, a, b, c: (1.0 / a,),
-    "atan2": lambda y, a, b, c: (b / c, -(a / c), 0.0),  # the last, x^2 + y^2, is there for its series alone
+    "atan2": lambda y, a, b, c: (b / c, -(a / c), 0.0),  # the last argument, x^2 + y^2, is only for series
     "power": lambda y, a, b, c: (b * power(a, b - 1.0), y * logarithm(a)),
     "select": lambda y, a, b, c: (0.0, select(a, 1.0, 0.0), select(a, 0.0, 1.0)),
 }
-"""The derivatives of an operation y by each of the numbers that it is of; those of a side are zero."""
+"""The derivatives of an operation y by each of its arguments; those of a side are zero."""
 
 
 def _partials(y: Symbol) -> list[tuple[int, Number]]:
-    """Return what an operation changes with, and the derivatives by that."""
+    """Return the indices of the numbers on which an operation depends directly, and the derivatives by these."""
     kind, of, _ = y.operation
     if y.index in y.graph.powers:
         under, exponent = y.graph.powers[y.index]

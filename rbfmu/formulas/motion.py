@@ -1,10 +1,11 @@
-"""The motion of a scene with formulas, as a graph: what its states' rates and what is asked for come of.
+"""The motion of a scene as a graph: the rates of its states, and the quantities that it shows.
 
 The equations of motion are the kernels' own, run in plain Python on numbers of the graph. Numbers of the scene that are
-zero are zero in the graph as well, so that what they multiply is left out; others are places of the buffer.
+zero are zero in the graph as well, so that their products are left out; all others are places of the buffer.
 
-`body/memory.initialize_body` makes a body's state, and what stands in its equations of motion, of its parameters. The
-derivatives of that, `Start`, are numbers of the graph too: linear in the changes of the parameters, which are leaves.
+`body/memory.initialize_body` computes a body's state, and the constants of its equations of motion, from its
+parameters. `Start` has the derivatives of these as numbers of the graph, linear in changes of parameters, which are
+leaves.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -22,23 +23,23 @@ from rbfmu_kernels.quantities import elements
 
 LOADS = ("force_a", "force_b", "torque_a", "torque_b")
 CONSTANT, STATE = "constants.", "states."
-"""What the names of constants and states of your own begin with on the graph, where bodies have names as well."""
+"""Prefixes of the scene's own constants and states on the graph, which also has names of the body's numbers."""
 _ZERO = (0.0, 0.0, 0.0)
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def by_element(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield the numbers of scalars, vectors and matrices, by their elements' names."""
+    """Yield the elements of scalars, vectors and matrices with their names."""
     for name, value in values.items():
         numbers = np.ravel(np.array(value, object))
         yield from zip(elements(name, len(numbers)), numbers, strict=True)
 
 
 class Given(NamedTuple):
-    """What a scene gives its formulas.
+    """The numbers of a scene that its formulas can read.
 
     numbers: the values of the body's blocks in the buffer and of constants, by name; symbolic: the names of those whose
-    zeros may become other numbers; ports: sizes by name; pivot: whether o is fixed.
+    zeros may become other numbers; ports, states, constants: sizes by name; pivot: whether o is fixed.
     """
 
     numbers: Mapping[str, Sequence[float]]
@@ -50,14 +51,14 @@ class Given(NamedTuple):
 
     @property
     def sizes(self) -> tuple[object, ...]:
-        """Return what there is, whatever its numbers."""
+        """Return the names and sizes of all that can be read, without the values."""
         return self.ports, self.states, self.constants, self.pivot
 
 
 class Group(NamedTuple):
-    """States whose errors are counted together; least: the least size that they are relative to.
+    """States whose errors are measured together; least: the least size that errors are relative to.
 
-    relative: whether to the largest that they have been, if that is more.
+    relative: whether errors are relative to the largest size in the run, if that is larger.
     """
 
     states: tuple[str, ...]
@@ -66,7 +67,7 @@ class Group(NamedTuple):
 
 
 def groups_of(names: Sequence[str]) -> list[Group]:
-    """Return states in groups: vectors, the time last."""
+    """Return states in groups, one for each vector or scalar, the time last."""
     found: dict[str, list[str]] = {}
     for name in names:
         found.setdefault(name.partition("[")[0], []).append(name)
@@ -76,11 +77,11 @@ def groups_of(names: Sequence[str]) -> list[Group]:
 
 
 class Motion:
-    """A body under formulas: `names` for formulas to read, and the rates of its states once loads are known."""
+    """A body under formulas: `names` that formulas can read, and the rates of its states, given its loads."""
 
     def __init__(self, given: Given) -> None:
         self.graph, self.given = Graph(dict(by_element(given.numbers))), given
-        self.zeros: set[str] = set()  # places of the buffer that are taken for zero
+        self.zeros: set[str] = set()  # places of the buffer that are assumed to stay zero
         q = self.q = self._leaves("state", "q", 4)
         self.omega = self._leaves("state", "omega", 3)
         self.t = self.graph.leaf("state", "t")
@@ -113,7 +114,7 @@ class Motion:
 
     @property
     def functions(self) -> Mapping[str, Function]:
-        """Return what formulas of this scene know."""
+        """Return the functions that formulas of this scene can call, by name."""
         turning = {
             "to_a": Function("v", "a vector of b in a: R_ab @ v", lambda v: self.to_a(as_vector(v))),
             "to_b": Function("v", "a vector of a in b: R_ab transposed @ v", lambda v: self.to_b(as_vector(v))),
@@ -122,9 +123,10 @@ class Motion:
         return {**FUNCTIONS, **turning}
 
     def _legs(self, x: Number) -> tuple[Number, Number]:
-        """Return a cosine and its sine; of a cosine in R_ab by the others in its row, which keeps digits near 1.
+        """Return a cosine x and its sine; if x is an element of R_ab, the sine is the norm of the others in its row.
 
-        Such a cosine needs no clip, whose corner at 1 a body at rest would never leave.
+        This is accurate near 1. Such a cosine also needs no clip, which has a corner at 1 that a body at rest would
+        never leave.
         """
         for row in self.R:
             for j, cosine in enumerate(row):
@@ -133,8 +135,8 @@ class Motion:
         return legs(x)
 
     def value(self, text: str) -> Array:
-        """Return what a formula gives."""
-        if "M_o" in text:  # made for those alone that ask: others keep the order of their operations
+        """Return the value of a formula. Raises FormulaError."""
+        if "M_o" in text:  # added only if a formula reads it: else operations keep their order
             self.names["M_o"] = inertia_of(self, about_o=True)
         return value_of(text, self.names, self.functions)
 
@@ -147,14 +149,14 @@ class Motion:
         return self.R.T @ v
 
     def turns(self) -> Iterator[Array]:
-        """Yield how q changes as by a rate about each axis of b."""
+        """Yield the rate of q for a rate of 1 rad/s about each axis of b."""
         return (np.array(interpreted(kernels.quaternion_rate_b)(tuple(self.q), axis), object) for axis in AXES)
 
     def forces_of(self, potential: Number) -> dict[str, Array]:
-        """Return the force at o, in a, and the torque, in b, that follow from a potential.
+        """Return the force at o, in a, and the torque, in b, of a potential V, as loads of the scene by name.
 
-        The work in a small displacement is -dV: the force is minus the slope over the path, and the torque about c
-        (about o with a pivot) minus that over a small turn about each axis of b.
+        The work in a small displacement is -dV: the force is minus the derivative by the path. The torque about c
+        (about o with a pivot) is minus the derivative by a small rotation about each axis of b.
         """
         slopes = np.array(gradient(potential, [*self.q, *([] if self.given.pivot else self._r_c)]), object)
         torque = np.array([-1.0 * (slopes[:4] @ turn) for turn in self.turns()], object)
@@ -164,7 +166,7 @@ class Motion:
         return {"force_a": force, "torque_b": _less(torque, cross(self._arm, self.to_b(force)))}
 
     def potential_energy(self, potential: Number, force_a: Array | None) -> Number:
-        """Return the potential of gravity, of a constant force_a, if it is not the buffer's, and of a load's own."""
+        """Return the sum of a potential and those of gravity and of a constant force_a; None: the buffer's force_a."""
         is_free, mass = not self.given.pivot, self._places("mass")[0]
         centre = self._r_c if is_free else self.position + self.to_a(self._places("r_oc_b"))
         total: Number = potential - mass * (self._places("gravity_a") @ centre)
@@ -172,7 +174,7 @@ class Motion:
         return total - force @ self.position if is_free else total
 
     def rates(self, loads: Mapping[str, Array]) -> Mapping[str, Number]:
-        """Return the rates of the body's states by their elements' names; loads: those given by formulas."""
+        """Return the rates of the body's states by their elements' names; loads: given by formulas, by name."""
         given = self.given
         known = {name: loads[name] if name in loads else self._places(f"constant_{name}") for name in LOADS}
         for name in LOADS:
@@ -200,7 +202,7 @@ class Motion:
         return {"t": 1.0} | dict(by_element(found))
 
     def outputs(self, rates: Mapping[str, Number]) -> dict[str, Array]:
-        """Return the quantities that a body shows, by name; rates: those of `rates`."""
+        """Return the quantities of a body by name; rates: as returned by `rates`."""
         omega, R, mass = self.omega, self.R, self._places("mass")[0]
         alpha = np.array([rates[name] for name in elements("omega", 3)], object)
         momentum = self._M @ omega
@@ -221,7 +223,7 @@ class Motion:
         return np.array([self.graph.leaf(kind, element) for element in elements(name, size)], object)
 
     def _places(self, name: str) -> Array:
-        """Return numbers of the buffer; those that are zero and stay so are 0."""
+        """Return the numbers of a block of the buffer; those that are zero and cannot change are 0."""
         values, stays = self.given.numbers[name], name not in self.given.symbolic
         names, leaves = elements(name, len(values)), self._leaves("place", name, len(values))
         self.zeros |= {element for element, x in zip(names, values, strict=True) if stays and x == 0.0}
@@ -229,7 +231,7 @@ class Motion:
 
 
 def closure(rates: Mapping[str, Number], wanted: Sequence[Number], graph: Graph) -> list[str]:
-    """Return the names of the states that what is wanted comes of, directly or through other states' rates."""
+    """Return the names of the states on which wanted numbers depend, directly or through other states' rates."""
     found: set[str] = set()
     left = list(wanted)
     while left:
@@ -260,45 +262,45 @@ def _tuples(matrix: Array) -> Any:
     return tuple(map(tuple, matrix))
 
 
-# How what a motion begins with, and hangs on, changes with the parameters that it is made of
+# Derivatives of the state at the start, and of constants of the motion, by parameters
 
 MADE = ("M", "M_inverse", "arm", "inverse_mass")
-"""The blocks that `initialize_body` makes of parameters, beside the state."""
+"""The blocks that `initialize_body` computes from parameters, besides the state."""
 CHANGE = "change of "
-"""Before the name of a parameter's number, that of its change."""
+"""Prefix of a parameter's number: together they name the number's change."""
 
 
 class Start:
-    """The leaves of a graph at the start, and how they change with the numbers of parameters."""
+    """The changes of a graph's leaves at the start by changes of parameters."""
 
     def __init__(self, graph: Graph, parameters: Iterable[str]) -> None:
-        """parameters: the names of their numbers."""
+        """parameters: the names of their elements."""
         self.graph = graph
         self.changes: dict[Symbol, Number] = {
             graph.leaf("place", name): graph.leaf("place", f"{CHANGE}{name}") for name in parameters
         }
 
     def leaves(self, name: str, size: int, kind: str = "place") -> list[Symbol]:
-        """Return the numbers of a block."""
+        """Return the leaves of a block's elements."""
         return [self.graph.leaf(kind, element) for element in elements(name, size)]
 
     def set(self, leaves: Iterable[Number], changes: Iterable[Number]) -> None:
-        """Let leaves change; those that are 0 in the graph stay so."""
+        """Set the changes of leaves; numbers that are 0 in the graph do not change."""
         self.changes |= {x: dx for x, dx in zip(leaves, changes, strict=True) if isinstance(x, Symbol)}
 
     def change_of(self, values: Iterable[Number]) -> list[Number]:
-        """Return how numbers change."""
+        """Return the changes of numbers."""
         return changes_of([*values], self.changes)
 
     def normalize(self, q: Sequence[Symbol]) -> None:
-        """Let an attitude change with the quaternion that it is made of, of any length."""
+        """Set the change of the attitude q by that of quaternion_0, which may have any norm and is normalized."""
         first = self.leaves("quaternion_0", 4)
         changes, size = self.change_of(first), square_root(sum((x * x for x in first), 0.0))
         along = sum((x * dx for x, dx in zip(q, changes, strict=True)), 0.0)
         self.set(q, [(dx - x * along) / size for x, dx in zip(q, changes, strict=True)])
 
     def begin(self, motion: Motion) -> None:
-        """Let all else change, once the attitude does, which turns what lies between o and the centre of mass."""
+        """Set all other changes, after that of the attitude, on which the position of the centre of mass depends."""
         known, omega, pivot = motion.names, motion.omega, motion.given.pivot
         self.set(omega, self.change_of(self.leaves("omega_b_0", 3)))
         mass, arm, M = known["mass"], known["r_oc_b"], inertia_of(motion, about_o=pivot)
@@ -320,6 +322,6 @@ class Start:
 
 
 def inertia_of(motion: Motion, about_o: bool) -> Array:
-    """Return a body's inertia by its parameters: about o, which turns it with a pivot, or about the centre of mass."""
+    """Return a body's inertia by its parameters: about o, as needed with a pivot, or about the centre of mass."""
     M, mass, arm = (motion.names[name] for name in ("M_c", "mass", "r_oc_b"))
     return np.array(interpreted(kernels.parallel_axis)(M, mass, tuple(arm)), object) if about_o else M

@@ -1,9 +1,9 @@
-"""What a graph comes to as Taylor series: which sums of products each order takes, and in which order they can be had.
+"""A graph as Taylor series: which sums of products each order needs, and in which sequence they can be computed.
 
-With y(t) = sum of y[k] t^k, every operation gives its k-th coefficient by a recurrence from those of what it is of, and
-all that is not linear is a sum over j of A[j] B[k - j] (Hairer, Norsett & Wanner, Solving Ordinary Differential
-Equations I, 2nd ed. 1993, I.8; Griewank & Walther, Evaluating Derivatives, 2nd ed. 2008, ch. 13). A function f with
-f' = g x', such as exp with g = f, gives k f[k] as the sum of g[k - j] times the slopes j x[j].
+With y(t) = sum of y[k] t^k, the k-th coefficient of an operation follows by a recurrence from those of its arguments.
+All nonlinear operations need sums over j of A[j] B[k - j] (Hairer, Norsett & Wanner, Solving Ordinary Differential
+Equations I, 2nd ed. 1993, I.8; Griewank & Walther, Evaluating Derivatives, 2nd ed. 2008, ch. 13). For a function f(x)
+with the derivative g(x), such as exp with g = f, k f[k] is the sum of g[k - j] times the slopes j x[j].
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,16 +13,16 @@ from rbfmu.formulas.graph import Graph, Number, Operation, Symbol, cosine, sine
 from rbfmu_kernels.integrators import formula_operations
 
 WIDTH = 4
-"""How many sums are made at once."""
+"""The number of sums that are computed at once."""
 
 
 class Recurrence(NamedTuple):
-    """An operation's k-th coefficient, k > 0. sums: those that it takes, by their factors; text: what it makes of them.
+    """An operation's k-th coefficient, k > 0. sums: the two factors of each sum of products; text: the formula.
 
-    Factors: y for the operation itself, a, b, c for what it is of, z for what `pair_of` gives; with ',
-    the slopes j x[j]. Where y is one of the factors, its k-th coefficient counts as zero, for which the recurrence is
-    solved. In the text: 0, 1, 2 for the sums; a: that coefficient of a; b: the value of a constant exponent; x: the
-    first coefficient of what is divided by, which `divisor` names.
+    Factors: y is the operation itself; a, b, c its arguments; z the result of `pair_of`; with ', the slopes j x[j]. If
+    y is a factor, its k-th coefficient counts as zero in the sum, as the recurrence is solved for it. In the text: 0,
+    1, 2: the sums; a: the k-th coefficient of a; b: the value of a constant exponent; inverse: 1 / k; x: the first
+    coefficient (k = 0) of the divisor, which is the operation that `divisor` names.
     """
 
     sums: tuple[str, ...]
@@ -43,29 +43,30 @@ RECURRENCES: Mapping[str, Recurrence] = {
     # x y' - y x', then its quotient by x^2 + y^2
     "atan2": Recurrence(("b a'", "a b'", "c y'"), "({0} - {1} - {2}) / {x} * inverse", "c"),
 }
-"""Those of operations that are not linear; a product is, and a quotient, where all but one factor, or the divisor, is
-constant."""
+"""The recurrences of nonlinear operations. A product with a constant factor is linear, and a quotient with a constant
+divisor."""
 
 
 PAIRS = ("sin", "cos", "logistic")
-"""Operations whose slope is that of what they are of, times another operation: see `pair_of`."""
+"""Operations whose slope is the slope of their argument times another operation: see `pair_of`."""
 RISING = ("exp", "logistic")
-"""Operations that may be nothing until what they are of has risen; a logistic function is one until its second number,
-the negative of the first, has."""
+"""Operations that may be negligible until their argument has risen. A logistic function may also be 1 until its second
+argument, the negative of the first, has risen."""
 ROOTS = tuple(formula_operations.KINDS[kind] for kind in formula_operations.ROOTS)
+"""Square roots and powers."""
 TOUCHING = (*ROOTS, "atan2")
-"""Operations that have no series where what they are of is zero: see `under`."""
+"""Operations that have no series at a zero of their argument: see `under`."""
 
 
 class Factor(NamedTuple):
-    """One of the two factors of products that are summed: an operation's coefficients, or their slopes j x[j]."""
+    """A factor of the products of a sum: an operation's coefficients x[j], or its slopes j x[j]."""
 
     of: int
     slope: bool = False
 
 
 class Sum(NamedTuple):
-    """A sum over j of first[j] last[k - j], number n of an operation's; level: the first one at which it can be had."""
+    """Sum number n of operation `of`: over j of first[j] last[k - j]; it is computed before operations of its level."""
 
     of: int
     n: int
@@ -75,30 +76,31 @@ class Sum(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return its variable."""
+        """Return the name of its variable in generated text."""
         return f"p{self.of}_{self.n}" if self.n else f"p{self.of}"
 
 
 class Program:
-    """Operations as series, and where their numbers stand in a row of the work space: states, sides, factors.
+    """Operations as series, and the places of their numbers in a row of the work space: states, sides, factors.
 
-    constants: those that stay as they are over a series, in order; levels: the others, so that each level needs sums
-    that the level before has completed; level_of: of each of them; sums: of all; sides: of what changes, on which side
-    of zero it is, which stays over a series, that ends where it changes; touching: ROOTS, and angles of points (x, y):
-    where that which a root is of, or x^2 + y^2, comes down to zero, the series would go on with the wrong sign, and
-    ends; rising: what exponentials are of, which may be nothing before; groups: sums of one level that are made at
-    once. head: where their factors begin in a row; beside_at: where the numbers beside; row: its length, in which
-    others may take room; start: where the first row begins, after the constants.
+    constants: operations that are constant over a series, in order. levels: the other operations; k-th coefficients of
+    a level need only sums of factors from lower levels. level_of: the level of each. sums: all sums. sides: the signs
+    of changing numbers; a sign is constant over a series, which ends where it changes. touching: ROOTS and angles of
+    points (x, y). A series ends where the argument of a square root or power, or x^2 + y^2, touches zero: beyond it, it
+    would have the wrong sign. rising: the arguments of exponentials, which may be negligible before they rise. groups:
+    sums of one level that are computed at once. head: where their factors begin in a row; beside_at: where the numbers
+    of `beside` begin; row: the length of a row, which others may increase; start: where the first row begins, after the
+    constants.
     """
 
     def __init__(
         self, graph: Graph, rates: Mapping[str, Number], wanted: Mapping[str, Number],
         watched: Iterable[Number] = (), beside: Sequence[Number] = (),
     ) -> None:  # fmt: skip
-        """Take states' rates by name, and what else is wanted, of which values serve and no series are made.
+        """rates: of the states, by name; wanted: other numbers by name, of which only values are needed, no series.
 
-        watched: sides that no rate rests on, of which series are made as well; beside: numbers whose series are kept
-        for others to read.
+        watched: sides that need series although no rate depends on them; beside: numbers whose series are stored for
+        others to read.
         """
         self.graph, self.rates, self.wanted, self.beside = graph, rates, wanted, tuple(beside)
         reached = with_pairs(graph, [*rates.values(), *watched, *beside])
@@ -125,13 +127,13 @@ class Program:
         self.row = self.beside_at + _whole(len(self.beside))
 
     def _take(self, i: int) -> None:
-        """Find level and sums of what changes over a series: what comes of states and inputs, but no side."""
+        """Find the level and the sums of an operation that depends on states or inputs and is not a side."""
         kind, of, _ = self.graph.operations[i]
         before = [self.level_of[j] for j in of if j in self.level_of]
         if kind == "side" or not (before or kind in ("state", "input")):
             return
         level, sums = max(before, default=0), self._sums_of(i)
-        steps = 2 if kind == "atan2" else 1 if sums else 0  # of an angle's three sums the first two make the third
+        steps = 2 if kind == "atan2" else 1 if sums else 0  # an angle's third sum needs the first two
         self.level_of[i] = level + steps
         last = [level + steps - (kind == "atan2" and n < 2) for n in range(len(sums))]
         self.sums += [Sum(i, n, at, *factors) for n, (at, factors) in enumerate(zip(last, sums, strict=True))]
@@ -145,7 +147,7 @@ class Program:
         return [[Factor(self.operand(i, one[0]), one.endswith("'")) for one in pair] for pair in pairs]
 
     def operand(self, i: int, letter: str) -> int:
-        """Return the operation that a letter of an operation's recurrence stands for."""
+        """Return the operation that a letter means in operation i's recurrence."""
         if letter == "z":
             return pair_of(self.graph, i).index
         return i if letter == "y" else self.graph.operations[i].of["abc".index(letter)]
@@ -157,24 +159,24 @@ class Program:
 
     @property
     def watched(self) -> list[Symbol]:
-        """Return what has sides, what may touch zero and its roots, and what rises: they stand after the states."""
+        """Return the numbers after the states in a row: arguments of sides, `under` of touching, touching, rising."""
         known = self.graph.operations
         found = [*(known[i].of[0] for i in self.sides), *(under(known[i]) for i in self.touching), *self.touching]
         return [Symbol(self.graph, i) for i in (*found, *self.rising)]
 
 
 def under(operation: Operation) -> int:
-    """Return what one of TOUCHING has no series beside the zero of: of an angle it is x^2 + y^2."""
+    """Return the argument of one of TOUCHING at whose zero it has no series; for an angle this is x^2 + y^2."""
     return operation.of[2 if operation.kind == "atan2" else 0]
 
 
 def _whole(count: int) -> int:
-    """Return the places of numbers in whole vectors."""
+    """Return a count rounded up to whole vectors."""
     return -(-count // WIDTH) * WIDTH
 
 
 def pair_of(graph: Graph, i: int) -> Symbol:
-    """Return by what one of PAIRS changes with what it is of, but for the sign of a cosine."""
+    """Return the derivative of one of PAIRS by its argument, but for a cosine without the sign."""
     kind, of, _ = graph.operations[i]
     if kind == "logistic":
         y = Symbol(graph, i)
@@ -184,7 +186,7 @@ def pair_of(graph: Graph, i: int) -> Symbol:
 
 
 def with_pairs(graph: Graph, numbers: Iterable[Number]) -> list[int]:
-    """Return the operations that numbers come of, with the pair of each of PAIRS."""
+    """Return the operations on which numbers depend, in order, with the pair of each of PAIRS."""
     ends = [*numbers]
     for i in graph.reached(ends):
         if graph.operations[i].kind in PAIRS:

@@ -1,9 +1,9 @@
-"""A program written out as kernels, which a reader can print: `rbfmu plan SCENE --code`.
+"""A program written out as kernels; a user can print them: `rbfmu plan SCENE --code`.
 
-`constants` sets what stays as it is over a series, `first` the values at its begin, `further` the k-th coefficients,
-`values` what is wanted of the states now, and `feedthrough` how that changes at once with inputs.
-Four sums of products are made at once, so that what the sums of a level need stands side by side: a row of the work
-space has the k-th coefficients of the states and of all factors of the next orders' sums.
+`constants` sets operations that are constant over a series, `first` the values at its beginning, `further` the k-th
+coefficients, `values` the wanted numbers for the present states, and `feedthrough` their changes by changes of inputs.
+Four sums of products are computed at once, so that the factors of these sums are side by side: a row of the work space
+contains the k-th coefficients of the states, and of all factors that sums of higher orders need.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -13,7 +13,7 @@ from rbfmu.formulas.graph import LEAVES, Graph, Number, Symbol, numbers_of
 from rbfmu.formulas.program import RECURRENCES, ROOTS, WIDTH, Factor, Program
 
 MOST_SUMS = 12
-"""How many groups of sums a loop makes beside one another: more find no register, of 16, and go through memory."""
+"""The most groups of sums in one loop: more do not fit into the 16 vector registers, and would be kept in memory."""
 SERIES = ("constants", "first", "further")
 KERNELS = (*SERIES, "values", "feedthrough")
 KERNELS_OVER = ("values", "feedthrough", "loads")
@@ -32,13 +32,13 @@ from rbfmu_kernels.numerics.elementary import atan2, exponential, logarithm, log
 from rbfmu_kernels.types import Buffer
 
 '''
-"""What modules of kernels begin with, and of right-hand sides for solvers of others."""
+"""The beginning of modules of kernels, and of right-hand sides for other solvers."""
 
 
 Changes = Mapping[int, Mapping[int, Number]]
 Place = Callable[..., int]
-"""Where the buffer has a leaf's number or an element of a block; of an input also, by "_rate" and "_rate_2", how fast
-it changes."""
+"""Returns the place in the buffer of a leaf or of an element of a block; with "_rate" or "_rate_2", that of an input's
+derivative."""
 
 
 def source_of(program: Program, place: Place, changes: Changes) -> str:
@@ -48,13 +48,13 @@ def source_of(program: Program, place: Place, changes: Changes) -> str:
 
 
 def source_over(program: Program, place: Place, changes: Changes, loads: Mapping[str, Number]) -> str:
-    """Return the text of a module with KERNELS_OVER; loads: those that are set at the start, by the block's number."""
+    """Return the text of a module with KERNELS_OVER; loads: set at the start, by the names of blocks' elements."""
     writer = _Writer(program, place)
     return _module(writer.values(program.wanted), writer.feedthrough(changes), writer.values(loads, "loads"))
 
 
 def source_of_lanes(program: Program, place: Place) -> tuple[str, int]:
-    """Return the text of a module with the kernels of series for several bodies side by side, and a row's length."""
+    """Return the text of a module with SERIES for several bodies side by side, and the length of a row."""
     writer = _WideWriter(program, place)
     return _module(*writer.series()), writer.row
 
@@ -66,9 +66,9 @@ def _module(*kernels: str) -> str:
 def module_of(
     source: str, constant: str, layout: tuple[Mapping[str, slice], int], places: Mapping[str, object], base: str = ""
 ) -> str:
-    """Return the text of a module that makes the model besides, its attribute MODEL.
+    """Return the text of a module that also makes the model, as its attribute MODEL.
 
-    base: the closed form that it is over, as `models.model_named` takes it, if any.
+    base: an argument of `models.model_named`: the closed form of which outputs are functions, if any.
     """
     kernels = KERNELS_OVER if base else KERNELS
     maker = f"make_over({constant!r}, model_named({base!r})," if base else f"make_formulas({constant!r},"
@@ -116,16 +116,16 @@ class _Writer:
         yield _kernel("further", "z: Buffer, w: int, k: int", "None", [*lines, *self._put(self._later, " / (k + 1)")])
 
     def values(self, wanted: Mapping[str, Number], name: str = "values") -> str:
-        """Return the text of the kernel that sets what is wanted, from the states in the buffer."""
+        """Return the text of the kernel that sets wanted numbers, by the states in the buffer."""
         places = {f"z[{self._place(element)}]": x for element, x in wanted.items()}
         lines = [*self._now(wanted.values()), *(f"{at} = {self._text(x)}" for at, x in places.items())]
         sums = " + ".join(["0.0", *(f"0.0 * {at}" for at in places)])
         return _kernel(name, "z: Buffer", "int", [*lines, f"return 0 if {sums} == 0.0 else NO_OUTPUTS"])
 
     def feedthrough(self, changes: Changes) -> str:
-        """Return the text of the kernel that, given by how much inputs change, sets by how much outputs do at once.
+        """Return the text of the kernel that sets changes of outputs by given changes of inputs.
 
-        changes: by the place of an output's number, its derivatives by the place of the input's number.
+        changes: output's place -> input's place -> derivative.
         """
         lines = [*self._now(x for slopes in changes.values() for x in slopes.values())]
         for at, slopes in changes.items():
@@ -136,12 +136,12 @@ class _Writer:
     # Values
 
     def _now(self, numbers: Iterable[Number]) -> Iterator[str]:
-        """Return the lines that make what numbers come of from the states in the buffer."""
+        """Return the lines that compute all operations on which numbers depend, by the states in the buffer."""
         reached = self._graph.reached(numbers)
         return self._set((i for i in reached if self._graph.operations[i].kind != "number"), in_row=False)
 
     def _set(self, operations: Iterable[int], in_row: bool = True) -> Iterator[str]:
-        """Return the lines that set values; in_row: whether states stand in a row of the work space."""
+        """Return the lines that set values; in_row: whether states are in a row of the work space."""
         return (f"{self._name(i)} = {self._value(i, in_row)}" for i in operations)
 
     def _read_sides(self, readers: Iterable[int]) -> Iterator[str]:
@@ -149,7 +149,7 @@ class _Writer:
         return self._set(i for i in self._sides if i in used)
 
     def _name(self, i: int) -> str:
-        """Return the variable of an operation's value or k-th coefficient; a number is itself."""
+        """Return the variable of an operation's value or k-th coefficient; for a number its text."""
         operation = self._graph.operations[i]
         return repr(operation.value) if operation.kind == "number" else f"v{i}"
 
@@ -170,7 +170,7 @@ class _Writer:
         return text
 
     def _put(self, text: Callable[[Number], str], divided: str = "") -> Iterator[str]:
-        """Yield the lines that store what is watched, numbers beside, and the states' next coefficients."""
+        """Yield the lines that store watched numbers, numbers of `beside`, and the states' next coefficients."""
         program = self._program
         kept = (*enumerate(program.watched, len(self._columns)), *enumerate(program.beside, program.beside_at))
         yield from (f"z[r + {at}] = {text(x)}" for at, x in kept)
@@ -183,23 +183,23 @@ class _Writer:
         for n, level in enumerate(self._program.levels):
             yield from self._products(n)
             yield from (f"{self._name(i)} = {self._coefficient(i)}" for i in level)
-        for g, group in enumerate(self._program.groups):  # what was not known when these products were summed
+        for g, group in enumerate(self._program.groups):  # factors that were not known when these products were summed
             left = (one for one in self._factors_of(g) if not self._is_known(one[1], group[0].level))
             yield from (f"z[r + {at}] = {self._factor(factor)}" for at, factor in left)
 
     def _is_known(self, factor: Factor, level: int) -> bool:
-        """Return whether a factor is known when a level's sums are made."""
+        """Return whether a factor's k-th coefficient is known when a level's sums are computed."""
         return self._program.level_of.get(factor.of, -1) < level
 
     def _factors_of(self, g: int) -> Iterator[tuple[int, Factor]]:
-        """Yield the places in a row of a group's factors."""
+        """Yield a group's factors with their places in a row."""
         at = self._program.head + 2 * WIDTH * g
         for lane, one in enumerate(self._program.groups[g], at):
             yield lane, one.first
             yield lane + WIDTH, one.last
 
     def _products(self, level: int) -> Iterator[str]:
-        """Yield the lines that store the factors which are known by now, and sum the products of groups."""
+        """Yield the lines that store the factors known so far, and sum the products of a level's groups."""
         groups = {g: group for g, group in enumerate(self._program.groups) if group[0].level == level}
         for at, factor in (one for g in groups for one in self._factors_of(g)):
             yield f"z[r + {at}] = {self._factor(factor) if self._is_known(factor, level) else '0.0'}"
@@ -217,11 +217,11 @@ class _Writer:
 
     @property
     def _loop(self) -> tuple[str, str]:
-        """The head of the loop over products: of the one's (k - j)-th coefficient, and the other's j-th."""
+        """The head of the loop over products of (k - j)-th and j-th coefficients."""
         return "for j in range(k + 1):", f"    a, b = r - (k - j) * {self.row}, r - j * {self.row}"
 
     def _factor(self, factor: Factor) -> str:
-        """Return the k-th coefficient of a factor, k > 0."""
+        """Return the text of a factor's k-th coefficient, k > 0."""
         part = self._part(factor.of)
         return f"k * {part}" if factor.slope and part != "0.0" else part
 
@@ -250,21 +250,24 @@ class _Writer:
         return a if b == "0.0" else b if kind == "add" else f"-{b}"
 
     def _part(self, i: int) -> str:
-        """Return the k-th coefficient of an operand: none of a constant."""
+        """Return the text of an operand's k-th coefficient, k > 0: 0.0 for a constant."""
         return self._name(i) if i in self._program.level_of else "0.0"
 
     def _later(self, x: Number) -> str:
         return self._part(x.index) if isinstance(x, Symbol) else "0.0"
 
     def _first(self, i: int) -> str:
-        """Return the text of an operation's first coefficient: where it is a factor, it stands in the first row."""
-        at = next(at for at, factor in self._factors if factor == Factor(i))  # of what is solved for
+        """Return the text of an operation's first coefficient (k = 0), which is in the first row, as it is a factor."""
+        at = next(at for at, factor in self._factors if factor == Factor(i))
         return f"z[w + {self._program.start + at}]"
 
 
 class _WideWriter(_Writer):
-    """Writes the same sums for numbers of several bodies, with the same bits: each on its own, of factors that are kept
-    once. What is not yet known of an order counts as zero, as it does where sums of one body go side by side."""
+    """Writes the same sums for numbers of several bodies, with the same bits.
+
+    Sums are computed one by one, and each factor is stored once. Coefficients of an order that are not known yet count
+    as zero, as in the sums of one body.
+    """
 
     def __init__(self, program: Program, place: Place) -> None:
         super().__init__(program, place)
@@ -299,7 +302,7 @@ VALUES = {
 def lines_of(
     graph: Graph, ends: Sequence[Number], leaves: Mapping[str, str], texts: Mapping[str, str]
 ) -> tuple[list[str], list[str | float]]:
-    """Return assignments in another's language, and what numbers come to by them; texts: of each operation."""
+    """Return assignments in another language, and the texts of numbers by their variables; texts: of operations."""
     lines: list[str] = []
 
     def line(text: str) -> Callable[..., str]:
@@ -314,7 +317,7 @@ def lines_of(
 
 
 def function_of(name: str, graph: Graph, ends: Sequence[Number], leaves: Mapping[str, str]) -> str:
-    """Return the text of a function of t and y, as solvers of others take it, that puts numbers into f.
+    """Return the text of a function name(t, f, y), as other solvers call it, that puts numbers into f.
 
     leaves: the texts of parameters, states and inputs, by name.
     """

@@ -1,6 +1,7 @@
-"""A formula's text: which of Python's expressions it may be, where a mistake is, and what it means.
+"""A formula's text: which of Python's expressions it may contain, where a mistake is, and its value on a graph.
 
-It is parsed, never run: its numbers are those of a graph, in scalars, vectors and matrices whose shapes must fit.
+A text is parsed, but never run as Python. Its numbers are those of a graph, in scalars, vectors and matrices whose
+shapes must fit.
 """
 
 import ast
@@ -15,7 +16,8 @@ from rbfmu.formulas import functions, graph
 from rbfmu.formulas.functions import NO_NUMBER, Array, Condition, Function, MismatchError, shape_of
 
 LONGEST, DEEPEST, SHOWN = 2000, 40, 100
-"""The most characters of a formula, levels of what stands inside something else, and characters of a message."""
+"""The most characters of a formula; the most levels of brackets, and half of those of operations; the most characters
+that a message shows."""
 _ALLOWED = (
     ast.Expression, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Call, ast.Name, ast.Constant, ast.List,
     ast.Tuple, ast.Subscript, ast.Load, ast.USub, ast.UAdd, ast.Not, ast.And, ast.Or, ast.Add, ast.Sub, ast.Mult,
@@ -28,7 +30,7 @@ _INSTEAD = {
 
 
 class FormulaError(ValueError):
-    """What is wrong with a formula, and where: its text with a caret below, and what was expected."""
+    """An error in a formula: what was expected, and the text with a caret below the place."""
 
     def __init__(self, text: str, column: int, expected: str) -> None:
         flat = "".join(c if c.isprintable() else " " for c in text)
@@ -38,7 +40,7 @@ class FormulaError(ValueError):
 
 @lru_cache(maxsize=256)
 def read(text: str) -> ast.expr:
-    """Return the expression of a text, of allowed parts alone. Raises FormulaError."""
+    """Return the parsed expression of a text. Raises FormulaError if it is none, or has parts that are not allowed."""
     if len(text) > LONGEST:
         raise FormulaError(text, LONGEST, f"at most {LONGEST} characters")
     _check_brackets(text)
@@ -60,7 +62,7 @@ def read(text: str) -> ast.expr:
 
 
 def _check_brackets(text: str) -> None:
-    """Raise FormulaError for a bracket without its other one, and for levels on which Python's parser gives up."""
+    """Raise FormulaError for a bracket without its partner, and for more levels than Python's parser can read."""
     opened: list[int] = []
     for column, character in enumerate(text):
         if character in "([{":
@@ -78,15 +80,15 @@ def _check_brackets(text: str) -> None:
 
 
 def column_of(text: str, node: ast.AST) -> int:
-    """Return the column at which a part of the text begins; Python counts bytes, from a bracket that `read` puts."""
+    """Return the column where a node begins in the text; Python counts bytes, and the bracket that `read` adds."""
     before = text.encode()[: max(getattr(node, "col_offset", 1) - 1, 0)]
     return len(before.decode(errors="ignore"))
 
 
 def _walk(root: ast.expr) -> Iterator[tuple[ast.AST, ast.AST, int]]:
-    """Yield all parts, each with what says its place, and how deep they stand; an operator's is its operation's.
+    """Yield all nodes, each with the node that has its position, and its depth.
 
-    All texts have the same object for an operator, so that no place can stand in it.
+    An operator has the position of its operation, as Python uses one and the same object for it in all texts.
     """
     left: list[tuple[ast.AST, ast.AST, int]] = [(root, root, 0)]
     while left:
@@ -101,14 +103,14 @@ def names_in(text: str) -> set[str]:
     return {node.id for node, *_ in _walk(read(text)) if isinstance(node, ast.Name)}
 
 
-# What it means
+# Its value
 
-_times = np.frompyfunc(lambda a, b: a * b, 2, 1)  # of scalars of a graph, which know no arrays
+_times = np.frompyfunc(lambda a, b: a * b, 2, 1)  # a graph's scalars do not know arrays
 
 
 def value_of(text: str, names: Mapping[str, Array], known: Mapping[str, Function] = functions.FUNCTIONS) -> Array:
-    """Return what a formula gives where names stand for numbers. Raises FormulaError."""
-    with np.errstate(over="raise"):  # as NumPy only warns where factors of a product make an infinite one
+    """Return the value of a formula; names: the values of names; known: its functions. Raises FormulaError."""
+    with np.errstate(over="raise"):  # NumPy only warns if a product of known factors overflows
         found = _Reader(text, names, known).value(read(text))
     if isinstance(found, NO_NUMBER):
         raise FormulaError(text, 0, "a number, a vector or a matrix; where(condition, 1, 0) makes a number")
@@ -116,20 +118,20 @@ def value_of(text: str, names: Mapping[str, Array], known: Mapping[str, Function
 
 
 class _Reader:
-    """One text, and what its names stand for."""
+    """Evaluates one text with given names and functions."""
 
     def __init__(self, text: str, names: Mapping[str, Array], known: Mapping[str, Function]) -> None:
         self._text, self._names, self._functions = text, names, known
 
     def value(self, node: ast.expr) -> Array:
-        """Return what a part of the text gives."""
+        """Return the value of a part of the text."""
         try:
             found = getattr(self, f"_{type(node).__name__.lower()}")(node)
         except FormulaError:
             raise
         except (MismatchError, graph.TooLargeError) as error:
             raise self._fault(node, str(error)) from None
-        except (ArithmeticError, ValueError):  # a root of -1, a division by zero, 10.0 ** 400
+        except (ArithmeticError, ValueError):  # such as a square root of -1, a division by zero, 10.0 ** 400
             raise self._fault(node, "a finite number") from None
         numbers: Any = [] if isinstance(found, NO_NUMBER) else np.asarray(found, object).flat
         if any(isinstance(x, float) and not math.isfinite(x) for x in numbers):
@@ -178,7 +180,7 @@ class _Reader:
                 return graph.power(functions.as_scalar(a), functions.as_scalar(b))
             case ast.Div():
                 by = functions.as_scalar(b)
-                if by == 0.0:  # of what is not known yet a graph would take the quotient
+                if by == 0.0:  # the graph would accept it if a is not known yet
                     raise ZeroDivisionError
                 return a / by
             case ast.Mult() if of_a and of_b:
@@ -194,7 +196,7 @@ class _Reader:
         return _all([_side_of(sign, a, b) for sign, a, b in zip(node.ops, values, values[1:], strict=False)])
 
     def _boolop(self, node: ast.BoolOp) -> Condition:
-        sign = 1.0 if isinstance(node.op, ast.And) else -1.0  # not all of those that do not hold
+        sign = 1.0 if isinstance(node.op, ast.And) else -1.0  # a or b is not (not a and not b)
         return Condition(sign * _all([sign * functions.as_condition(self.value(x)).side for x in node.values]).side)
 
     def _subscript(self, node: ast.Subscript) -> Array:
@@ -233,14 +235,14 @@ def _instead_of(name: str, known: Mapping[str, Any]) -> str:
 
 
 def _side_of(sign: ast.cmpop, a: graph.Number, b: graph.Number) -> graph.Number:
-    """Return 1 where a comparison holds, else -1; the side of zero counts as 1, so that a < b is that not b <= a."""
+    """Return 1 if a comparison is true, else -1; the side of zero is 1, so that a < b is computed as not a >= b."""
     if isinstance(sign, ast.Gt | ast.LtE):
         a, b = b, a
     return -graph.side(a - b) if isinstance(sign, ast.Lt | ast.Gt) else graph.side(a - b)
 
 
 def _all(sides: Sequence[graph.Number]) -> Condition:
-    """Return the condition that all hold."""
+    """Return the condition that all are true."""
     found = sides[0]
     for one in sides[1:]:
         found = graph.select(found, one, -1.0)

@@ -1,1 +1,1 @@
-"""The numbers behind measured motion: a scene fitted to data."""
+"""Identification: numbers of a scene, fitted to measured motion."""

@@ -1,9 +1,10 @@
-"""How numbers of a scene vary freely: each key by coordinates that any value is possible of, zero at its start.
+"""How numbers of a scene vary freely: each key has coordinates p, valid within simple bounds; its start is p = 0.
 
-A mass is its start times exp(p). Of an inertia, the sums of m x_i x_j about c, E = tr(M) / 2 - M, are those of a
-distribution of mass if E is positive definite (P. M. Wensing, S. Kim & J.-J. E. Slotine, IEEE Robotics and Automation
-Letters 3, 2018): E = L L^T, with the logarithms of L's diagonal as coordinates. An attitude is turned by a rotation
-vector in b. What else there is has its size for a unit; a larger one where that is zero or far too small.
+A mass is its start times exp(p). An inertia M is that of a distribution of mass if the matrix of the sums of m x_i x_j
+about c, E = tr(M) / 2 - M, is positive definite (P. M. Wensing, S. Kim & J.-J. E. Slotine, IEEE Robotics and Automation
+Letters 3, 2018). So E = L L^T, and the coordinates are the logarithms of L's diagonal and L's other elements. An
+attitude is rotated by a rotation vector in b. All other numbers have their size at the start as the unit of p, or a
+larger unit if that is zero or far too small.
 """
 
 import math
@@ -21,13 +22,13 @@ from rbfmu_kernels.quantities import BOUNDED
 
 INERTIA, MASS = "body.inertia", "body.mass"
 THINNEST = 1e-9
-"""The least E over its trace that a coordinate begins with: a plate has none across."""
+"""The least eigenvalue of E at the start, over its trace, as that of a plate is zero."""
 FARTHEST = 15.0
-"""How far a logarithm may go: three million times as much, or as little."""
+"""The largest absolute value of a logarithm: a factor of three million, or its inverse."""
 OWN = {"constants": "value", "states": "start"}
-"""By table of numbers of your own, which entry of a row varies."""
+"""The entry of a row that varies, for tables of a scene's own numbers."""
 FAR = 10.0
-"""How many times larger than its unit a number has to be to get a larger one.
+"""A number gets a larger unit if it is more than FAR times its unit.
 
 It is not critical: a thrust of 3e6 N and an orbit's velocity and position, all begun at 1, were found in 60 and 39
 to 42 evaluations with anything from 1.5 to 1e4.
@@ -36,12 +37,12 @@ _BOUNDED = {f"loads.{load.name}" for load in BOUNDED}
 
 
 class Chart:
-    """One key's coordinates: `value(p)` for the scene, and `slopes(p)`, of its numbers by coordinates."""
+    """One key's coordinates p: `value(p)` for the scene, and `slopes(p)`, the derivatives of its numbers by p."""
 
     reach = math.inf
 
     def __init__(self, scene: Scene, key: str) -> None:
-        self.columns = columns_of(scene, key, "free")  # which refuses what is no key
+        self.columns = columns_of(scene, key, "free")  # refuses unknown keys
         self.whole = key.partition("[")[0]
         self.start = np.array(value_of(scene, self.whole), dtype=np.float64).ravel()
         self.size = float(np.max(np.abs(self.start), initial=0.0)) or 1.0
@@ -50,9 +51,9 @@ class Chart:
         self.count = len(self.columns)
 
     def value(self, p: Array, before: Any = None) -> Any:
-        """Return what the scene has for the key, without an index: a number, a vector or matrix, or an attitude.
+        """Return the value of the whole key, without an index: a number, a vector or matrix, or an attitude.
 
-        before: with another of its numbers.
+        before: the key's value in which other numbers have changed already.
         """
         found = np.array(self.start if before is None else before)
         found[self.chosen] = self.numbers(p)
@@ -63,13 +64,13 @@ class Chart:
         return np.asarray(self.start[self.chosen] + self.size * p)
 
     def scale(self, p: Array) -> float:
-        """Return what errors of the numbers are relative to: how large they are, at least their unit."""
+        """Return the size to which errors of the numbers are relative: their largest, at least their unit."""
         return max(self.size, float(np.max(np.abs(self.numbers(p)))))
 
     def outgrown(self, p: Array) -> bool:
-        """Give coordinates, in place, the unit of what they come to, if that is far larger; return whether it is."""
+        """If the numbers are far larger than their unit, make it as large and change p in place; return whether so."""
         size = self.scale(p)
-        if type(self) is not Chart or size <= FAR * self.size:  # coordinates of others have no unit
+        if type(self) is not Chart or size <= FAR * self.size:  # subclasses have no unit
             return False
         p *= self.size / size
         self.size = size
@@ -81,7 +82,7 @@ class Chart:
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Return the least and the largest that each coordinate may be."""
+        """Return the lower and the upper bounds of the coordinates."""
         low = np.maximum((self.lowest - self.start[self.chosen]) / self.size, -self.reach)
         return low, np.full(self.count, self.reach)
 
@@ -124,7 +125,7 @@ class _Inertia(Chart):
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Return bounds that let E, a square, grow from a plate's to any other, and shrink as far as a mass may."""
+        """Return bounds by which E, the square of L, can grow from a plate's to any other, and shrink like a mass."""
         low, high = super().bounds
         low[:3] *= 0.5
         return low, high
@@ -162,7 +163,7 @@ def _inertia_of(E: Array) -> Array:
 
 
 def chart_of(scene: Scene, key: str) -> Chart:
-    """Return the coordinates of a key. Raises ValueError for one of an inertia's numbers alone."""
+    """Return the chart of a key. Raises ValueError for a single number of an inertia."""
     if isinstance(key, str) and key != INERTIA and key.startswith(INERTIA):
         raise ValueError(f"free = {key!r}: expected {INERTIA} as a whole, so that it stays one that a body can have")
     kinds: dict[str, type[Chart]] = {ATTITUDE: _Attitude, INERTIA: _Inertia, MASS: _Mass}
@@ -170,14 +171,14 @@ def chart_of(scene: Scene, key: str) -> Chart:
 
 
 def value_of(scene: Scene, key: str) -> ArrayLike:
-    """Return what a scene has for a key without an index, of an attitude the quaternion."""
+    """Return a scene's value of a key without an index; for an attitude the quaternion."""
     table, _, name = key.partition(".")
     section, name = getattr(scene, table), "quaternion" if key == ATTITUDE else name
     return section[name].numbers if table in OWN else getattr(section, name)  # type: ignore[no-any-return]
 
 
 def changes(charts: Sequence[Chart], p: Array) -> dict[str, Any]:
-    """Return what `Scene.replace` takes for coordinates."""
+    """Return the changes for `Scene.replace` at coordinates p."""
     found: dict[str, Any] = {}
     for chart, row in by_chart(charts, p):
         found[chart.whole] = chart.value(row, found.get(chart.whole))
@@ -185,5 +186,5 @@ def changes(charts: Sequence[Chart], p: Array) -> dict[str, Any]:
 
 
 def by_chart(charts: Sequence[Chart], p: Array) -> Iterator[tuple[Chart, Array]]:
-    """Return each chart with its coordinates."""
+    """Yield each chart with its coordinates."""
     return zip(charts, np.split(p, np.cumsum([chart.count for chart in charts])[:-1]), strict=True)

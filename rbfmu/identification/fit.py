@@ -1,6 +1,6 @@
-"""A scene fitted to measured motion: nonlinear least squares on derivatives of the motion.
+"""A scene fitted to measured motion: nonlinear least squares with derivatives of the motion.
 
-What it found are numbers with their errors, as a scene file with comments, and as an ensemble of what is left open.
+The result is numbers with their errors, also as a scene file with comments, and as an ensemble of the uncertainty.
 """
 
 import math
@@ -32,34 +32,36 @@ Of twenty fits to 10 s (`tests.support.fits`, seeds from 7000 on), all of the ti
 evaluations a fit; these parts miss none and take 89.
 """
 HELD, HELD_LAST = 0.3, 1e-4
-"""How strongly coordinates are held to those before until all of the time is fitted: as if known to 1 / HELD; and then,
-so that what the data do not tell stays where it is. The same fits take 120 evaluations at 1e-4, and 79 at 3."""
+"""HELD: the weight that holds coordinates at their earlier values while a part of the time is fitted, as if known to
+1 / HELD. HELD_LAST: the same for all of the time, so that what the data do not determine stays where it is. The same
+fits take 120 evaluations with HELD at 1e-4, and 79 at 3."""
 MOST_SIZES = 12
-"""How often what turned out far larger than it began may get a larger unit."""
+"""How often numbers that are far larger than at the start may get a larger unit."""
 MOST_TRIES, MOST_LAST = 60, 400
-"""Evaluations of one part, and of all of the time."""
+"""The most evaluations for one part, and for all of the time."""
 REFUSED = 1e6
 """The residual, over its standard deviation, of a motion that the scene refuses."""
 NO_RUN = (exceptions.SceneError, exceptions.SimulationError, ValueError, OverflowError)
-"""What a run raises of numbers that lead nowhere."""
+"""The errors of a run with numbers that give no motion."""
 UNTOLD = 1.0
-"""The relative standard error from which on the data do not tell a direction."""
+"""The relative standard error above which the data do not determine a direction."""
 PART_OF_DIRECTION = 0.02
-"""The share of a direction that the data do not tell, from which on a number is not told."""
+"""A number is not determined if its part of an undetermined direction is larger."""
 STILL_FALLS = 0.01
-"""What the sum of squares may still fall by, of its mean share of a number, where a search has to end."""
+"""The largest further decrease of the sum of squares, over its mean for one number, with which a search may end."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:
-    """What `fit` gives.
+    """The result of `fit`.
 
-    scene: the fitted one; names, values, standard_errors: of the numbers that were free, (n,), NaN and infinite where
-    the data do not tell them; of an attitude the turn in b from the scene's, rad, with the errors of a small turn in b
-    from the fitted one (which its components have too where the turn is small); covariance, correlation: (n, n);
-    unknown: what the data do not tell, in words; residuals: measured less fitted by output, of a quaternion a turn in
-    b, rad, (times, k), NaN at gaps; sigma: the standard deviation of each output's; doubts: in which way residuals do
-    not look like noise, in words; measured: the data.
+    scene: the fitted one; names, values, standard_errors (n,): of the free numbers; a number that the data do not
+    determine has the value NaN and an infinite error. The value of an attitude is the rotation vector in b from the
+    scene's attitude, rad; its error is that of a small rotation in b from the fitted one (the same as that of its
+    components if the rotation is small). covariance, correlation: (n, n); unknown: what the data do not determine, in
+    words; residuals: measured less fitted (times, k) by output, NaN at gaps, of a quaternion a rotation vector in b,
+    rad; sigma: the standard deviation of each output's noise; doubts: how residuals do not look like noise, in words;
+    measured: the data.
     """
 
     scene: Scene
@@ -80,14 +82,14 @@ class Fit:
 
     @property
     def correlation(self) -> Array:
-        """Return the correlation of the numbers' errors, (n, n); NaN where the data do not tell one."""
+        """Return the correlation of the numbers' errors (n, n); NaN where the data do not determine it."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(self.covariance / np.outer(self.standard_errors, self.standard_errors))
 
     def posterior(self, runs: int = 1000, seed: int = 1) -> Scene:
-        """Return the fitted scene with an ensemble of what the data leave open: normal, correlated as the fit has it.
+        """Return the fitted scene with an ensemble of the remaining uncertainty: normal, with the fit's correlations.
 
-        Raises ValueError where there is something that they do not tell.
+        Raises ValueError if the data do not determine all numbers.
         """
         if self.unknown:
             raise ValueError(f"{self.scene.name}: expected data that tell all numbers: {'; '.join(self.unknown)}")
@@ -104,7 +106,7 @@ class Fit:
     def save(self, path: str | Path, source: str | Path | None = None) -> None:
         """Write the fitted scene as a TOML file, each number with its standard error in a comment.
 
-        source: the file of the scene that was fitted, whose own comments then stay. Needs tomlkit.
+        source: the file of the scene that was fitted, to keep its comments. Needs tomlkit.
         """
         tomlkit = extras.needed("tomlkit", "fit")
         whole = tomlkit.dumps(self.scene.to_dict()) if source is None else Path(source).read_text("utf-8-sig")
@@ -115,8 +117,8 @@ class Fit:
         if MASS in places and "shape" in document["body"]:
             _put(tomlkit, document, self.scene, INERTIA, "of the shape, with the mass that it had")
         written = tomlkit.dumps(document)
-        Scene.from_dict(tomllib.loads(written), str(path))  # what cannot be read again is not written
-        on_disk.write_whole(Path(path), written.encode())  # the source may stand there
+        Scene.from_dict(tomllib.loads(written), str(path))  # raises an error before a wrong file is written
+        on_disk.write_whole(Path(path), written.encode())  # path may be the source
 
     def plot(self, path: str | Path | None = None) -> Any:
         """Draw residuals over their standard deviation, a panel an output; return the matplotlib.figure.Figure."""
@@ -127,7 +129,7 @@ class Fit:
 
 
 def _put(tomlkit: Any, document: Any, scene: Scene, key: str, comment: str) -> None:
-    """Put what a scene has for a key into the tables of a file, in place of any spelling of it."""
+    """Put a scene's value of a key into the tables of a file, in place of other keys that set the same field."""
     table, _, name = key.partition(".")
     rows = document.setdefault(table, tomlkit.table())
     keys = SECTIONS[table]._keys if table in SECTIONS else {}
@@ -145,7 +147,7 @@ def _put(tomlkit: Any, document: Any, scene: Scene, key: str, comment: str) -> N
 
 
 def _as_written(scene: Scene, key: str) -> Any:
-    """Return what a scene has for a key as a file has it: principal moments alone, where the axes are those of b."""
+    """Return a scene's value of a key as in a file; a diagonal inertia is given by its three moments."""
     value = np.array(value_of(scene, key))
     if key == INERTIA:
         return (value if np.any(value - np.diag(np.diag(value))) else np.diag(value)).tolist()
@@ -153,7 +155,7 @@ def _as_written(scene: Scene, key: str) -> Any:
 
 
 def _spread(fit: Fit, key: str, at: list[int]) -> tuple[dict[str, Any], list[str]]:
-    """Return the distribution of a key's numbers, and by which names these are correlated."""
+    """Return the distribution of a key's numbers, and their names in the ensemble's correlation."""
     errors = fit.standard_errors[at]
     if key == ATTITUDE:
         return {"rotvec": errors.tolist()}, [f"{key}.rotvec[{k}]" for k in (1, 2, 3)]
@@ -183,24 +185,24 @@ def fit(
     inputs: Any = None,
     interpolate: str = HOLD,
 ) -> Fit:
-    """Return the scene whose motion is nearest to what was measured, in the sense of least squares.
+    """Return the scene whose motion is nearest to the measured motion, in the sense of least squares.
 
     data: see `measured.read_measured`: rates, quaternions of either sign or any outputs, at any times from run.start
     on, with gaps.
-    free: keys as of `sensitivity`; they begin at the scene's values. An inertia stays one that a body can have, a mass
-    positive. sigma: the standard deviation of the noise, of all numbers or by output (of a quaternion that of a small
-    turn, rad); estimated for each output without it. loss: "linear", or "soft_l1", "huber", "cauchy" where some data
-    may be far off (`scipy.optimize.least_squares`). inputs, interpolate: what drove the ports, see `simulate`.
+    free: keys as in `sensitivity`; the search begins at the scene's values. An inertia stays physically possible, a
+    mass positive. sigma: the standard deviation of the noise, of all numbers or by output (for a quaternion that of a
+    small rotation, rad); without it, it is estimated for each output. loss: "linear"; or "soft_l1", "huber", "cauchy"
+    for data with outliers (`scipy.optimize.least_squares`). inputs, interpolate: what drove the ports, see `simulate`.
 
-    Standard errors are those of a motion that is linear in the numbers near the fit, with noise of the size that
-    residuals have, or (by the loss "linear") that `sigma` gives of all outputs. What the data do not tell, as
-    torque-free motion tells ratios of moments alone, is found by singular values and named in `unknown`.
+    Standard errors are for a motion that is linear in the numbers near the fit, and noise of the size of the residuals,
+    or, with the loss "linear" and `sigma` for all outputs, of that size. Directions that the data do not determine (as
+    torque-free motion determines only ratios of moments) are found by singular values and named in `unknown`.
     Needs SciPy. Raises SceneError, ValueError.
     """
     if loss not in LOSSES:
         raise ValueError(f"loss = {loss!r}: expected one of {', '.join(LOSSES)}")
     known = read_measured(scene, data)
-    timed = with_times(scene, inputs, interpolate)  # a fit takes other steps
+    timed = with_times(scene, inputs, interpolate)  # a fit uses other steps
     return _Search(scene, known, keys_of(free), noise.given_deviations(sigma, known), loss, (timed, interpolate)).fit()
 
 
@@ -216,14 +218,14 @@ class _Search:
         self._varied = Varied(self._asked, keys, "free")
         self._names = self._varied.numbers
         count = len(self._names)
-        least = count + (len(given) < len(data.values))  # as many tell the numbers, and nothing of the noise
+        least = count + (len(given) < len(data.values))  # one more to estimate noise
         if data.count < least:
             why = "as many as are free" if least == count else "more than are free, unless sigma is given"
             raise ValueError(f"data: {data.count} numbers: expected at least {least}, {why}")
-        self._tables, self._interpolate = input_tables(self._asked, *inputs), inputs[1]  # a pipe is read once
+        self._tables, self._interpolate = input_tables(self._asked, *inputs), inputs[1]  # a pipe can be read only once
 
     def fit(self) -> Fit:
-        """Return the fit: part of the time after another; then with the noise that is left, if none was given."""
+        """Return the fit: of longer and longer parts of the time, then again with estimated noise if none was given."""
         p = np.zeros(len(self._names))
         self._measure_zeros(p)
         sigma = {name: self._given.get(name) or noise.size_of(name, rows) for name, rows in self._data.values.items()}
@@ -237,7 +239,7 @@ class _Search:
             if not any(grown):
                 break
             p = self._nearest(p, self._data, sigma, HELD_LAST)
-        given = np.zeros_like(p)  # parts of the time may have led away from it
+        given = np.zeros_like(p)  # which may be nearer than what parts of the time lead to
         misfits = [np.linalg.norm(self._stack(x, self._data, sigma)[0]) for x in (given, p)]
         if misfits[0] < misfits[1]:
             p = self._nearest(given, self._data, sigma, HELD_LAST)
@@ -247,7 +249,7 @@ class _Search:
         return self._finish(p, sigma)
 
     def _estimated(self, p: Array, sigma: Mapping[str, float]) -> dict[str, float]:
-        """Return standard deviations, of what none is given by residuals and how many of them a fit follows."""
+        """Return standard deviations; those not given are estimated from residuals and the fit's degrees of freedom."""
         left, _ = self._evaluate(p, self._data)
         U, s, _ = np.linalg.svd(self._stack(p, self._data, sigma)[1] @ self._slopes(p), full_matrices=False)
         ends = np.cumsum([np.isfinite(rows).sum() for rows in left.values()])[:-1]
@@ -256,7 +258,7 @@ class _Search:
         return {name: self._given.get(name) or noise.estimated(name, left[name], float(n)) for name, n in of}
 
     def _measure_zeros(self, p: Array) -> None:
-        """Give what begins at zero a size: the change that moves some output by as much as was measured of it."""
+        """Give numbers that begin at zero a unit: the change that moves some output by its measured size."""
         if all(chart.start.any() for chart in self._charts):
             return
         try:
@@ -271,7 +273,7 @@ class _Search:
                 chart.size = min(sizes)
 
     def _evaluate(self, p: Array, data: Measured) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Return residuals and their slopes by numbers, by output."""
+        """Return residuals, and their derivatives by numbers, by output. Raises an error of NO_RUN."""
         scene = self._asked.replace(changes(self._charts, p))
         time = np.unique(np.append(scene.run.start, data.time))
         found = self._varied.along(scene, drive_of(scene, self._tables, self._interpolate, time=time))
@@ -283,11 +285,11 @@ class _Search:
         return left, slopes
 
     def _slopes(self, p: Array) -> Array:
-        """Return the derivatives of all numbers by coordinates."""
+        """Return the derivatives (n, n) of all numbers by coordinates."""
         return np.asarray(self._block_diagonal(*(chart.slopes(row) for chart, row in by_chart(self._charts, p))))
 
     def _nearest(self, p: Array, data: Measured, sigma: Mapping[str, float], held: float) -> Array:
-        """Return the coordinates of the least sum of squares, held to where they begin."""
+        """Return the coordinates of the least sum of squares; held: the weight that holds them at their start p."""
         begin, seen = p.copy(), dict[bytes, tuple[Array, Array]]()
 
         def both(x: Array) -> tuple[Array, Array]:
@@ -307,7 +309,7 @@ class _Search:
         return np.asarray(found.x)
 
     def _stack(self, p: Array, data: Measured, sigma: Mapping[str, float]) -> tuple[Array, Array]:
-        """Return residuals over their standard deviation, without gaps, and their slopes by numbers."""
+        """Return residuals over their standard deviation, without gaps, and their derivatives by numbers."""
         try:
             left, slopes = self._evaluate(p, data)
         except NO_RUN:
@@ -319,11 +321,11 @@ class _Search:
 
     def _finish(self, p: Array, sigma: Mapping[str, float]) -> Fit:
         scene = self._scene.replace(changes(self._charts, p))
-        left, _ = self._evaluate(p, self._data)  # raises what the scene refuses
+        left, _ = self._evaluate(p, self._data)  # raises the scene's error if it is refused
         f = np.concatenate([noise.noisy(rows) / sigma[name] for name, rows in left.items()])
         J = self._stack(p, self._data, sigma)[1]
         values = np.concatenate([chart.numbers(row) for chart, row in by_chart(self._charts, p)])
-        # by numbers, as a coordinate that is a logarithm of nearly nothing would hide what no data tell
+        # by numbers, as a coordinate that is the logarithm of a tiny number would hide that no data determine it
         sizes = np.concatenate([np.full(chart.count, chart.scale(row)) for chart, row in by_chart(self._charts, p)])
         is_known = len(self._given) == len(self._data.values)
         told, unknown = self._tell_apart(J * sizes, noise.scatter(f, self._loss, len(p), is_known))
@@ -342,7 +344,7 @@ class _Search:
                    tuple(doubts), self._data)  # fmt: skip
 
     def _tell_apart(self, J: Array, scatter: float) -> tuple[Array, list[Array]]:
-        """Return the covariance of numbers in what the data tell, and the directions that they do not."""
+        """Return the covariance of numbers in directions that the data determine, and the other directions."""
         axes = np.eye(J.shape[1])
         seen = np.linalg.norm(J, axis=0) > 1e-12 * np.linalg.norm(J)
         _, s, V = np.linalg.svd(J[:, seen], full_matrices=False)
@@ -351,7 +353,7 @@ class _Search:
         return scatter * (V[known].T / s[known] ** 2) @ V[known], [*axes[~seen], *V[~known]]
 
     def _meaning(self, relative: Array, direction: Array) -> str:
-        """Return what a direction means, in words."""
+        """Return a message about an undetermined direction."""
         at = np.flatnonzero(np.abs(relative) > 0.05 * np.max(np.abs(relative)))
         if len(at) == 1:
             return f"{self._names[at[0]]}: nothing in these data tells it"
@@ -361,7 +363,7 @@ class _Search:
 
 
 def _still_falls(found: Any) -> bool:
-    """Return whether the slopes of where a search ended promise a smaller sum of squares, by what the data tell."""
+    """Return whether, by its slopes where a search ended, the sum of squares would fall in determined directions."""
     _, s, V = np.linalg.svd(found.jac, full_matrices=False)
     step = V @ found.grad / s  # over the error of each direction
     share = max(1.0, 2.0 * found.cost / len(found.fun))
@@ -370,7 +372,7 @@ def _still_falls(found: Any) -> bool:
 
 
 def _scene_to_run(scene: Scene, data: Measured) -> Scene:
-    """Return the scene that runs as long as was measured, shows what was measured, and goes on at events."""
+    """Return the scene that runs as long as the data, shows the measured outputs, and has no events."""
     tables = {name: table for name, table in scene.to_dict().items() if name not in ("events", "ensemble")}
     own = {name: row for name, row in tables["outputs"].items() if name in data.values}
     tables["outputs"] = own | {"quantities": [name for name in data.values if name not in own]}

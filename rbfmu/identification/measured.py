@@ -1,4 +1,4 @@
-"""Measured motion: outputs of a scene at any times, with gaps, and how far they are from a run."""
+"""Measured motion: outputs of a scene at any times, with gaps, and residuals of a run."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,15 +26,14 @@ Data: TypeAlias = "str | Path | Result | Mapping[str, ArrayLike] | DataFrame"
 
 @dataclass(frozen=True)
 class Measured:
-    """Outputs (times, k) by name at times that increase, s; NaN where nothing was measured, a row of a quaternion
-    whole."""
+    """Outputs (times, k) by name at increasing times, s; NaN is a gap, in a quaternion always a whole row."""
 
     time: Array
     values: Mapping[str, Array]
 
     @property
     def count(self) -> int:
-        """Return how many numbers there are; a quaternion has three."""
+        """Return how many numbers were measured; a quaternion counts as three."""
         return sum(int(np.isfinite(rows[:, :3]).sum()) for rows in self.values.values())
 
     def until(self, end: float) -> "Measured":
@@ -46,11 +45,10 @@ class Measured:
 def read_measured(scene: Scene, data: Data) -> Measured:
     """Return data as measured outputs of a scene.
 
-    data: the path of a CSV file with a column `time` and columns by the FMU's names, empty where there is a gap, as
-    importers write it too; of an `.npz` with arrays by output, or an `.aem`, as `Result.save` writes them; a `Result`;
-    a `DataFrame` of pandas with such columns, whose index may be the time; or a mapping from `time` and names of
-    outputs to arrays.
-    Roll, pitch and yaw count as the attitude that they describe, in rows that have no quaternion.
+    data: the path of a CSV file with a column `time` and columns by the FMU's names, as importers also write it, empty
+    at gaps; the path of an `.npz` with arrays by output, or of an `.aem`, as written by `Result.save`; a `Result`; a
+    `DataFrame` of pandas with such columns, whose index may be the time; or a mapping from `time` and names of outputs
+    to arrays. In rows without a quaternion, the attitude is computed from roll, pitch and yaw, if these are given.
     Raises ValueError.
     """
     where = str(Path(data)) if isinstance(data, str | Path) else "data"
@@ -67,7 +65,7 @@ def read_measured(scene: Scene, data: Data) -> Measured:
 def _read(scene: Scene, path: Path) -> Result | Mapping[str, ArrayLike]:
     if path.suffix == ".csv":
         return _outputs(scene, _columns(path, faults_of_names=lambda names: _faults_of_names(scene, names)))
-    if path.suffix == ".npz":  # with outputs of your own, which only the scene knows, and gaps
+    if path.suffix == ".npz":  # may have the scene's own outputs, and gaps
         wanted = ("time", *OUTPUT, *scene.outputs.own)
         return {name: rows for name, rows in arrays_of_npz(path).items() if name in wanted}
     return Result.load(path)
@@ -82,7 +80,7 @@ def _of_a_table(scene: Scene, table: Any) -> Mapping[str, ArrayLike]:
 
 
 def _outputs(scene: Scene, columns: Mapping[str, Array]) -> Mapping[str, ArrayLike]:
-    """Return columns by an FMU's names as arrays by output, without what is no motion."""
+    """Return columns by an FMU's names as arrays by output, without those of `_of_an_fmu`."""
     return {name: rows for name, rows in by_quantity(columns).items() if name not in _of_an_fmu(scene)}
 
 
@@ -90,7 +88,7 @@ def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:
     if not isinstance(known, Mapping) or "time" not in known:
         raise ValueError("expected a file, a Result, a DataFrame, or a mapping with time and outputs by name")
     rows = {**OUTPUT, **output_rows(scene)}
-    columns = {name: _numbers(name, known[name]) for name in ("time", *known)}  # a coordinate of a Dataset's
+    columns = {name: _numbers(name, known[name]) for name in ("time", *known)}  # time may be a coordinate of a Dataset
     time, values = columns.pop("time"), dict[str, Array]()
     if time.ndim != 1 or len(time) < 2:
         raise ValueError("time: expected at least two finite times (s) that increase")
@@ -125,7 +123,7 @@ def _checked(scene: Scene, known: Mapping[str, ArrayLike]) -> Measured:
 def _numbers(name: str, value: ArrayLike) -> Array:
     """Return a copy as floats, NaN where it has None."""
     try:
-        array = np.asanyarray(value)  # which keeps a mask
+        array = np.asanyarray(value)  # keeps a mask
         if array.dtype == object:
             return array.astype(np.float64)
     except (TypeError, ValueError):
@@ -136,13 +134,13 @@ def _numbers(name: str, value: ArrayLike) -> Array:
 
 
 def _unit(rows: Array) -> Array:
-    """Return quaternions of length 1; a row with a gap counts as one."""
+    """Return unit quaternions; a row with a NaN is a gap."""
     rows[~np.isfinite(rows).all(axis=1)] = np.nan
     return np.asarray(rows / quaternion_lengths(rows)[:, None])
 
 
 def _of_an_fmu(scene: Scene) -> list[str]:
-    """Return the outputs of its FMU, which importers write, that a scene does not show: status, events, own states."""
+    """Return FMU variables that importers write but that are no outputs of a scene: status, events, own states."""
     events = [f"{name}_{what}" for name in scene.events for what in ("count", "time")]
     return ["status", *events, *scene.states]
 
@@ -158,12 +156,12 @@ def _faults_of_names(scene: Scene, names: Sequence[str]) -> Iterator[tuple[str, 
 def _columns(path: Path, **which: Any) -> dict[str, Array]:
     try:
         return read_columns(path, "a number, or nothing for a gap", gaps=GAPS, **which)
-    except SceneError as error:  # no fault of the scene, in whose name it would be told
+    except SceneError as error:  # a fault of the file, not of the scene
         raise ValueError(str(error)) from None
 
 
 def sigma_of(text: str) -> float | dict[str, float]:
-    """Return a number, or those of a CSV file by output, in one row under their names. Raises ValueError."""
+    """Return a number, or the numbers of a CSV file by output, in one row under their names. Raises ValueError."""
     try:
         return float(text)
     except ValueError:
@@ -176,14 +174,15 @@ def sigma_of(text: str) -> float | dict[str, float]:
     return {name: float(rows[0]) for name, rows in columns.items()}
 
 
-# How far a run is from it
+# Residuals of a run
 
 
 def residuals(name: str, run: Array, data: Array, slopes: Array) -> tuple[Array, Array]:
-    """Return what was measured less what a run has, (times, k), and the derivatives of that.
+    """Return residuals (times, k), measured less run, and their derivatives (times, k, numbers).
 
-    slopes: the derivatives of the run, of an attitude as rotation vectors in b; so are its residuals turns in b, rad,
-    for quaternions of either sign.
+    slopes: the derivatives of the run, of an attitude as rotation vectors in b. The residual of an attitude is twice
+    the vector part of the rotation from run to data, in b: its rotation vector, rad, if it is small. Quaternions may
+    have either sign.
     """
     if name != QUATERNION:
         return data - run, -slopes

@@ -1,4 +1,4 @@
-"""The noise of measured data: how large it is, and whether what a fit leaves looks like it."""
+"""The noise of measured data: its size, and whether the residuals of a fit look like noise."""
 
 import math
 from collections.abc import Mapping
@@ -11,27 +11,27 @@ from rbfmu.types import Array
 from rbfmu_kernels.quantities import elements
 
 FOLLOWS = 4.0
-"""How many standard deviations the correlation of successive residuals may be from that of noise.
+"""The largest correlation of successive residuals that may be noise, in standard deviations.
 
 Of a hundred thousand columns of normal noise with 20 to 1,000 rows none came to 4; one in a thousand came to 3, so that
 one fit in a hundred to seven columns would be doubted for nothing.
 """
 TOO_FEW = int(FOLLOWS**2)
-"""The number of rows up to which no correlation is that far."""
+"""The number of rows up to which no correlation can be so large."""
 OF_DEVIATION = 1.17
-"""The standard deviation of `deviation` of n normal numbers, times the root of n."""
+"""The standard deviation of `deviation` of n normal numbers, times the square root of n."""
 STILL = 1e-9
-"""The size of a column's residuals, over the largest of its output, below which it has no noise."""
+"""A column has no noise if its residuals are smaller than this part of the largest column's of its output."""
 LEAST_LEFT = 0.5
-"""How many numbers of an output a fit has to leave free, at least, to tell its noise."""
+"""The least number of degrees of freedom that a fit must leave in an output to estimate its noise."""
 SIGMA = Numbers((), "", *POSITIVE)
-"""The rule of a standard deviation that is given."""
+"""The rule of a given standard deviation."""
 SMALL, LARGE = 0.1, 0.5
-"""By which part residuals may be larger than the noise given, however many there are, and however few."""
+"""The limits of the relative excess of residuals over given noise that is accepted: for many numbers, and for few."""
 
 
 def given_deviations(sigma: float | Mapping[str, float] | None, data: Measured) -> dict[str, float]:
-    """Return the standard deviations that are given, by output."""
+    """Return the given standard deviations by output. Raises ValueError for an unknown output or a wrong number."""
     given = dict.fromkeys(data.values, sigma) if not isinstance(sigma, Mapping) else dict(sigma)
     if unknown := [name for name in given if name not in data.values]:
         raise ValueError(f"sigma: {unknown[0]!r}: expected some of {', '.join(data.values)}")
@@ -39,32 +39,35 @@ def given_deviations(sigma: float | Mapping[str, float] | None, data: Measured) 
 
 
 def largest(name: str, rows: Array) -> float:
-    """Return the size of an output, to which its errors are relative."""
+    """Return the size of an output to which its errors are relative: its largest number, 1 for an attitude."""
     return 1.0 if name == QUATERNION else float(np.nanmax(np.abs(rows), initial=0.0))
 
 
 def size_of(name: str, rows: Array) -> float:
-    """Return a scale of the noise to begin with."""
+    """Return a first guess of the noise's standard deviation."""
     return 0.01 * largest(name, rows) or 1.0
 
 
 def noisy(rows: Array) -> Array:
-    """Return residuals (times, k) that may be noise: columns of zeros, as of a rate that always is zero, tell none."""
+    """Return the numbers of residuals (times, k) without gaps, and without columns of zeros, such as of a zero rate."""
     sizes = np.sqrt(np.nansum(rows * rows, axis=0))
     found = rows[:, sizes >= STILL * np.max(sizes)]
     return np.asarray(found[np.isfinite(found)])
 
 
 def deviation(known: Array) -> float:
-    """Return the standard deviation of noise, by the median of sizes, which outliers do not move."""
+    """Return the standard deviation of noise by the median of absolute values, which is robust against outliers."""
     return max(float(1.4826 * np.median(np.abs(known))), 1e-15) if len(known) else 1.0
 
 
 def estimated(name: str, rows: Array, followed: float) -> float:
-    """Return the standard deviation of an output's noise, of which a fit follows so many numbers. Raises ValueError."""
+    """Return the standard deviation of an output's noise; followed: the degrees of freedom that the fit uses.
+
+    Raises ValueError if too few degrees of freedom are left.
+    """
     known = noisy(rows)
     left = len(known) - followed
-    if not len(known):  # of gaps alone
+    if not len(known):  # only gaps
         return 1.0
     if left < LEAST_LEFT:
         said = f"{np.isfinite(rows).sum()} numbers of {name}: the fit follows them, which tells no noise"
@@ -73,10 +76,10 @@ def estimated(name: str, rows: Array, followed: float) -> float:
 
 
 def scatter(f: Array, loss: str, n: int, is_known: bool) -> float:
-    """Return by how much the covariance is more than that of least squares with unit noise.
+    """Return the factor of the covariance over that of least squares with unit noise.
 
-    P. J. Huber, Robust Statistics, 1981, ch. 7: with his correction for few data. 1 where there are no more data than
-    numbers, n, and in least squares with known noise.
+    P. J. Huber, Robust Statistics, 1981, ch. 7, with his correction for few data. It is 1 if there are not more data
+    than numbers, n, and for least squares with known noise.
     """
     if len(f) <= n or (is_known and loss == "linear"):
         return 1.0
@@ -88,20 +91,20 @@ def scatter(f: Array, loss: str, n: int, is_known: bool) -> float:
                   np.where(z <= 1.0, 0.0, -0.5 * np.maximum(z, 1.0) ** -1.5)),
         "cauchy": (1.0 / (1.0 + z), -1.0 / (1.0 + z) ** 2),
     }[loss]  # fmt: skip
-    follows = slope + 2.0 * z * bend  # how the influence of each residual grows with it
+    follows = slope + 2.0 * z * bend  # the derivative of each residual's influence
     mean = np.mean(follows)
     few = 1.0 + n / len(f) * np.var(follows) / mean**2
     return float(few**2 * np.sum(slope * slope * z) / (len(f) - n) / mean**2)
 
 
 def trends(left: Mapping[str, Array], own: Mapping[str, float] = {}) -> list[str]:
-    """Return in words which residuals do not look like noise, as each follows the one before.
+    """Return messages about residuals that do not look like noise, as successive ones are correlated.
 
-    own: the error that the motion itself may have, by output; where no residual is larger they say nothing of the data.
+    own: the error of the motion itself by output; residuals that are never larger give no message.
     """
     found = []
     for name, rows in left.items():
-        shown = "attitude" if name == QUATERNION else name  # whose residuals are turns
+        shown = "attitude" if name == QUATERNION else name  # its residuals are rotation vectors
         for element, column in zip(elements(shown, rows.shape[1]), rows.T, strict=True):
             x = column[np.isfinite(column)]
             if len(x) <= TOO_FEW or np.max(np.abs(x)) <= own.get(name, 0.0):
@@ -115,12 +118,12 @@ def trends(left: Mapping[str, Array], own: Mapping[str, float] = {}) -> list[str
 
 
 def are_too_few(left: Mapping[str, Array]) -> bool:
-    """Return whether no column of residuals has as many rows as tell that they follow each other."""
+    """Return whether no column of residuals has enough rows to detect that they follow each other."""
     return all(np.max(np.isfinite(rows).sum(axis=0)) <= TOO_FEW for rows in left.values())
 
 
 def too_large(f: Array, given: Mapping[str, float]) -> list[str]:
-    """Return in words whether residuals over their standard deviation are larger than the noise that was given."""
+    """Return a message if residuals f, over their standard deviation, are larger than the given noise; else none."""
     size, by_chance = deviation(f), FOLLOWS * OF_DEVIATION / math.sqrt(len(f))
     too_much = size - 1.0 > np.clip(by_chance, SMALL, LARGE)
     return [f"residuals are {size:.3g} times the noise that was given"] if given and too_much else []

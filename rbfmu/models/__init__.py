@@ -1,1 +1,1 @@
-"""One specification a model, in one registry, and the questions about a scene that the specifications ask."""
+"""The specification of each model, in one registry, and the question that a scene asks of them."""

@@ -1,4 +1,4 @@
-"""A scene's formulas as a model: kernels made from their graph, bound to the places of a buffer."""
+"""A scene's formulas as a model: kernels generated from their graph, bound to places of a buffer."""
 
 import hashlib
 import json
@@ -27,26 +27,26 @@ from rbfmu_kernels.models import formula_events, formula_models, formulas as tem
 from rbfmu_kernels.quantities import OUTPUT, Output, active_flags, elements, own_output
 
 EVENT = "when."
-"""Before the name of an event, that of the block with the value that it watches."""
+"""Prefix of an event's name: together they name the block with the value that it watches."""
 _ENDS = ("", "_rate", "_rate_2")
-"""Of the names of an input's blocks: its value and its derivatives."""
+"""Endings of the names of an input's blocks: of its value and its derivatives."""
 _STARTS = {"q": ("quaternion_0",), "omega": ("omega_b_0",), "r_c": ("position_0",), "v_c": ("velocity_0",), "t": ()}
-"""Parameters in which states begin; those of the centre of mass beside o with attitude and rate besides."""
+"""The parameters that are the states' first values; a centre of mass beside o needs attitude and rate as well."""
 _OF_BODY = {"M": {"inertia"}, "M_inverse": {"inertia"}, "arm": {"r_oc_b"}, "inverse_mass": {"mass"}}
-"""The parameters of blocks that `initialize` sets."""
+"""The parameters from which `initialize` sets blocks."""
 _READ = {"q": "quaternion", "omega": "omega_b", "r_c": "position", "v_c": "velocity"}
 """The quantities for which models keep these states."""
 _FIRST_OUTPUT = next(iter(memory.OUTPUTS))
 _MADE: dict[str, shell.Model] = {}
-"""The last models by what tells their kernels from others, so that no process compiles one twice."""
-MOST_MADE = 256  # of a megabyte each: a loop that writes its numbers into texts makes one a turn
+"""The last models by `FormulaModel.key`, so that no process compiles one twice."""
+MOST_MADE = 256  # of a megabyte each: a user's loop that writes numbers into texts makes a new one each time
 
 
 class FormulaModel:
-    """The model of formulas: `model` runs it, `source` is what a reader can print, `program` what the judge walks."""
+    """The model of formulas: `model` runs it, `source` is its generated text, `program` its series."""
 
     def __init__(self, texts: Texts) -> None:
-        """Take what a scene's formulas give, as `texts_of` does."""
+        """texts: a scene's formulas on a graph, without faults, as returned by `texts_of`."""
         scene, motion = texts.scene, texts.motion
         self.scene: Scene = scene
         self.given, self.texts, self.motion = motion.given, texts, motion
@@ -62,13 +62,13 @@ class FormulaModel:
         self.own_outputs = {name: int(np.size(value)) for name, value in own.items()}
         read = {name.partition("[")[0] for name in self._states_of(self._numbers(*self.shown))}
         self.own_states = {name: np.size(x) for name, x in states.items() if f"{STATE}{name}" in read}
-        for name, size in self.own_states.items():  # which are judged, and shown by FMUs
+        for name, size in self.own_states.items():  # own states are judged, and shown by FMUs
             leaves = [motion.graph.leaf("state", element) for element in elements(f"{STATE}{name}", size)]
             self.shown[f"{STATE}{name}"] = np.array(leaves, object)
-        # where nothing shown comes of states, the time is one: Numba knows no type of an empty tuple
+        # without states the time is used as one: Numba has no type for an empty tuple
         self.groups = groups_of(self._states_of(self._numbers(*self.shown)) or ["t"])
         self.rates = {name: self.all_rates[name] for group in self.groups for name in group.states}
-        integrated = {*self.rates}  # a load that comes of other states matters to no output
+        integrated = {*self.rates}  # no output depends on a load that needs other states
         seen = {n: x for n, x in loads.items() if integrated.issuperset(self._states_of(np.ravel(x)))}
         put = {f"constant_{name}": value for name, value in seen.items()} | dict(own) | whens
         self._sides = [motion.graph.index_of(side(when)) for when, _ in self.events.values()]
@@ -76,11 +76,11 @@ class FormulaModel:
         self.program = Program(motion.graph, self.rates, dict(by_element(put)), watched)
 
     def _states_of(self, numbers: Iterable[Any]) -> list[str]:
-        """Return the names of the states' numbers that others come of."""
+        """Return the names of the states' numbers on which `numbers` depend."""
         return closure(self.all_rates, [*numbers], self.motion.graph)
 
     def serves(self, scene: Scene) -> bool:
-        """Return whether the kernels hold for a scene: of the same texts, where all that is zero in them is zero."""
+        """Return whether the kernels are valid for a scene: it has the same texts, and zeros where they have zeros."""
         given = given_of(scene)
         numbers = dict(by_element(given.numbers))
         if scene.own_texts != self.scene.own_texts or given.sizes != self.given.sizes:
@@ -90,33 +90,33 @@ class FormulaModel:
 
     @property
     def own_rows(self) -> dict[str, Output]:
-        """Return the rows of the outputs of your own by name, each with its formula in its meaning."""
+        """Return the rows of the scene's own outputs by name, each with its formula in its meaning."""
         own = self.scene.outputs.own.items()
         meanings = {name: " = ".join(filter(None, (one.about, one.value))) for name, one in own}
         return {name: own_output(name, self.own_outputs[name], one.unit, meanings[name]) for name, one in own}
 
     def keys_of(self, operation: int) -> list[str]:
-        """Return the keys of the formulas that an operation is part of."""
+        """Return the keys of the formulas that contain an operation."""
         found = {key: map(self.motion.graph.symbol_of, np.ravel(value)) for key, value in self.by_key.items()}
         return [key for key, numbers in found.items() if operation in self.motion.graph.reached(numbers)]
 
-    # What depends on what, over both branches of a select
+    # Dependencies, by both branches of conditions
 
     @cached_property
     def parameters(self) -> set[str]:
-        """Return the names of the parameters that rates, outputs and starts come of."""
+        """Return the names of the parameters on which rates, outputs and starts depend."""
         return self._parameters([*self.rates.values(), *self._numbers(*self.shown)], [*self.rates])
 
     def follows(self, name: str) -> set[str]:
-        """Return the names of the inputs that an output follows at once."""
+        """Return the names of the inputs on which an output depends directly (feedthrough)."""
         return {str(value).partition("[")[0] for value in self._leaves("input", self._numbers(name))}
 
     def follows_time(self, name: str) -> bool:
-        """Return whether the time stands in the formulas of an output."""
+        """Return whether an output depends directly on the time."""
         return "t" in self._leaves("state", self._numbers(name))
 
     def begins_with(self, name: str) -> set[str]:
-        """Return the names of those parameters on which an output depends at the start, as its derivatives tell too."""
+        """Return the names of the parameters on which an output at the start, or its derivatives, depend."""
         whole = self.without_zeros
         numbers = whole._numbers(name)
         found = whole._parameters(numbers, whole._leaves("state", numbers))
@@ -124,7 +124,7 @@ class FormulaModel:
 
     @cached_property
     def without_zeros(self) -> "FormulaModel":
-        """Return the model in which no number of a parameter is taken for zero."""
+        """Return the model in which no parameter is assumed to stay zero."""
         return FormulaModel(texts_of(self.scene, blocks_of(self.parameters)))
 
     def _numbers(self, *names: str) -> list[Any]:
@@ -147,7 +147,7 @@ class FormulaModel:
 
     @cached_property
     def _changes(self) -> dict[int, dict[int, Any]]:
-        """Return the derivatives of what is shown by the inputs that it follows at once, by their places."""
+        """Return the derivatives of shown numbers by inputs with feedthrough: number's place -> input's place."""
         inputs = sorted(set(self._leaves("input", self._numbers(*self.shown))))
         leaves = [self.motion.graph.leaf("input", name) for name in inputs]
         found: dict[int, dict[int, Any]] = {}
@@ -185,7 +185,7 @@ class FormulaModel:
         return {}
 
     def place(self, element: str, end: str = "") -> int:
-        """Return where the buffer has an element of a block, or of that whose name has such an end."""
+        """Return the place in the buffer of an element of a block; end: the ending of the block's name, of _ENDS."""
         name, _, index = element.partition("[")
         name = "time" if name == "t" else f"{name}{end}"
         blocks = self.blocks.blocks
@@ -199,12 +199,12 @@ class FormulaModel:
 
     @cached_property
     def text(self) -> str:
-        """Return the module that makes the model, MODEL: what a reader can print, and an FMU takes along."""
+        """Return the text of the module that makes the model, MODEL: a user can print it, and an FMU contains it."""
         return self._named(f"FORMULAS_{self.key}")
 
     @cached_property
     def key(self) -> str:
-        """Return what tells the model from others: all of its text, as code is kept by it."""
+        """Return a hash of the model's text, by which compiled code is kept."""
         return hashlib.sha256(self._named("").encode()).hexdigest()[:16]
 
     def _named(self, name: str) -> str:
@@ -212,9 +212,9 @@ class FormulaModel:
 
     @cached_property
     def plain_loads(self) -> dict[str, list[Any]] | None:
-        """Return the scene's loads that formulas come to, by name; None where they are more than these.
+        """Return the scene's loads of numbers that the formulas of loads are equal to, by name; None if they are not.
 
-        Constant ones, and a torque in b that is constant but for what each rate times a constant takes: its damping.
+        These are constant loads, and a torque in b from which each rate times a constant may be subtracted: damping.
         """
         graph, rates, found = self.motion.graph, elements("omega", 3), dict[str, list[Any]]()
         loads = {name: [*np.ravel(value)] for name, value in self.texts.loads.items()}
@@ -251,11 +251,11 @@ class FormulaModel:
 
     @property
     def _places(self) -> dict[str, Any]:
-        """Return what the templates' globals are."""
+        """Return the values of the templates' globals."""
         blocks, groups, program = self.blocks.blocks, self.groups, self.program
         ends = np.cumsum([len(group.states) for group in groups]).tolist()
         own = [f"{STATE}{n}" for n in self.given.states]
-        known = sorted(blocks, key=lambda name: name.startswith("series."))  # whatever outputs and ports are called
+        known = sorted(blocks, key=lambda name: name.startswith("series."))  # last, to win by name
         where = {name.removeprefix("series."): blocks[name].start for name in known}
         ports = [element for name, size in self.given.ports.items() for element in elements(name, size)]
         inputs = [tuple(self.place(element, end) for element in ports) for end in _ENDS]
@@ -283,7 +283,7 @@ class FormulaModel:
 
     @property
     def _event_of_side(self) -> tuple[int, ...]:
-        """Return for each side the event that alone watches it, or -1 where more rests on it."""
+        """Return for each side the event that watches it, or -1 if it is a corner of a rate or of a watched formula."""
         corners = {*self.motion.graph.reached([*self.rates.values(), *(when for when, _ in self.events.values())])}
         return tuple(-1 if i in corners else self._sides.index(i) for i in self.program.sides) or (-1,)
 
@@ -299,19 +299,19 @@ class FormulaModel:
 
     @property
     def model(self) -> shell.Model:
-        """Return the kernels; their text stands where tracebacks look for it."""
+        """Return the kernels; their text is registered for tracebacks."""
         if not (known := _MADE.get(self.key)):
             made = _module_of(self.key, self.text)
             known = replace(made.MODEL, lanes=None if self._base else cache(lambda: self._lanes(made)))
             _MADE[self.key] = known
-            for key in [*_MADE][:-MOST_MADE]:  # the kernels go with the last who runs them
+            for key in [*_MADE][:-MOST_MADE]:  # kernels are freed when no one uses them
                 _MADE.pop(key, None)
                 sys.modules.pop(f"{__name__}.formulas_{key}", None)
                 linecache.cache.pop(f"{GENERATED}{key}>", None)
         return known
 
     def _lanes(self, made: Any) -> shell.Lanes:
-        """Return what runs many bodies at once; made: the model's module."""
+        """Return the kernels that run many bodies side by side; made: the model's module."""
         text, row = source_of_lanes(self.program, self.place)
         constant = f"LANES_{hashlib.sha256((self.key + text).encode()).hexdigest()[:16]}"
         kernels = vars(_module_of(constant, text))
@@ -320,17 +320,17 @@ class FormulaModel:
 
 
 class OverClosedForm(FormulaModel):
-    """The model of own outputs over a closed form, of whose motion and of the time they are functions."""
+    """The model of own outputs over a closed form: they are functions of its motion and of the time."""
 
     def __init__(self, formulas: FormulaModel, base: str) -> None:
-        # it serves with other values of parameters that are not listed too, also where numbers are zero here
+        # it is also valid for other values of parameters that are not listed, even of those that are zero here
         super().__init__(formulas.without_zeros.texts)
         self._base, self._closed_form = base, model_named(base)
         self.program = Program(self.motion.graph, {}, dict(by_element(self.texts.own)))
 
     @cached_property
     def blocks(self) -> buffer.Layout:
-        """Return the places of the buffer's blocks: those of the closed form, and what is shown besides."""
+        """Return the places of the buffer's blocks: those of the closed form, constants, and own outputs."""
         known = {name: size_of_block(block) for name, block in self._closed_form.BLOCKS.items()}
         constants = {f"{CONSTANT}{n}": s for n, s in self.given.constants.items()}
         own = {"series.start_time": 1, "series.time": 2} | constants | self.own_outputs
@@ -345,7 +345,7 @@ class OverClosedForm(FormulaModel):
 
     @property
     def _places(self) -> dict[str, Any]:
-        """Return what the templates' globals are."""
+        """Return the values of the templates' globals."""
         blocks = self.blocks.blocks
         places = {"TIME": "series.time", "STARTS": "series.start_time", "ACTIVE": "active", "KEPT": "series.kept"}
         return {name: blocks[block].start for name, block in places.items()} | {
@@ -359,20 +359,20 @@ def _module_of(name: str, text: str) -> ModuleType:
     file = f"{GENERATED}{name}>"
     linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
     made = ModuleType(f"{__name__}.formulas_{name}")
-    sys.modules[made.__name__] = made  # where kept code looks for what it was compiled of
-    exec(compile(text, file, "exec"), vars(made))  # our own text, of numbers and places alone
+    sys.modules[made.__name__] = made  # where kept code finds its module
+    exec(compile(text, file, "exec"), vars(made))  # our own text, made of numbers and places only
     return made
 
 
 def given_of(scene: Scene, varied: Iterable[str] = ()) -> Given:
-    """Return what a scene gives its formulas; varied: see `given_to`. Raises SceneError where the body is refused."""
+    """Return the numbers that formulas can read; varied: see `given_to`. Raises SceneError if the body is refused."""
     start = BodyAtStart(scene)
     start.check()
     return given_to(scene, {name: start.z[block].tolist() for name, block in BLOCKS.items()}, varied)
 
 
 def texts_of(scene: Scene, varied: Iterable[str] = ()) -> Texts:
-    """Return a scene's formulas on a graph; varied: see `given_to`. Raises SceneError where the body is refused."""
+    """Return a scene's formulas on a graph; varied: see `given_to`. Raises SceneError if the body or a text is bad."""
     texts = Texts(scene, given_of(scene, varied))
     if texts.faults:  # such as a division by a number of the scene that is zero
         raise SceneError(texts.faults, scene.name)
@@ -381,7 +381,7 @@ def texts_of(scene: Scene, varied: Iterable[str] = ()) -> Texts:
 
 @dataclass(frozen=True)
 class _Tables:
-    """A scene, of which the text of its tables tells all that matters here."""
+    """A scene as a key of a cache: scenes whose tables have the same text count as equal."""
 
     text: str
     scene: Scene = field(compare=False)
@@ -393,6 +393,6 @@ def _of_tables(tables: _Tables) -> FormulaModel:
 
 
 def equations_of(scene: Scene) -> FormulaModel:
-    """Return the equations of a scene's motion, formulas or not. Raises SceneError where the body is refused."""
+    """Return the equations of a scene's motion, with formulas or without. Raises SceneError as `texts_of`."""
     tables = {key: table for key, table in scene.to_dict().items() if key not in ("name", "run", "about", "ensemble")}
     return _of_tables(_Tables(json.dumps([tables, scene.ensemble.parameters if scene.ensemble else ()]), scene))

@@ -1,4 +1,4 @@
-"""A model's buffer, filled with a scene's numbers, and what the kernels say of a body in one, before any model runs."""
+"""A model's buffer, filled with a scene's numbers, and properties of a body that kernels find before any model runs."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import cached_property
@@ -18,32 +18,32 @@ from rbfmu_kernels.quantities import INITIAL_VALUES, LOADS, active_flags
 
 T = TypeVar("T")
 BLOCKS, SIZE = memory.LAYOUT
-"""The blocks that all models of a body have, and how many numbers they are."""
+"""The blocks that all models of a body have, and the count of their numbers."""
 _CACHE_LINE = 8
 """The numbers in a cache line."""
 
 
 def aligned_zeros(size: int) -> Buffer:
-    """Return zeros that begin at a cache line, as vectors that lie across two lines take longer."""
+    """Return zeros (size,) that begin at a cache line, as vectors that cross two lines take longer."""
     z = np.zeros(size + _CACHE_LINE)
     start = -z.ctypes.data // z.itemsize % _CACHE_LINE
     return z[start : start + size]
 
 
 def put_scene(scene: Scene, blocks: dict[str, slice], z: Buffer, settings: Mapping[str, float] | None = None) -> None:
-    """Set the numbers of the scene, and the settings of a method, as far as a buffer has blocks for them."""
+    """Set the numbers of the scene, and the settings of a method, for which a buffer has blocks."""
     for name, value in (_numbers(scene) | dict(settings or {})).items():
         if name in blocks:
             z[blocks[name]] = value
 
 
 def places_of(blocks: Mapping[str, slice], names: Iterable[str]) -> Indices:
-    """Return the places in a buffer of the blocks named, one after the other."""
+    """Return the places (p,) in a buffer of the blocks named, one block after the other."""
     return np.array([place for name in names for place in range(blocks[name].start, blocks[name].stop)], np.int64)
 
 
 def by_block(blocks: Mapping[str, slice], names: Collection[str], rows: Array) -> Motion:
-    """Return rows of the numbers at the places of the blocks named, by block."""
+    """Return rows (n, p) of numbers of the blocks named, split into (n, k) by block."""
     ends = np.cumsum([size_of_block(blocks[name]) for name in names])[:-1]
     return dict(zip(names, np.split(rows, ends, axis=1), strict=True))
 
@@ -81,14 +81,15 @@ def _numbers(scene: Scene) -> dict[str, Any]:
 def _answer(
     predicate: Callable[..., T], of: Callable[["BodyAtStart"], tuple[Any, ...]] = lambda start: (start.z,)
 ) -> cached_property[T]:
-    """Return what a kernel says of a `BodyAtStart`, run as plain Python; of: what it is asked with."""
+    """Return a kernel's value for a `BodyAtStart`, run as plain Python; of: returns the kernel's arguments."""
     return cached_property(lambda start: interpreted(predicate)(*of(start)))
 
 
 class BodyAtStart:
-    """A body at the start of the run, its ports at zero, asked in plain Python what models ask in compiled code.
+    """A body at the start of the run, with ports at zero, and its properties by the kernels that models compile.
 
-    Whether a model serves a scene is decided by these answers, so that no model is compiled that is not chosen.
+    The kernels run as plain Python here. Planning chooses a model by these properties, so that only the chosen model is
+    compiled.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -103,7 +104,7 @@ class BodyAtStart:
         if self.fault:
             raise refusal(self.scene, self.fault, BLOCKS, self.z)
 
-    # What the outputs need
+    # What the outputs depend on
 
     has_pivot = _answer(memory.has_pivot)
     """Whether o is fixed in space."""
@@ -116,7 +117,7 @@ class BodyAtStart:
     shows_loads = _answer(memory.shows_loads)
     """Whether an output changes at once when a load does."""
 
-    # What turns the body
+    # What changes the rotation
 
     body = _answer(memory.body_of)
     """The body's constants in the equations of motion."""
@@ -125,39 +126,40 @@ class BodyAtStart:
     rotation = _answer(memory.rotation_of)
     """Attitude and rate."""
     begins_to_turn = _answer(unturned.begins_to_turn)
-    """Whether an output that depends on the rotation would change."""
+    """Whether an output that depends on the rotation will change."""
     has_torque = _answer(closed_form.has_torque)
     """Whether damping, a torque, or a force with an arm acts."""
     has_turning_torque = _answer(closed_form.has_turning_torque)
-    """Whether a torque acts that depends on the motion or turns with the body."""
+    """Whether a torque acts that depends on the motion or rotates with the body."""
     is_driven = _answer(closed_form.is_driven)
-    """Whether a torque acts, or a force that turns with the body on a path that an output shows."""
+    """Whether a torque acts, or a force that rotates with the body while an output shows the path."""
     has_unknown_load = _answer(memory.has_unknown_load)
-    """Whether a load acts that models with a closed form do not know."""
+    """Whether a load acts that models with a closed form cannot represent."""
 
     is_sphere = _answer(principal.is_sphere, lambda start: (start.body.inertia,))
     """Whether all moments are equal."""
     shows_more_than_momentum = _answer(memory.shows_more_than_momentum, lambda start: (start.z, start.is_sphere))
-    """Whether an output does not follow from the angular momentum in a alone."""
+    """Whether an output depends on more than the angular momentum in a."""
     keeps_its_rate = _answer(principal.keeps_its_rate, lambda start: (start.z, start.rotation[1]))
-    """Whether the rate stays as it is without a torque."""
+    """Whether the rate is constant without a torque."""
     turns_path = _answer(principal.turns_path, lambda start: (start.z, start.rotation[1]))
-    """Whether a force that turns about the rate with the body bends a path that an output shows."""
+    """Whether a force changes its direction with the body's rotation, while an output shows the path."""
     is_symmetric = _answer(splitting.is_symmetric_top, lambda start: (start.body.inertia,))
     """Whether two moments are equal."""
     symmetric_frame = _answer(principal.symmetric_frame, lambda start: (start.body.inertia,))
-    """The moment that two axes share, that of the third, and the axes, of a body that is taken as symmetric."""
+    """For a body that counts as symmetric: the moment of two equal axes, that of the third axis, and the axes."""
     leaves_third_axis = _answer(unturned.leads_astray, lambda start: (start.z, start.symmetric_frame[2]))
-    """Whether the moments across an axis differ, or a torque or damping is not about that axis alone."""
+    """Whether those two moments differ, a load depends on the attitude or acts across the third axis, or damping is
+    uneven."""
 
     @property
     def is_slender(self) -> bool:
-        """Whether a body that is taken as symmetric has no moment about its third axis, as a beam."""
+        """Whether a body that counts as symmetric has no moment about its third axis, such as a beam."""
         return self.symmetric_frame[1] == 0.0
 
     @cached_property
     def principal_axes(self) -> tuple[Array, Array]:
-        """Return moments (3,), kg m2, about o with a pivot, else about the centre of mass, and R_bp (3, 3)."""
+        """Return ascending moments (3,), kg m2, about o with a pivot, else the centre of mass, and R_bp (3, 3)."""
         assert self.scene.body is not None
         moments, R_bp = principal_axes(self.scene.body.M)
         return np.array(moments), np.array(R_bp)
@@ -165,13 +167,13 @@ class BodyAtStart:
     # A body that turns about one axis
 
     axis = _answer(principal.main_axis)
-    """The principal axis of most of the rate, in b."""
+    """The principal axis, in b, with the largest part of the rate; at rest, of the angular acceleration."""
     leaves_axis = _answer(principal.leaves_axis, lambda start: (start.z, start.axis))
     """Whether anything turns the body about another axis."""
     swing = _answer(principal.swing, lambda start: (start.z, start.axis))
-    """(A, B): forces fixed in space accelerate the angle about the axis by A cos + B sin of it."""
+    """(A, B), rad/s2: forces fixed in space accelerate the angle about the axis by A cos(angle) + B sin(angle)."""
     drive_and_damping = _answer(principal.drive_and_damping_rate, lambda start: (start.z, start.axis))
-    """What torques, and what damping, besides make of it."""
+    """(P, d), rad/s2 and 1/s: torques, forces that rotate with the body, and damping add P - d rate."""
 
 
 def size_of_block(block: slice) -> int:

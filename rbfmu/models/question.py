@@ -1,6 +1,6 @@
-"""The question that planning answers: what a scene asks, what varies, and the body at the start, each found once.
+"""The question that planning answers: what a scene asks, what varies, and the body at the start, each worked out once.
 
-A question is made of a scene and passed on; who plans, judges or explains asks it and not the scene again.
+A question is made from a scene and passed on: planning, judging and explaining use it instead of the scene.
 """
 
 from dataclasses import dataclass
@@ -22,27 +22,27 @@ GROWING = {row.name for row in IN_BUFFER_ORDER if row.grows}
 
 @dataclass(frozen=True)
 class Question:
-    """What a scene asks of a model: quantities, an accuracy, and which inputs and parameters stay open."""
+    """What a scene asks of a model: quantities, an accuracy, and which inputs and parameters may vary."""
 
     scene: Scene
 
     @property
     def body(self) -> Body:
-        """Return the scene's body, which all have but those whose rates are prescribed."""
+        """Return the scene's body; only scenes with prescribed rates have none."""
         assert self.scene.body is not None
         return self.scene.body
 
     @cached_property
     def start(self) -> BodyAtStart:
-        """Return the answers of the kernels about the body at the start."""
+        """Return the properties of the body at the start, by the kernels."""
         return BodyAtStart(self.scene)
 
     @cached_property
     def formulas(self) -> "FormulaModel | None":
-        """Return the model of the scene's formulas, None where it has none."""
+        """Return the model of the scene's formulas, or None if it has none."""
         if not self.scene.has_formulas:
             return None
-        from rbfmu.models.formulas import equations_of  # what has none starts sooner
+        from rbfmu.models.formulas import equations_of  # only if needed, as it loads slowly
 
         return equations_of(self.scene)
 
@@ -50,7 +50,7 @@ class Question:
 
     @property
     def accuracy(self) -> float:
-        """Return the error that any quantity may have, rad or relative."""
+        """Return the largest error that any quantity may have, rad or relative."""
         return self.scene.run.accuracy
 
     @property
@@ -65,9 +65,9 @@ class Question:
 
     @cached_property
     def judged(self) -> tuple[str, ...]:
-        """Return blocks that show every quantity asked for, and what states of your own these come of.
+        """Return the blocks whose errors count: all quantities asked for, and the own states that these depend on.
 
-        Roll, pitch and yaw count as the attitude that they describe.
+        Roll, pitch and yaw are judged by the attitude.
         """
         shown = self.scene.outputs
         known = dict.fromkeys(OUTPUT[name].judged_by or name for name in shown.quantities)
@@ -84,11 +84,11 @@ class Question:
 
     @property
     def pinned(self) -> tuple[str, ...]:
-        """Return the parameters on whose values a pilot run or a comparison rests: all but those listed."""
+        """Return the parameters on whose values a pilot run or a comparison depends: all that are not listed."""
         own = (*self.scene.constants, *(f"{name}_0" for name in self.scene.states))
         return tuple(name for name in (*PARAMETERS, *own) if name not in self.scene.inputs.parameters)
 
-    # Degrees of freedom that the outputs depend on, by the kernels' own rules, and by what varies
+    # Degrees of freedom on which the outputs depend, by the kernels' own rules and by what varies
 
     @cached_property
     def translation(self) -> bool:
@@ -110,7 +110,7 @@ class Question:
         moved = self.translation or (not self.start.has_pivot and "acceleration" in self.quantities)
         return self.start.needs_attitude or (moved and bool(self.varying & {"r_oc_b", "force_b"}))
 
-    # What acts
+    # Loads
 
     @cached_property
     def acting(self) -> frozenset[str]:
@@ -119,7 +119,7 @@ class Question:
 
     @cached_property
     def turning(self) -> set[str]:
-        """Return the names of loads that act, or may come to act, and then turn the body, and of the arm of these."""
+        """Return the names of loads that turn the body, or may do so if they vary, and "r_oc_b" if forces do."""
         body, varying, acting = self.body, self.varying, self.acting | self.varying
         levers = acting & (WEIGHTS if body.pivot else FORCES)
         arm = any(body.r_oc_b) or "r_oc_b" in varying
@@ -129,17 +129,17 @@ class Question:
 
     @property
     def would_turn(self) -> set[str]:
-        """Return the names of what would turn the body, or a force with it, if it came to act."""
+        """Return the names of loads that would turn the body, or rotate with it on a needed path, if they acted."""
         return self.turning | TORQUES | (FORCES - FIXED_IN_SPACE if self.translation else set())
 
     @property
     def shape(self) -> set[str]:
-        """Return the names of the parameters that the moments about the centre of mass, or the pivot, follow from."""
+        """Return the names of the parameters that determine the moments about the centre of mass, or the pivot."""
         return {"inertia"} | ({"mass", "r_oc_b"} if self.body.pivot else set())
 
     @cached_property
     def load_shares(self) -> tuple[float, float]:
-        """Return, as 0 or 1, whether loads may turn in b, and a force with a body whose path is asked for."""
+        """Return, each as 0 or 1, whether loads may rotate in b, and whether a force in b may act on a needed path."""
         start, varying = self.start, self.varying
         levered = any(start.body.arm_b) and (any(start.loads.force_a) or "force_a" in varying)
         turned = levered or any(start.loads.torque_a) or "torque_a" in varying

@@ -1,4 +1,4 @@
-"""All models, by the name that plans and FMUs have for them, from the smallest to the largest, and what each is."""
+"""All models by their public names, from the smallest to the largest, with their properties."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -22,31 +22,31 @@ OF_RATES, OF_ATTITUDE, OF_LOADS = map(quantities.needing, (quantities.RATE, quan
 OF_INERTIA = {row.name for row in quantities.OUTPUTS if "inertia" in row.initially} - OF_LOADS
 """Quantities that depend on moments of inertia at the start, whatever the loads."""
 TWICE = 2.0**-100
-"""The relative error that double-double leaves, with room for what a flip makes of it."""
+"""The relative error of double-double arithmetic, with room for its growth in a flip."""
 
 
 @dataclass(frozen=True)
 class ModelSpec:
-    """A model: the kernels that run it, what it serves, what it costs and why it is chosen.
+    """A model: the kernels that run it, the scenes that it is valid for, its cost, and why it is chosen.
 
     Only `key` and `module` are needed for a model that a plan names; planning itself chooses those with `holds`.
 
     key: the public name, `Plan.model`.
-    module: its kernels in `rbfmu_kernels.models`, as `models.model_named` takes them, which loads them at first use.
-    method: how it is computed; empty where the plan's settings say it.
-    states, rate_states: numbers that it keeps of the rotation, with and without the attitude: none of what stays as it
-    begins.
-    holds: whether it holds for the scene's values, ports at zero, as the kernels' `initialize` sees it.
+    module: its kernels in `rbfmu_kernels.models`, as an argument of `models.model_named`, which loads them when used.
+    method: how the motion is computed; empty if the plan's settings say it.
+    states, rate_states: how many numbers describe the rotation, with and without the attitude; constant ones do not
+    count.
+    holds: whether it is valid for the scene's values with ports at zero, as checked by the kernels' `initialize`.
     rests_on: the names of the loads and parameters that must not vary.
-    drops: the loads that it leaves out where they are too small to matter.
+    drops: the loads that it neglects if they are too small to matter.
     closed_form: whether a formula gives the motion at any time.
     force_keeps_direction: whether a force fixed in b keeps its first direction in a.
-    may_be_unstable: whether a disturbance of its motion may grow, which a reason then says.
-    angle_round_off: whether its angle is a double, whose round-off grows with it.
-    rates_from: its rates from those of a motion (n, 3), rad/s; None where only a run can tell.
-    conditioning: the error, rad, that the round-off of the body's moments or of its modulus makes.
-    costs: ns a communication step, by what makes it necessary, where "" always counts; see `planning.methods`.
-    integrates_path: whether the path is part of the integration, and costs nothing besides.
+    may_be_unstable: whether a disturbance of its motion may grow; then a reason says so.
+    angle_round_off: whether its angle is a double, whose round-off grows with the angle.
+    rates_from: computes its rates from those of a larger model (n, 3), rad/s; None if it takes a run.
+    conditioning: the error, rad, caused by round-off of the body's moments, or of the modulus of elliptic functions.
+    costs: ns a communication step, by what requires it; "" always counts; see `planning.methods`.
+    integrates_path: whether the path is part of the integration, without additional cost.
     reason: why it is exact.
     """
 
@@ -74,19 +74,19 @@ class ModelSpec:
         return model_named(self.module)
 
     def serves(self, asked: Question) -> bool:
-        """Return whether the model is exact, whatever the ports supply and listed parameters become."""
+        """Return whether the model is valid, whatever ports supply and listed parameters become."""
         return not self.rests_on(asked) & asked.varying and self.accepts(asked)
 
     def accepts(self, asked: Question) -> bool:
-        """Return whether the model holds for the scene's values, as the kernels' `initialize` finds."""
+        """Return whether the model is valid for the scene's values, as checked by the kernels' `initialize`."""
         return asked.start.fault == 0 and self.holds(asked.start)
 
     def states_for(self, asked: Question) -> int:
-        """Return how many numbers it keeps for what is needed."""
+        """Return the number of states for what a question needs."""
         return (self.states if asked.attitude else self.rate_states) + (6 if asked.translation else 0)
 
     def needed_parameters(self, asked: Question) -> set[str]:
-        """Return the names of the parameters that are listed, or on which an output depends in this model."""
+        """Return the names of the parameters that are listed, and of those on which an output of this model depends."""
         if asked.scene.body is None:
             return {"quaternion_0"}
         inputs = asked.scene.inputs
@@ -116,17 +116,17 @@ class ModelSpec:
         return listed | (acting - ports) | {name for name, is_needed in needed.items() if is_needed}
 
 
-# What exact motions lose by the round-off of the moments
+# Errors of exact motions by round-off of the moments
 
 
 def lost_near_separatrix(asked: Question) -> float:
-    """Return the error, rad, that double-double makes by the distance from the separatrix, added over all flips.
+    """Return the error, rad, of the distance from the separatrix in double-double arithmetic, added over all flips.
 
-    It is 0 for a diagonal matrix.
+    It is 0 for a diagonal inertia matrix.
     """
     if not _is_full(asked):
         return 0.0
-    from rbfmu_kernels.exact.free_rotation import free_rotation_of  # large, and few scenes need it
+    from rbfmu_kernels.exact.free_rotation import free_rotation_of  # a large module that few scenes need
 
     moments, axes = interpreted(principal.exact_frame)(asked.start.z)
     rates = interpreted(principal.rates_along)(axes, asked.scene.initial.omega_b)
@@ -136,8 +136,8 @@ def lost_near_separatrix(asked: Question) -> float:
 
 
 def lost_at_the_top(asked: Question) -> float:
-    """Return the error that a pendulum makes near the separatrix by the digits of its modulus, see `pendulum_at`."""
-    from rbfmu_kernels.exact.pendulum import half_angle_rates  # as large
+    """Return the error, rad, of a pendulum near the separatrix by round-off of its modulus, see `pendulum_at`."""
+    from rbfmu_kernels.exact.pendulum import half_angle_rates  # a large module as well
 
     x, z = interpreted(half_angle_rates)(*asked.start.swing)
     y = 0.5 * float(np.dot(asked.start.axis, asked.scene.initial.omega_b))
@@ -147,10 +147,10 @@ def lost_at_the_top(asked: Question) -> float:
 
 
 def lost_by_symmetry(asked: Question) -> float:
-    """Return the error, rad, of taking a body as symmetric whose two moments differ; 0 for a diagonal matrix.
+    """Return the error, rad, of two moments that count as equal but differ; 0 if they are equal.
 
-    It is that difference over the least moment, times the angle, times 1 plus the angle before the rate across the axis
-    has turned within the body: until then that rate turns the body about its axis, the faster the thinner it is.
+    It is their difference over the least moment, times the angle of rotation, times 1 plus the angle until the rate
+    across the axis has turned within the body. Until then it turns the body about its axis, faster if that is thin.
     """
     M, omega, span = asked.body.M, asked.scene.initial.omega_b, asked.span
     if not _is_full(asked) and len({M[0][0], M[1][1], M[2][2]}) < 3:
@@ -172,7 +172,7 @@ def _speed(omega: Vec3) -> float:
 
 
 def _lost_distance(moments: Vector, rates: Vector, omega: Vec3) -> float:
-    """Return the relative error of L^2 - 2 T I_r, I_r the middle moment, which is 0 on the separatrix."""
+    """Return the relative round-off error of L^2 - 2 T I_r, I_r the middle moment, which is 0 on the separatrix."""
     *axes, distance, unit = interpreted(polhode_axes)(moments, rates)
     p, r, s = map(int, axes)
     levers = sum(abs(rates[k][0]) * moments[k][0] * abs(_difference(moments[k], moments[r])) for k in (p, s))
@@ -188,7 +188,7 @@ def _is_full(asked: Question) -> bool:
     return asked.body.pivot or any(asked.body.M[i][j] for i, j in ((0, 1), (0, 2), (1, 2)))
 
 
-# Each of them
+# The models
 
 
 START = {"quaternion_0", "omega_b_0"}
@@ -204,13 +204,13 @@ def moments_of(asked: Question) -> str:
 
 
 def along_axis(asked: Question, rates: Array) -> Array:
-    """Return the part of rates (n, 3), rad/s, about the one axis that the body is taken to turn about."""
+    """Return the part (n, 3) of rates, rad/s, about the model's one axis of rotation."""
     axis = np.array(asked.start.axis)
     return np.outer(rates @ axis, axis)
 
 
 def loads_start_and_shape(asked: Question) -> set[str]:
-    """Return the names of what a motion about one axis rests on."""
+    """Return the names of all that a motion about one axis depends on."""
     return asked.would_turn | asked.shape | START
 
 
@@ -310,7 +310,7 @@ FREE_TRIAXIAL = closed_form(
 CLOSED_FORMS = (
     NO_ROTATION, CONSTANT_RATE, ANGULAR_MOMENTUM, ONE_AXIS, PENDULUM, FREE_SYMMETRIC, SPIN_UP, FREE_TRIAXIAL,
 )  # fmt: skip
-"""From the smallest to the largest: of two that serve a scene, planning takes the first."""
+"""From the smallest to the largest: planning chooses the first that is valid for a scene."""
 
 
 PRESCRIBED_RATES = ModelSpec(
@@ -340,7 +340,7 @@ LOADED_TAYLOR = ModelSpec(
 )  # fmt: skip
 
 FORMULAS = ModelSpec("formulas", "", integrates_path=True)
-"""What a scene with formulas has for a model: its kernels are its own, see `models.formulas`."""
+"""The model of a scene with formulas; its kernels are generated, see `models.formulas`."""
 
 INTEGRATED = (ONE_AXIS_TAYLOR, PRESCRIBED_RATES, FREE_BODY_FORCE, LOADED_SPLITTING, LOADED_TAYLOR)
 """From the smallest to the largest. Planning chooses those that `planning.select` names; a plan may name any."""

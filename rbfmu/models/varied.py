@@ -1,8 +1,8 @@
-"""The model of a scene whose motion is varied: beside its states, their errors by numbers of the start and the body.
+"""The model of a varied motion: its states, and their errors (derivatives) by numbers of the start and the body.
 
-Any scene of a body has a graph, with formulas or without: what its loads are, closed form or not, is in the same
-equations of motion. Errors are those of `linearization.linearize`: of the attitude a rotation vector u in b, with
-q_ab = q_ab(t) exp(u / 2), of all other states their own.
+Any scene of a body has a graph, with formulas or without, as all loads are part of the same equations of motion. Errors
+are defined as in `linearization.linearize`: that of the attitude is a rotation vector u in b, with
+q_ab = q_ab(t) exp(u / 2); those of all other states are their changes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,9 +23,9 @@ from rbfmu_kernels.quantities import elements
 Key = TypeVar("Key", int, str)
 TURN = elements("rotvec_b", 3)
 ROWS_MEET, APART = 64, 8
-"""Rows that are 64 numbers apart, or a multiple, share places of a cache, which has room for few of a column.
+"""Rows whose distance is a multiple of 64 numbers share places of a cache, which can hold only few of them.
 
-They are as long as a multiple and 8 numbers, a line of the cache, so that each begins in another place than the last.
+Their length is therefore a multiple of 64 plus 8 numbers, a line of the cache, so that each begins at another place.
 """
 
 
@@ -38,12 +38,12 @@ class Column(NamedTuple):
 
     @property
     def block(self) -> str:
-        """The block that has it; an attitude's is in no buffer."""
+        """The block that contains it; an attitude's is in no buffer."""
         return self.element.partition("[")[0]
 
 
 class VariedStart:
-    """What a small change of each column makes of the start of all errors, and of places of the graph."""
+    """The errors at the start, and the changes of places of the graph, by a small change of each column."""
 
     def __init__(self, scene: Scene, columns: Sequence[Column]) -> None:
         names = [column.element for column in columns]
@@ -57,16 +57,16 @@ class VariedStart:
         self._by_column = {f"{CHANGE}{x}": row for x, row in zip(names, np.eye(len(names)), strict=True)}
 
     def at(self, z: Array) -> dict[str, Array]:
-        """Return rows (columns,) by names, without those that are zero; z: the numbers of the body's blocks."""
+        """Return rows (columns,) of changes by name, without zero rows; z: the numbers of the body's blocks."""
         known = dict(by_element({name: z[block] for name, block in model_buffer.BLOCKS.items()})) | self._by_column
         M = np.reshape(numbers_of(self._graph, self._inertia, known), (3, 3))
-        known |= by_element({"M_inverse": np.linalg.pinv(M, rcond=INERTIA_TOLERANCE)})  # of M, as z need not be set
+        known |= by_element({"M_inverse": np.linalg.pinv(M, rcond=INERTIA_TOLERANCE)})  # z need not have it
         rows = numbers_of(self._graph, [*self._changes.values()], known)
         return {name: row for name, row in zip(self._changes, rows, strict=True) if np.any(row)}
 
 
 def _generic(scene: Scene, columns: Sequence[Column]) -> Array:
-    """Return the body's numbers with those that vary changed a little: what is zero there, is so whatever they are."""
+    """Return the body's numbers, slightly changed in each column: rows that are zero for these are always zero."""
     z = model_buffer.BodyAtStart(scene).z.copy()
     for n, column in enumerate(columns):
         if column.block in model_buffer.BLOCKS:
@@ -76,11 +76,11 @@ def _generic(scene: Scene, columns: Sequence[Column]) -> Array:
 
 
 Slopes = dict[int, Number]
-"""The derivatives of a number, by the row of errors, or -1 - column; those that are zero are left out."""
+"""The derivatives of a number, by row of errors or by -1 - column; zeros are left out."""
 
 
 class VariedModel(formulas.FormulaModel):
-    """The model of a motion and its errors."""
+    """The model of a motion and its errors by columns."""
 
     def __init__(self, scene: Scene, columns: Sequence[Column]) -> None:
         self._start = VariedStart(scene, columns)
@@ -109,7 +109,7 @@ class VariedModel(formulas.FormulaModel):
         self._finish(rows)
 
     def _finish(self, rows: Mapping[int, Slopes]) -> None:
-        """Make the program again, with the series of the rows' slopes beside and those of outputs as values."""
+        """Make the program again, with series of the rows' slopes, and with values of the outputs' slopes."""
         beside: dict[Number, int] = {}
         self.pattern: list[float] = []
         for of, i, x in sorted((of, i, x) for i, slopes in rows.items() for of, x in slopes.items()):
@@ -123,7 +123,7 @@ class VariedModel(formulas.FormulaModel):
         wanted = {**self.program.wanted, **dict(zip(elements("slopes", len(values)), values, strict=True))}
         watched = [Symbol(self.motion.graph, i) for i in self._sides]
         self.program = Program(self.motion.graph, self.rates, wanted, watched, tuple(beside))
-        row = self.program.row + len(self.errors) * self.columns  # room for the series of errors, which templates make
+        row = self.program.row + len(self.errors) * self.columns  # with room for errors, a template's series
         self.program.row = row + (APART - row) % ROWS_MEET
 
     def _turning(self, i: int) -> Slopes:
@@ -132,7 +132,7 @@ class VariedModel(formulas.FormulaModel):
         return {**carried, self.errors.index(f"omega[{i + 1}]"): 1.0}
 
     def _slopes_of(self, numbers: Mapping[Key, Number]) -> dict[Key, Slopes]:
-        """Return the slopes of numbers, error by error: where all turns with q, products of q serve over and over."""
+        """Return the slopes of numbers, error by error: then products of q, which occur in all, are made once."""
         found: dict[Key, Slopes] = {key: {} for key in numbers}
         for of, leaves in self._changes_of_leaves.items():
             for key, slope in zip(numbers, changes_of([*numbers.values()], leaves), strict=True):
@@ -142,21 +142,24 @@ class VariedModel(formulas.FormulaModel):
 
     @cached_property
     def rates_shown(self) -> dict[str, list[Number]]:
-        """Return the time derivatives of what is shown, by its name; of an attitude its rate in b."""
+        """Return the time derivatives of shown quantities, by name; of the attitude its rate in b, rad/s."""
         leaves = {self.motion.graph.leaf("state", name): rate for name, rate in self.rates.items()}
         found = {name: changes_of([*np.ravel(value)], leaves) for name, value in self.shown.items()}
         return found | ({"quaternion": [*self.motion.omega]} if "quaternion" in found else {})
 
     @cached_property
     def shown_by_inputs(self) -> dict[str, dict[str, list[Number]]]:
-        """Return what a change of each input makes at once of what is shown, by its name; of an attitude nothing."""
+        """Return the derivatives of shown quantities by each input: input -> quantity; the attitude has none."""
         names = [element for port, size in self.given.ports.items() for element in elements(port, size)]
         shown = {name: [*np.ravel(value)] for name, value in self.shown.items() if name != "quaternion"}
         leaves = {name: {self.motion.graph.leaf("input", name): 1.0} for name in names}
         return {name: {of: changes_of(value, leaves[name]) for of, value in shown.items()} for name in names}
 
     def rates_at(self, name: str, values: Array, inputs: Mapping[str, float]) -> Array:
-        """Return the time derivatives of what is shown; values: those of the block "slopes", (n,); inputs: rates."""
+        """Return the time derivatives of a shown quantity.
+
+        values (n,): of the block "slopes"; inputs: rates of inputs, by the names of their elements.
+        """
         total = np.array([values[self.wanted[x]] for x in self.rates_shown[name]])
         for element, rate in inputs.items():
             if name in self.shown_by_inputs[element]:
@@ -184,7 +187,7 @@ class VariedModel(formulas.FormulaModel):
         }  # fmt: skip
 
     def numbers(self, z: Array) -> dict[str, list[float]]:
-        """Return what the buffer's blocks of errors begin with; z: the buffer, once the body is set."""
+        """Return the first numbers of the buffer's blocks of errors; z: the buffer, with the body's numbers."""
         varied = self._start.at(z)
         errors = np.zeros((len(self.errors), self.columns))
         for i, name in enumerate(self.errors):
@@ -195,9 +198,9 @@ class VariedModel(formulas.FormulaModel):
         return {"errors": errors.ravel().tolist(), "seeds": seeds, "pattern": self.pattern}
 
     def slopes_at(self, name: str, errors: Array, values: Array, columns: int) -> Array:
-        """Return the derivatives of what is shown, (times, numbers, columns).
+        """Return the derivatives of a shown quantity (times, numbers, columns).
 
-        errors: (times, rows, columns); values: those of the block "slopes", (times, n).
+        errors (times, rows, columns): of the states; values (times, n): of the block "slopes".
         """
         found = []
         for element in elements(name, int(np.size(self.shown[name]))):

@@ -1,1 +1,1 @@
-"""Which model and which method serve a scene at the least cost."""
+"""Planning: the model and the method that meet a scene's accuracy at the least cost."""

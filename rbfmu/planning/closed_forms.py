@@ -1,7 +1,7 @@
-"""Plans of models that need no integration: those that are exact, and smaller ones that are within the accuracy.
+"""Plans of models that need no integration: exact ones, and smaller ones that are within the accuracy.
 
-Of a closed form that is exact only round-off counts, for which there are formulas. A smaller model is judged by
-it, or by the motion in double-double arithmetic.
+An exact closed form has only round-off errors, for which there are formulas. A smaller model is compared with the exact
+one, or with the motion in double-double arithmetic.
 """
 
 import math
@@ -24,26 +24,27 @@ from rbfmu_kernels.quantities import FORCES, OUTPUTS
 from rbfmu_kernels.rotations.quaternion import rotate
 
 CONDITIONED = 0.1
-"""The part of the accuracy that a model may lose by its conditioning where another one serves as well."""
+"""The largest error by conditioning, as a part of the accuracy, with which the smallest exact model is chosen; with a
+larger one, an exact model with a smaller error is preferred."""
 TRANSLATION = {row.name for row in OUTPUTS if row.of_origin}
 CONSERVED = {row.name for row in OUTPUTS if row.conserved}
 DIFFERENCES = {row.name for row in OUTPUTS if row.cancels}
-"""Quantities that are sums of terms that may cancel, so that round-off counts for more than in the state."""
+"""Quantities that are sums of terms that may cancel, so that their relative round-off is larger than the state's."""
 LITTLE = 0.1
-"""The part of the accuracy that what cancels may lose, by a bound that is quick to have, before it is compared."""
+"""The largest error by cancellation, as a part of the accuracy and by a quick bound, that needs no comparison."""
 DERIVED = 1e-9
-"""The accuracy below which the quantities of DIFFERENCES are compared even where the state is exact.
+"""The accuracy below which the quantities of DIFFERENCES are compared even if the state is exact.
 
-A closed form promised what its state keeps, while a difference of two large terms had lost digits of its own.
+Without this, a plan promised the error of the state, although a difference of two large terms had lost more digits.
 """
 GROWTH = 0.1
-"""The exponent of a disturbance's growth over the run from which on a spin counts as unstable: below it a disturbance
-grows by a tenth at most, e^0.1 = 1.105."""
+"""A spin counts as unstable if the exponent of a disturbance's growth over the run is larger: at this value the
+disturbance grows by a tenth, e^0.1 = 1.105."""
 SHARE = 0.8
-"""The part of the accuracy that the error of a model that leaves something out may be, if no closed form judges it."""
+"""The largest error of a smaller model, as a part of the accuracy, if it is not compared with a closed form."""
 FEW, FAR = 50, 10.0
-"""The steps at which models are compared first, where there are more; and the error there, over that which is allowed,
-with which one is not run at all of them. Sizes that errors are relative to may be larger between so few."""
+"""FEW: the steps at which models are compared first, if there are more. FAR: a model whose error at these is more than
+FAR times the allowed error is not run at all steps. Sizes that errors are relative to may be larger between so few."""
 PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for rates held over a step"
 
 
@@ -51,16 +52,17 @@ PRESCRIBED = "rotation: 4 states, port omega_b prescribes the rates; exact for r
 
 
 def prescribed_rates_error(scene: Scene) -> float:
-    """Return what prescribed rates lose of the quaternion: up to 0.6 eps for each change of the rates.
+    """Return the round-off error of the attitude by prescribed rates, rad.
 
-    In rad that is 1.1 eps, where all changes err the same way. It does not matter how far the body turns between them.
-    Rates that change within a step, which the native FMU takes, lose as much for each radian.
+    Each change of the rates adds up to 0.6 eps to the quaternion's error, or 1.1 eps in rad, if all have the same sign.
+    The angle between changes has no effect. Rates that change within a step, which a native FMU can take, add as much
+    for each radian.
     """
     return ROUND_OFF * (1.0 + scene.run.count)
 
 
 def prescribed_plan(asked: Question) -> Plan:
-    """Return the plan of rates that a port prescribes."""
+    """Return the plan for rates that a port prescribes. Raises SceneError if round-off is above the accuracy."""
     spec, error = registry.PRESCRIBED_RATES, prescribed_rates_error(asked.scene)
     refuse_below(asked, error)
     return Plan(spec.key, spec.method, spec.states, error=error, reasons=(PRESCRIBED,))
@@ -70,14 +72,17 @@ def prescribed_plan(asked: Question) -> Plan:
 
 
 def exact_closed_form(asked: Question) -> registry.ModelSpec | None:
-    """Return the smallest model with a closed form that is exact for this scene, and well conditioned if any is."""
+    """Return the smallest closed form that is exact for this scene and, if there is one, well conditioned; or None."""
     exact = [spec for spec in registry.CLOSED_FORMS if spec.serves(asked)]
     good = (spec for spec in exact if spec.conditioning(asked) <= CONDITIONED * asked.accuracy)
     return next(good, exact[0] if exact else None)
 
 
 def exact_plan(asked: Question, judge: Judge) -> Plan | None:
-    """Return the plan of a closed form that is exact, with its round-off; raise SceneError where that is too large."""
+    """Return the plan of an exact closed form, with its round-off error, or None if there is none.
+
+    Raises SceneError if round-off is above the accuracy.
+    """
     spec = exact_closed_form(asked)
     if spec is None:
         return None
@@ -95,7 +100,7 @@ def exact_plan(asked: Question, judge: Judge) -> Plan | None:
 
 
 def why_exact(asked: Question, spec: registry.ModelSpec) -> tuple[str, ...]:
-    """Return what makes a closed form exact."""
+    """Return the reasons why a closed form is exact."""
     if not asked.rotation:
         return ()
     growth = growth_rate(asked) if spec.may_be_unstable else 0.0
@@ -104,11 +109,11 @@ def why_exact(asked: Question, spec: registry.ModelSpec) -> tuple[str, ...]:
 
 
 def _coarse_motion(asked: Question, found: Plan) -> Motion:
-    """Return a closed form's motion at some times, to know sizes by."""
+    """Return a closed form's motion at some times, for the sizes of quantities that are needed."""
     cancelling = tuple(name for name in asked.judged if name in DIFFERENCES)
     names = tuple(dict.fromkeys((*cancelling, "omega_b"))) if found.spec.angle_round_off else cancelling
     if not names:
-        return {}  # without running the model, which would be loaded or compiled
+        return {}  # do not run the model, which would have to be loaded or compiled
     return motion_of(asked.scene, found, asked.scene.run.thinned_steps(100), names)
 
 
@@ -121,18 +126,18 @@ def _fastest(rates: Array) -> float:
 
 
 def plan_within_accuracy(asked: Question, judge: Judge, exact: Plan | None) -> Plan | None:
-    """Return the smallest model that stays within the accuracy, if nothing varies that turns it.
+    """Return the plan of the smallest model within the accuracy, if nothing varies that the comparison depends on.
 
-    exact: the closed form that serves exactly, by which smaller models are judged; where there is none, they are judged
-    by the motion in double-double arithmetic.
+    exact: the plan of the exact closed form, with which smaller models are compared; None: they are compared with the
+    motion in double-double arithmetic.
     """
     names = asked.judged
     smaller = [*registry.CLOSED_FORMS[: registry.CLOSED_FORMS.index(exact.spec) if exact else None]]
     if not smaller or not asked.rotation or not _may_be_compared(asked):
         return None
     if "force_b" in asked.varying and "acceleration" in names and "quaternion" not in names:
-        names = (*names, "quaternion")  # ports are at zero here: what they bring is as wrong as the attitude
-    shown = tuple(dict.fromkeys((*names, "omega_b")))  # of the rates only how much they change is measured
+        names = (*names, "quaternion")  # ports are zero here; the force that they supply is as wrong as the attitude
+    shown = tuple(dict.fromkeys((*names, "omega_b")))  # rates only for their change
     bound = asked.accuracy - exact.error if exact else SHARE * asked.accuracy - EXACT
     if exact and asked.scene.run.count > FEW:
         few = Judge(asked, most=FEW)
@@ -156,7 +161,7 @@ def _candidate(asked: Question, spec: registry.ModelSpec) -> Plan:
 
 
 def _error(judge: Judge, spec: registry.ModelSpec, truth: Motion, names: tuple[str, ...], times: float = 1.0) -> float:
-    """Return a model's error beside a larger one's motion; infinite where it is far from so many times the accuracy."""
+    """Return a model's error relative to `truth`; infinity if it cannot be within `times` the accuracy."""
     asked = judge.asked
     if not _may_be_close(asked, spec, truth, names, times * asked.accuracy):
         return math.inf
@@ -164,7 +169,7 @@ def _error(judge: Judge, spec: registry.ModelSpec, truth: Motion, names: tuple[s
 
 
 def _may_be_compared(asked: Question) -> bool:
-    """Return whether nothing varies on which the rotation or the size of the compared quantities depends."""
+    """Return whether rotation and sizes of the compared quantities do not depend on anything that varies."""
     names = set(asked.judged)
     rests = {*registry.ONE_AXIS.rests_on(asked)}
     if asked.translation or "acceleration" in names:
@@ -179,7 +184,7 @@ def _may_be_compared(asked: Question) -> bool:
 def _may_be_close(
     asked: Question, spec: registry.ModelSpec, truth: Motion, names: tuple[str, ...], accuracy: float
 ) -> bool:
-    """Return whether it is worth running a model, judged by the larger one's motion."""
+    """Return whether a model may be within the accuracy, by a quick estimate from the larger model's motion."""
     kept = set() if spec.states else TRANSLATION | CONSERVED
     if growth_rate(asked) * asked.span > GROWTH and not set(names) <= kept:
         return False
@@ -191,12 +196,12 @@ def _may_be_close(
     change, fastest = _fastest(rates - spec.rates_from(asked, rates)), _fastest(rates)
     if "omega_b" in names and change > accuracy * fastest:
         return False
-    # A hundredth of the turn that the change of rates may make: what is tried in vain costs one run, and no accuracy.
+    # A hundredth of the rotation that the change of rates may cause: a trial in vain costs one run, but no accuracy.
     return 0.01 * change * min(asked.span, 1.0 / fastest if fastest > 0.0 else math.inf) <= accuracy
 
 
 def _stays(asked: Question, truth: Motion, names: tuple[str, ...], accuracy: float) -> bool:
-    """Return whether all compared quantities stay as they begin, except for the path."""
+    """Return whether all compared quantities, except the path and the energy, stay as they begin."""
     names = tuple(n for n in names if n not in (*TRANSLATION, "kinetic_energy"))
     still = {n: truth[n][:1] + 0.0 * truth[n] for n in names}
     return largest_error(still, truth, names, least_sizes(asked, truth)) <= accuracy
@@ -222,7 +227,7 @@ def growth_rate(asked: Question) -> float:
 
 
 def _growth_above_pivot(asked: Question, moments: Array, own: int, rates: Array) -> float:
-    """Return the same above a pivot; own: the principal axis that the centre of mass is nearest to."""
+    """Return the growth rate, 1/s, above a pivot; own: the principal axis nearest to the centre of mass."""
     body, up = asked.body, -np.array(asked.scene.loads.gravity_a)
     if float(np.dot(interpreted(rotate)(asked.scene.initial.quaternion, body.r_oc_b), up)) <= 0.0:
         return 0.0
@@ -237,7 +242,7 @@ def _growth_above_pivot(asked: Question, moments: Array, own: int, rates: Array)
 
 
 def what_is_left_out(asked: Question, steady: bool) -> tuple[str, ...]:
-    """Return what is not modelled, or is in closed form; steady: whether the model's force_b keeps its direction."""
+    """Return reasons: what is not modelled, or in closed form; steady: whether force_b keeps its direction in a."""
     lines = [_translation(asked, steady)]
     if not asked.rotation:
         lines.append("rotation: 0 of 7 states, as no output shows it and no force depends on it")

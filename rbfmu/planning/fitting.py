@@ -1,13 +1,13 @@
-"""The method, and its step or tolerance, that meet a scene's accuracy at the least cost, found by pilot runs.
+"""The cheapest method, with its step or tolerance, that meets a scene's accuracy, found by pilot runs.
 
 The error of a run is neither its tolerance nor the error of a substep: errors of substeps add up, cancel, and grow with
-the motion. So a setting is tried, the judge measures the error, and the next setting follows from it, as the error goes
-with a power of the setting: of a step with the method's order (Hairer, Norsett, Wanner: Solving Ordinary Differential
-Equations I, II.3), of a tolerance about with the first. Costs are substeps counted times ns a substep and never a
-clock's, so that a scene has the same plan on every machine.
+the motion. So a setting is tried, the judge measures the error, and the next setting follows from it: the error is
+proportional to a power of the setting, step^order (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I,
+II.3), or about tolerance^1. The cost is the number of substeps times ns a substep, and never measured by a clock, so
+that a scene has the same plan on every machine.
 
-An importer may take other communication steps than the scene's. These cut substeps short, or leave long ones uncut
-whose estimates hold less well, so that what was fitted in the scene's own steps is tried in others as well.
+An importer may take other communication steps than the scene's. Shorter ones cut substeps; longer ones leave long
+substeps uncut, whose error estimates are less reliable. So a plan is also tried in other communication steps.
 """
 
 import math
@@ -27,44 +27,45 @@ from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 from rbfmu_kernels.models.free import ORDERS
 
 AT_REST = 0.01
-"""The part of the accuracy up to which an error shows that whatever would grow has not begun to.
+"""An error below this part of the accuracy shows that no disturbance has begun to grow, as in an exact equilibrium.
 
-Such a plan is taken with a reason that says so: an exact equilibrium was refused as soon as a parameter was listed.
+Such a plan is accepted with a reason that says so; before, it was refused as soon as a parameter was listed.
 """
 SMALLEST = 1e-14
-"""The accuracy that any motion is promised at best: outputs have round-off of their own."""
+"""The smallest accuracy that is promised for any motion, as outputs have round-off of their own."""
 AIM, REACHED = 1.0 / 3.0, 0.8
-"""Parts of the accuracy: to which settings are fitted, and up to which an error is accepted where none is smaller.
+"""AIM: the error to which settings are fitted; REACHED: the largest accepted if none is smaller; parts of the accuracy.
 
-Errors go in jumps, as a communication step has whole substeps: four in place of five make an error of order 8 six times
-larger. The rest is left to what pilot runs do not see: other communication steps, and the errors of the truth itself.
+Errors change in jumps, as a communication step has whole substeps: four in place of five make an error of order 8 six
+times larger. The rest is for what pilot runs do not contain: other communication steps, and errors of the truth.
 Of twenty plans (five motions at 1e-4 to 1e-10) in four communication steps that planning does not try, the worst error
 was 1.1 of the accuracy where AIM is 0.1, 2.6 where it is a third, and 4.4 where it is 0.8. Costs are alike to 5 %.
 """
 MAX_WORK = 1e7
-"""Substeps of all pilot runs (some five seconds), after which nothing cheaper is looked for."""
+"""Substeps of all pilot runs (some five seconds), after which no cheaper plan is tried."""
 HIGHER = 2
-"""How far the order of series may be beyond the likely one, see `_Search._fit_series`."""
+"""How far the order of series may be above the likely one, see `_Search._fit_series`."""
 LEAST_ORDER_OF_INPUTS = 8
-"""The least order of series with inputs: pilot runs do not see what ports supply, or what parameters are set to."""
+"""The least order of series with inputs: pilot runs do not contain what ports supply or parameters are set to."""
 UNCUT = 20.0
-"""The number of substeps in a communication step from which on other steps change little: the last one is cut at the
+"""With more substeps in a communication step, other communication steps change little: the last substep is cut at the
 step's end, which shortens all of them by a twentieth at most."""
 AS_SUBSTEPS = (0.3, 1.0, 3.0)
-"""Where there are more: numbers of shorter steps, over that of substeps, in which the error is measured and told.
+"""With more than UNCUT: numbers of shorter steps, over that of substeps, in which the error is measured and reported.
 
-Series then serve several steps, or are cut by each, and go farther than in the scene's own. Of 40 tops in one to three
-steps, at 1e-6 to 1e-1, 10 were off by 1.2 to 26 times the accuracy so.
+A series then serves several steps, or is cut by each, and reaches farther than in the scene's own steps. Of 40 tops in
+one to three steps, at 1e-6 to 1e-1, the errors of 10 were then 1.2 to 26 times the accuracy.
 """
 LONGER, SHORTER = (2, 4, 10, 25, 50, 100), (2, 3, 4, 6, 10)
-"""Numbers of communication steps that an importer may take as one, besides the whole run, and of parts of one."""
+"""LONGER: numbers of communication steps that an importer may take as one, besides the whole run. SHORTER: numbers of
+parts into which it may cut one."""
 POINT_COST = 86.0
 """The cost of a point, ns, on `methods.MACHINE`.
 
 The whole quadrature costs 0.54 to 0.95 of series in steps over which the body turns by 0.01 to 1 rad, as measured once.
 """
 MAX_TRIALS = 6
-"""The number of panels that are tried of a rule: twice as many as the most, 3, of 118 fits to random forces."""
+"""How many numbers of panels are tried of a rule: twice the most, 3, of 118 fits to random forces."""
 MAX_PANELS, MAX_POINTS = 1e6, 2e7
 """The most panels of a communication step, and points of a whole trial, some two seconds of work."""
 
@@ -78,9 +79,9 @@ class Tried(NamedTuple):
 
 
 def cheapest_fit(asked: Question, judge: Judge, full: bool = False) -> Plan:
-    """Return the plan of all that moves, by series or splitting: the cheapest that meets the accuracy.
+    """Return the cheapest plan that integrates all degrees of freedom, by series or splitting, within the accuracy.
 
-    full: by series alone, which integrate all that is judged. Raises SceneError where none is accurate enough.
+    full: only series, which integrate all that is judged. Raises SceneError if none is accurate enough.
     """
     refuse_below(asked, SMALLEST)
     search = _Search(asked, judge)
@@ -88,7 +89,7 @@ def cheapest_fit(asked: Question, judge: Judge, full: bool = False) -> Plan:
 
 
 def of_one_angle(asked: Question, judge: Judge) -> Plan | None:
-    """Return the plan of one angle under forces fixed in space, by the cheapest series that meets the accuracy."""
+    """Return the cheapest plan of one angle under forces fixed in space, by series, or None if none is accurate."""
     if not ONE_AXIS_TAYLOR.serves(asked):
         return None
     search = _Search(asked, judge)
@@ -101,7 +102,10 @@ def of_one_angle(asked: Question, judge: Judge) -> Plan | None:
 
 
 def of_path_alone(asked: Question, judge: Judge) -> Plan | None:
-    """Return exact rotation with a quadrature for the path; for a symmetric body, an integration if it costs less."""
+    """Return the plan of exact rotation with a quadrature for the path, or None if it cannot be used.
+
+    For a symmetric body, return an integration instead if it costs less.
+    """
     if not any(asked.scene.loads.force_b) or not asked.translation or not FREE_BODY_FORCE.serves(asked):
         return None
     found = cheapest_quadrature(asked, judge)
@@ -114,7 +118,7 @@ def of_path_alone(asked: Question, judge: Judge) -> Plan | None:
 
 
 def refuse_accuracy(asked: Question, error: float, why: str = "") -> SceneError:
-    """Return the error for an accuracy below what methods reach; why: of which quantities, where that is known."""
+    """Return the error for an accuracy below what methods reach; why: the quantities that miss it, if known."""
     reached = error / REACHED
     expected = f"expected one that this scene can meet; {what_is_reached(reached)}{why}"
     if not why and 1e-3 < reached < math.inf:
@@ -124,7 +128,7 @@ def refuse_accuracy(asked: Question, error: float, why: str = "") -> SceneError:
 
 
 def tolerance_of_varying(asked: Question, growth: float) -> float:
-    """Return the tolerance of a whole run whose errors, so magnified, make a quarter of the accuracy."""
+    """Return the tolerance of a whole run, such that its errors, magnified by growth, are a quarter of the accuracy."""
     return max(0.25 * asked.accuracy / growth, methods.TIGHTEST)
 
 
@@ -141,7 +145,7 @@ class _Search:
         self.asked.start.check()
 
     def plan(self, others: Iterable[Plan]) -> Plan:
-        """Return the cheapest plan; raise SceneError where none is accurate enough."""
+        """Return the cheapest plan. Raises SceneError if none is accurate enough."""
         self._try_tightest()
         self._fit_series()
         for candidate in others:  # from the longest step down, where they are cheapest
@@ -149,12 +153,12 @@ class _Search:
         return self.whatever_the_step()
 
     def plan_of_varying(self) -> Plan:
-        """Return the cheapest plan whose substeps' errors, magnified by the motion, make a quarter of the accuracy.
+        """Return the cheapest plan whose substeps' errors, magnified by the motion, are a quarter of the accuracy.
 
-        What ports supply, or parameters become, no pilot run has seen. The tolerance is therefore one of the whole run,
-        of which each substep may use its share in time: whatever the inputs, the estimates add up to it at most. The
-        rest of the accuracy is for what estimates miss, and for inputs under which errors grow faster than without.
-        Where the motion makes more than the accuracy of round-off no tolerance helps, but one that shows it at rest.
+        Pilot runs do not contain what ports will supply, or what parameters will be. The tolerance is therefore for the
+        whole run, and each substep may use its share in time: whatever the inputs, the estimates add up to it at most.
+        The rest of the accuracy is for what estimates miss, and for inputs under which errors grow faster than without.
+        If the motion magnifies round-off beyond the accuracy, only an error that shows it at rest is accepted.
         """
         ports, growth = self.asked.scene.inputs.ports, self.judge.growth()
         loosest = tolerance_of_varying(self.asked, growth)
@@ -166,7 +170,7 @@ class _Search:
                 break
         return replace(found, reasons=why_held_whatever(self.asked, found, growth, self.judge.arithmetic))
 
-    # What is accurate enough whatever the communication step
+    # Accuracy in any communication step
 
     def whatever_the_step(self) -> Plan:
         """Return the cheapest of the plans that meet the accuracy whatever the communication step."""
@@ -176,7 +180,7 @@ class _Search:
             if tried.plan.cost >= best.plan.cost:
                 break
             best = min(best, self._tighten_for_other_steps(tried), key=lambda tried: tried.plan.cost)
-        if best.plan.error > self.accuracy:  # round-off of the shorter substeps for other steps, which are told of then
+        if best.plan.error > self.accuracy:  # by round-off of shorter substeps
             best = self.met[0]._replace(other=max(self._errors_in_other_steps(self.met[0])))
         found = replace(best.plan, error=self.judge.try_all_steps(best.plan))
         if found.error > self.accuracy:
@@ -190,7 +194,7 @@ class _Search:
         return replace(found, reasons=tuple(reasons))
 
     def _tighten_for_other_steps(self, tried: Tried) -> Tried:
-        """Return the candidate at a tolerance or step such that other communication steps meet the accuracy as well."""
+        """Return the candidate at a tolerance or step that meets the accuracy also in other communication steps."""
         while tried.substeps <= UNCUT * self.steps:
             worst = max(self._errors_in_other_steps(tried))
             tried = tried._replace(other=worst)
@@ -202,7 +206,7 @@ class _Search:
         return tried
 
     def _errors_in_other_steps(self, tried: Tried) -> Iterator[float]:
-        """Yield errors in longer communication steps, and in shorter ones if the scene's do not cut substeps yet."""
+        """Yield errors in longer communication steps, and in shorter ones if the scene's have several substeps."""
         count = len(self.judge.steps)
         for at_once in (*LONGER, count):
             if at_once <= count:
@@ -213,7 +217,7 @@ class _Search:
     # Methods
 
     def _try_tightest(self) -> None:
-        """Find whether the accuracy can be met at all, and accept an error near it where none is much smaller.
+        """Check that the accuracy can be met at all; if no error is below the bound, accept one of up to REACHED.
 
         With the tightest tolerance alone rates of 1e-8 rad/s were off by 46 times the accuracy, and nothing said so.
         """
@@ -229,10 +233,10 @@ class _Search:
         self.bound = REACHED * self.accuracy
 
     def _fit_series(self) -> None:
-        """Fit from a likely order up and down, until two in a row are no cheaper.
+        """Fit orders from the likely one up and down, until two in a row are no cheaper.
 
-        Orders go up no further than HIGHER, as estimates for long steps of a high order do not hold in other steps,
-        except where no step is cut: of a higher order a series may come to serve many steps.
+        Orders go at most HIGHER up, as error estimates of long substeps of a high order are not valid in other steps,
+        unless no communication step has several substeps: then a series of higher order may serve many steps.
         """
         order = methods.likely_order(self.accuracy)
         first = self.fit(methods.series_of_all(self.asked, order, self.accuracy), self.accuracy / 8.0)
@@ -247,11 +251,11 @@ class _Search:
                 other += way
 
     def _cheapest_over(self, tolerance: float, bound: float) -> Tried:
-        """Return the cheapest series at a tolerance for the whole run, among those within a bound if any are."""
+        """Return the cheapest series at a tolerance for the whole run, if possible among those within a bound."""
         best: Tried | None = None
-        span = self.asked.span if tolerance >= methods.TIGHTEST else 0.0  # no share of a run is below round-off
+        span = self.asked.span if tolerance >= methods.TIGHTEST else 0.0  # a share of less would be below round-off
         least = methods.likely_order(tolerance) if self.judge.is_slow else LEAST_ORDER_OF_INPUTS
-        for order in range(MAX_ORDER, least - 1, -2):  # down, as low ones take very many substeps of a long motion
+        for order in range(MAX_ORDER, least - 1, -2):  # down, as low orders take very many substeps
             if best and self.work > MAX_WORK:
                 break
             plan = replace(methods.series_of_all(self.asked, order, tolerance), span=span)
@@ -264,10 +268,10 @@ class _Search:
     # Values
 
     def fit(self, candidate: Plan, value: float) -> float:
-        """Fit a candidate's setting to cost at most 10 % more than it need, while it may be the best; return the last.
+        """Fit a candidate's setting so that it costs at most 10 % more than necessary; return the last setting tried.
 
-        The cost goes with 1 / step and the error with step^order: an error above bound / 1.1^order costs no more than
-        10 % too much. The next setting aims at the middle between the two on a logarithmic scale.
+        Stop once it cannot be the cheapest. The cost is proportional to 1 / step, the error to step^order: an error
+        above bound / 1.1^order costs at most 10 % too much. The next setting aims at the geometric mean of these.
         """
         least = self.bound * max(1.1**-candidate.order, 0.1)
 
@@ -289,11 +293,11 @@ class _Search:
         return Tried(replace(plan, error=error, cost=self._cost(plan, counted)), taken)
 
     def _cost(self, plan: Plan, counted: float = 0.0) -> float:
-        """Return ns a communication step, as far as it is known before a pilot run has counted substeps."""
+        """Return the cost of a communication step, ns; counted: substeps of a pilot run, 0 before one."""
         return methods.substep_cost(self.asked, plan) * self._substeps(plan, counted) / self.steps
 
     def _substeps(self, plan: Plan, counted: float) -> float:
-        """Return the substeps that a run's work is, of those that were counted."""
+        """Return the number of substeps that cost as much as the run; counted: by a pilot run, 0 before one."""
         steps, scene = float(self.steps), self.asked.scene
         if math.isfinite(plan.substep):
             return steps * (evaluated(substeps_in, scene.run.step, plan.substep) or math.inf)
@@ -302,7 +306,7 @@ class _Search:
         return max(counted, steps)
 
     def _note(self, found: Tried, bound: float) -> float:
-        """Keep what meets a bound, and the best; return the error."""
+        """Keep a candidate that is the best or meets a bound; return its error."""
         if self.best is None or _better(found, self.best, bound):
             self.best = found
         if found.plan.error <= bound:
@@ -310,7 +314,7 @@ class _Search:
         return found.plan.error
 
     def _is_dearer(self, cost: float) -> bool:
-        """Return whether something that costs less meets the accuracy already."""
+        """Return whether a cheaper candidate already meets the accuracy."""
         return bool(self.met) and self.best is not None and cost >= self.best.plan.cost
 
 
@@ -323,11 +327,10 @@ def _better(a: Tried, b: Tried, bound: float) -> bool:
 
 
 def cheapest_quadrature(asked: Question, judge: Judge) -> Plan | None:
-    """Return the cheapest points of Gauss's rule and panels a communication step; None where they miss the accuracy.
+    """Return the cheapest plan by Gauss's rule in panels of a communication step; None if all miss the accuracy.
 
-    The rotation is exact, and the path an integral over time alone, of a smooth function: with n points a panel of
-    length h, Gauss's rule has an error that goes with h^(2 n). Panels are no longer in other communication steps, so
-    that their error is no larger either.
+    The rotation is exact, and the path an integral of a smooth function of time: with n points a panel of length h, the
+    error is proportional to h^(2 n). Panels are never longer in other communication steps, so that it is not larger.
     """
     run, best = asked.scene.run, None
     grows = bool(asked.varying & GROWING)
@@ -363,13 +366,13 @@ def cheapest_quadrature(asked: Question, judge: Judge) -> Plan | None:
 
 
 def why_fitted(plan: Plan, arithmetic: str) -> str:
-    """Return what a plan's setting came to in a pilot run; arithmetic: of the judge."""
+    """Return a plan's setting and its error in a pilot run as a reason; arithmetic: of the judge."""
     how = f"at tolerance {plan.tolerance:.1e}" if plan.tolerance else f"in steps of {plan.substep:.3g} s"
     return f"{plan.method} {how}: error {plan.error:.1e} in a pilot run, judged in {arithmetic}"
 
 
 def held_over_a_run(plan: Plan) -> str:
-    """Return what a tolerance means that holds over a run."""
+    """Return the part of a reason that says what the tolerance bounds: errors of a run, or of substeps."""
     added = "a run add up to" if plan.span else "substeps are"
     return f"{plan.method}: estimated errors of {added} at most {plan.tolerance:.1e}"
 
@@ -377,9 +380,9 @@ def held_over_a_run(plan: Plan) -> str:
 def why_held_whatever(
     asked: Question, plan: Plan, growth: float, arithmetic: str, missed: Callable[[], str] = str
 ) -> tuple[str, ...]:
-    """Return how a plan serves inputs and parameters that no pilot run has seen.
+    """Return the reasons why a plan is valid for inputs and parameters that no pilot run contained.
 
-    Raises SceneError where it misses the accuracy; missed: as `why` of `refuse_accuracy`.
+    Raises SceneError if it misses the accuracy; missed: returns `why` of `refuse_accuracy`.
     """
     held = f"{held_over_a_run(plan)}, whatever {' and '.join(sorted(asked.varying))} may be"
     start, magnified = asked.scene.inputs.at_start, magnified_round_off(growth)

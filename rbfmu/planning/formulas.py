@@ -1,6 +1,6 @@
 """Plans of scenes with formulas: one model, whose order and tolerance are found by pilot runs.
 
-The series serve any communication step alike, so that what pilot runs find holds for other steps as well.
+The series do not depend on the communication step, so that errors of pilot runs are valid for other steps as well.
 """
 
 import math
@@ -19,14 +19,14 @@ from rbfmu.scene.scene import PARAMETERS, SECTIONS, Scene, SceneError
 from rbfmu_kernels.buffer import MOST_LISTED
 
 ORDERS = (16, 14, 18, 12, 20, 10, 22, 8, 24)
-"""From the middle, whose runs take as long as those of all on average: whether compiling pays is seen by the first."""
+"""The orders to try, from the middle, whose run takes the average time, so that the first shows if compiling pays."""
 TRIES = 5
-"""Tolerances that are tried of an order. Each aims three times lower than the last one's error says, as errors of
-formulas follow the tolerance only roughly, and one that is a little tighter costs less than one that misses."""
+"""How many tolerances are tried of an order. The last error is multiplied by three for the next one, as errors of
+formulas follow the tolerance only roughly, and a slightly tighter one costs less than one that misses."""
 NS_A_TERM, NS_AN_OPERATION, NS_A_STATE, NS_SHOWN = 0.085, 0.1, 4.2, 7.0
-"""What a product of two coefficients, and of each order an operation and a state, cost a series; and what a state costs
-a communication step: least squares of measured times of four scenes at five orders, to 15 %, on an AMD EPYC where
-built-in series take 1.0 to 1.35 of what `methods.MACHINE` does."""
+"""Costs, ns: in a series of a product of two coefficients, and for each order of an operation and of a state; and in a
+communication step of a state. Least squares of measured times of four scenes at five orders, to 15 %, on an AMD EPYC
+where built-in series take 1.0 to 1.35 of what `methods.MACHINE` does."""
 
 
 def _needed(formulas: FormulaModel | None) -> FormulaModel:
@@ -41,7 +41,7 @@ def _general(asked: Question) -> Plan:
 
 
 def formula_plan(asked: Question, judge: Judge) -> Plan:
-    """Return the cheapest plan whose error is within the accuracy. Raises SceneError where none is."""
+    """Return the cheapest plan whose error is within the accuracy. Raises SceneError if there is none."""
     refuse_below(asked, fitting.SMALLEST)
     if asked.varying:
         return _plan_of_varying(asked, judge)
@@ -57,7 +57,7 @@ def formula_plan(asked: Question, judge: Judge) -> Plan:
         return plan.error if plan.tolerance == tolerance else None
 
     general, aim = _general(asked), fitting.AIM * asked.accuracy
-    for k, order in enumerate(ORDERS):  # the error goes with the tolerance, and the cost with its root of that order
+    for k, order in enumerate(ORDERS):  # error ~ tolerance, cost ~ tolerance^(-1 / order)
         judge.pilots, at_order = len(ORDERS) - k, partial(error_at, order)
         methods.climb(asked.accuracy / 8.0, at_order, (0.1 * aim, aim), aim, (1e-4, 1e4), tries=TRIES, caution=3.0)
     met = [plan for plan in tried if plan.error <= fitting.REACHED * asked.accuracy]
@@ -70,7 +70,7 @@ def formula_plan(asked: Question, judge: Judge) -> Plan:
 
 
 def _missed_by_own_outputs(asked: Question, judge: Judge, plan: Plan) -> str:
-    """Return which own outputs alone miss the accuracy, as those that are zero but for round-off do; or nothing."""
+    """Return text that names own outputs if they alone miss the accuracy, as those that are only round-off; else ""."""
     found, truth, own = judge.motion_by(plan, judge.names), judge.motion, _needed(asked.formulas).own_outputs
     names = [name for name in judge.names if not name.startswith(EVENT)]
     missed = [name for name in names if largest_error(found, truth, (name,), judge.floors) > asked.accuracy]
@@ -81,9 +81,9 @@ def _missed_by_own_outputs(asked: Question, judge: Judge, plan: Plan) -> str:
 
 
 def closed_plan(asked: Question, judge: Judge) -> Plan | None:
-    """Return the plan of own outputs over a closed form that is exact; None where there is none.
+    """Return the plan of own outputs over an exact closed form, or None if there is none.
 
-    What own outputs lose of the motion's digits is measured. The model holds for other parameters, or refuses them.
+    The error of own outputs is measured. The model is valid for other parameters, or refuses them.
     """
     formulas = _needed(asked.formulas)
     plain = _without_formulas(asked.scene, formulas)
@@ -91,7 +91,7 @@ def closed_plan(asked: Question, judge: Judge) -> Plan | None:
         return None
     try:
         found = closed_forms.exact_plan(plain, Judge(plain))
-    except SceneError:  # beyond round-off: series have the same, and say so of what is asked
+    except SceneError:  # accuracy below round-off: series raise the same error, for the whole scene
         return None
     if found is None:
         return None
@@ -113,7 +113,7 @@ def closed_plan(asked: Question, judge: Judge) -> Plan | None:
 
 
 def _without_formulas(scene: Scene, formulas: FormulaModel) -> Question | None:
-    """Return the question of a scene for the same motion, as own outputs read it; None where that takes formulas."""
+    """Return the question for the same motion without formulas, with all that own outputs read; None if impossible."""
     names = [*dict.fromkeys((*scene.outputs.quantities, *sorted(formulas.quantities_read)))]
     loads, listed = formulas.plain_loads, {*scene.inputs.parameters}
     if loads is None or scene.states or scene.events or scene.inputs.ports or not names:
@@ -128,12 +128,12 @@ def _without_formulas(scene: Scene, formulas: FormulaModel) -> Question | None:
     try:
         tables["loads"] |= {name: numbers_of(graph, load, graph.numbers) for name, load in loads.items()}
         return Question(Scene.from_dict(tables, scene.name))
-    except (ArithmeticError, ValueError):  # no number, or a load that no scene has, as a damping that drives
+    except (ArithmeticError, ValueError):  # not a number, or a load that a scene refuses, such as negative damping
         return None
 
 
 def _try_out(asked: Question, judge: Judge, plan: Plan) -> Plan:
-    """Return a plan with its error in a pilot run, and its cost, ns a communication step."""
+    """Return a plan with its error in a pilot run, and its cost of a communication step, ns."""
     error, substeps = judge.try_out(plan)
     formulas = _needed(plan.formulas)
     n, slots, states = plan.order, 4 * len(formulas.program.groups), len(formulas.rates)
@@ -144,7 +144,7 @@ def _try_out(asked: Question, judge: Judge, plan: Plan) -> Plan:
 
 
 def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
-    """Return a plan whose tolerance is one of the whole run, as no pilot run has seen what ports supply."""
+    """Return a plan whose tolerance is for the whole run, as pilot runs do not contain what ports supply."""
     growth = judge.growth()
     loosest, magnified = fitting.tolerance_of_varying(asked, growth), magnified_round_off(growth)
     for tolerance in (loosest, *methods.ever_tighter(loosest)):
@@ -159,7 +159,7 @@ def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
 
 
 def what_formulas_read(asked: Question, plan: Plan) -> tuple[str, ...]:
-    """Return what is integrated for the formulas and outputs of a scene, and what is not."""
+    """Return reasons: which states are integrated for the formulas and outputs of a scene, and which are not."""
     kept = {name.partition("[")[0] for name in _needed(plan.formulas).rates}
     parts = {"attitude": ("q", 4), "rates": ("omega", 3), "position": ("r_c", 3), "velocity": ("v_c", 3)}
     sizes = [f"{what} {size}" for what, (name, size) in parts.items() if name in kept]

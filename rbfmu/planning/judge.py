@@ -1,8 +1,9 @@
-"""How far a plan is from a scene's motion, in every quantity that the scene asks for.
+"""The error of a plan: how far it is from a scene's motion, in every quantity that the scene asks for.
 
-A method that judges itself, or another in the same arithmetic, cannot tell its error from round-off that the motion
-magnifies. The motion is therefore followed in double-double arithmetic, of twice the digits, by a series that no plan
-uses; only where that takes too long, by two series of doubles whose difference is the doubt that all errors get.
+If a method is judged by itself, or by another in the same arithmetic, its error cannot be told from round-off that the
+motion magnifies. The truth is therefore computed in double-double arithmetic, with twice the digits, by series of an
+order that no plan uses. Only if that takes too long, two series in doubles are used; their difference, the doubt, is
+added to all errors.
 """
 
 import math
@@ -25,15 +26,15 @@ from rbfmu_kernels.integrators.substeps import ROUND_OFF
 from rbfmu_kernels.rotations.quaternion import compose_quaternions
 
 MAX_STEPS = 20_000
-"""The number of communication steps up to which pilot runs take each; in longer runs they take several at once."""
+"""The most communication steps that pilot runs take one by one; in longer runs they take several as one."""
 MAX_COUNTED = 2_000_000
-"""The number of a longer run's steps that are taken one by one at last, for their round-off."""
+"""The most steps of a longer run that are taken one by one in the end, to measure their round-off."""
 GOLDEN, FEW_POINTS = 0.6180339887498949, 64
-"""The place where a step is cut in two, so that a motion whose period is the step does not look like rest; and the
-number of parts of a run, about, that few steps are cut into. Of k places in a run the k-th is at k^2 times the first,
-modulo the run: k times it would meet a motion of 89 periods, 55.006 up to the first, near its start again."""
+"""GOLDEN: where a step is cut in two, so that a motion whose period is the step does not look like rest. FEW_POINTS:
+into about how many parts a run of few steps is cut. Cut k of a step is at k^2 GOLDEN modulo 1. With k GOLDEN, a motion
+of 89 periods in a step, 55.006 up to the first cut, would be near its start again at all cuts."""
 SMALL, LOST = 1e-11, 0.1
-"""An error, rad, well above round-off, and the size that it must not grow to.
+"""SMALL: a disturbance, rad, well above round-off. LOST: the size to which it must not grow.
 
 Of four motions that magnify errors 200 to 6e5 times, the factor is the same to 0.3 % with errors of 1e-12 to 1e-8. With
 1e-13 round-off puts it up to 9 % off, with 1e-14 up to 64 %; 1e-6 grows to 0.7 in one of them, and is 7 % off.
@@ -41,21 +42,22 @@ Of four motions that magnify errors 200 to 6e5 times, the factor is the same to 
 DIRECTIONS = ((0.48, -0.6, 0.64), (0.8, 0.0, -0.6), (0.36, 0.8, 0.48))
 """Orthogonal directions, none along a body's axis."""
 BETWEEN = 0.1
-"""The part of its largest, between communication points as well, that errors of a quantity are relative to at least: of
-what is zero at all of these, they would else be relative to round-off. Where points show more they count alone."""
+"""The least size that errors of a quantity are relative to, as a part of its largest size, also between communication
+points. Without it, errors of a quantity that is zero at all these points would be relative to round-off. A larger size
+at these points counts alone."""
 MAX_REFERENCE_STEPS = 100_000
-"""The number of the reference's steps in double-double arithmetic, some seconds of work."""
+"""The most steps of the reference in double-double arithmetic: some seconds of work."""
 MAX_SUBSTEPS = 3e6
-"""The number of substeps in doubles up to which a motion is followed that takes more steps of the reference."""
+"""The most substeps in doubles of a motion for which the reference takes too many steps."""
 BESIDE_POLES = 1e-12
-"""The part of the largest that an event watches which may be round-off of what comes after it, and a little more."""
+"""The part of the largest value that an event watches which may be round-off in later values, and a little more."""
 TURNS = 1e-3
-"""The turn in a substep, rad, up to which it is not for turning that substeps are short."""
+"""The rotation in a substep, rad, up to which fast rotation is not the reason that substeps are short."""
 MAX_TRIED = 5e7
-"""The number of substeps of all pilot runs of a plan, up to half a minute of work: a clock would not be the same
-everywhere."""
+"""The most substeps of all pilot runs of a plan, up to half a minute of work. A limit in seconds would not be the same
+on all machines."""
 MOMENTS = 2_000
-"""The least number of parts of a run after each of which that is asked."""
+"""The least number of parts of a run, as MAX_SUBSTEPS is checked after each part."""
 TRYING = "methods are tried on its motion, in pilot runs"
 LONG = (
     "planning takes more than some seconds, for the motion turns fast, or damping is stiff: more than 1e5 steps of "
@@ -64,11 +66,11 @@ LONG = (
 
 
 class Judge:
-    """A scene's motion with its ports at zero, far more exact than what is judged by it.
+    """Measures errors of plans by the truth: the scene's motion with ports as at its start, far more exact than plans.
 
-    progress: a function that is told which part of the motion is done; fewer: the same scene with fewer outputs, if it
-    is to be judged as well: what is not asked for is not integrated, so that substeps may be longer. most: of steps
-    that pilot runs take; in longer runs they take several at once.
+    progress: a function that is called with the part of the motion that is done; fewer: the same scene with fewer
+    outputs, if it is to be judged as well: what is not asked for is not integrated, so that substeps may be longer.
+    most: the most steps of pilot runs; in longer runs they take several steps as one.
     """
 
     def __init__(
@@ -83,26 +85,26 @@ class Judge:
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off
         self.left = MAX_TRIED  # substeps of pilot runs to come
-        self.pilots = 1  # how many of the same kernels are known to come: it may pay to compile these at once
+        self.pilots = 1  # how many pilot runs of the same kernels will follow: compiling them at once may pay
         self.arithmetic = "double-double arithmetic"
         self.doing = TRYING
 
     @property
     def stride(self) -> int:
-        """Return how many of the run's steps are taken as one."""
+        """Return how many of the run's communication steps are taken as one."""
         return math.ceil(self.scene.run.count / len(self.steps))
 
     @property
     def cut_steps(self) -> list[float]:
-        """Return the communication steps, s, each cut in two, or in more where they are few."""
+        """Return the lengths, s, of the parts of communication steps, which are cut in two, or in more if few."""
         cuts = (0.0, *sorted(k * k * GOLDEN % 1.0 for k in range(1, self._parts)), 1.0)
-        if self.scene.has_formulas:  # parts that add up to h to the last bit: just then a condition on t may change
+        if self.scene.has_formulas:  # the sum of parts must be h to the last bit, where a condition on t may change
             return [(h + after * h) - (h + before * h) for h in self.steps for before, after in pairwise(cuts)]
         return [(after - before) * h for h in self.steps for before, after in pairwise(cuts)]
 
     @cached_property
     def motion(self) -> Motion:
-        """Return the truth, at communication points and between them; raise SceneError where it takes too long."""
+        """Return the truth at communication points and between them. Raises SceneError if it takes too long."""
         if self._exact is not None:
             return self._exact
         start_run(self.scene, series_of_all(self.asked, 20, 1e-18), self.names)  # raises where outputs have no start
@@ -115,7 +117,7 @@ class Judge:
         return one
 
     def _tight_motion(self, order: int) -> Motion:
-        """Return the motion in doubles, in small steps, for where double-double arithmetic takes too long."""
+        """Return the motion by a tight series in doubles, in small steps, for want of a reference."""
         tight = series_of_all(self.asked, order, 1e-18)
         parts = max(2, MOMENTS // len(self.cut_steps))
         steps = (np.repeat(self.cut_steps, parts) / parts).tolist()
@@ -125,22 +127,22 @@ class Judge:
         return {name: rows[::parts] for name, rows in found.items()}
 
     def follow_by(self, plan: Plan) -> None:
-        """Take the motion that a plan makes for the truth, where it is known how exact that is of motions alike."""
-        self._parts = 2  # errors are asked for at communication points alone
+        """Use the motion by a plan as the truth, if its accuracy is known from similar motions."""
+        self._parts = 2  # errors are needed at communication points only
         self.__dict__["motion"] = self.motion_by(plan, self._followed)
 
     def forget(self) -> None:
-        """Leave the truth to be found anew."""
+        """Discard the truth, so that it is computed again."""
         for name in ("motion", "truth", "floors"):
             self.__dict__.pop(name, None)
 
     def error_if_soon(self, plan: Plan, otherwise: float = 0.0) -> float:
-        """Return the plan's error where the truth takes no more than seconds."""
+        """Return the plan's error if the truth takes no more than seconds, else `otherwise`."""
         return otherwise if self._exact is None else self.try_out(plan)[0]
 
     @cached_property
     def _exact(self) -> Motion | None:
-        """Return the motion in double-double arithmetic; None where that takes too long."""
+        """Return the motion in double-double arithmetic, or None if that takes too long."""
         from rbfmu.planning.reference import ReferenceTooLongError, reference_motion  # a closed form starts sooner
 
         self.doing = f"its motion is followed in {self.arithmetic}"
@@ -153,19 +155,19 @@ class Judge:
 
     @property
     def is_slow(self) -> bool:
-        """Return whether the motion takes very many substeps."""
+        """Return whether the motion takes too many steps for double-double arithmetic."""
         return self._exact is None
 
     @cached_property
     def truth(self) -> Motion:
-        """Return the motion at communication points."""
+        """Return the truth at communication points."""
         return {name: rows[:: self._parts] for name, rows in self.motion.items()}
 
     @cached_property
     def floors(self) -> Mapping[str, float]:
         """Return the least sizes that errors are relative to, by name.
 
-        What swings and is shown where it comes to zero has the size that it has between communication points.
+        A quantity that oscillates, with zeros at the communication points, has the size that it has between them.
         """
         found = dict(least_sizes(self.asked, self.motion))
         for name in self.names:
@@ -173,11 +175,11 @@ class Judge:
         return found
 
     def _floors_of(self, run: Steps) -> dict[str, float]:
-        """Return the least sizes; of what an event watches its size over the run."""
+        """Return the least sizes; of a number that an event watches, its size over the run."""
         return {**self.floors, **watched_sizes(self.scene, run.kernels.BLOCKS, run.z)}
 
     def _refuse_poles(self, largest: Mapping[str, float]) -> None:
-        """Raise SceneError where round-off of the largest that an event watches is much beside all at other times."""
+        """Raise SceneError if the number that an event watches has a pole, whose round-off hides its other values."""
         for name in self.scene.events:
             when = f"when.{name}"
             size = largest_size(self.motion[when])  # also between communication points, at which it may be zero
@@ -187,10 +189,10 @@ class Judge:
                 raise SceneError(f"{said}: {expected}", self.scene.name)
 
     def try_out(self, plan: Plan, at_once: int = 1, parts: int = 1, absolute: bool = False) -> tuple[float, float]:
-        """Return the plan's error over the run, and the substeps it counted.
+        """Return the plan's error over the run, and its number of substeps.
 
-        at_once: how many steps are taken as one, in equal parts; absolute: whether positions and velocities count
-        relative to 1 m and 1 m/s, as something varies that they grow with.
+        at_once: how many steps are taken as one; parts: into how many equal parts each is then cut; absolute: whether
+        errors of positions and velocities are relative to 1 m and 1 m/s, as parameters vary with which these grow.
         """
         if at_once == 1:
             return self._error(plan, self.steps, self.truth, parts, absolute)
@@ -199,14 +201,14 @@ class Judge:
         return self._error(plan, steps, {name: self.truth[name][points] for name in self.names}, parts, absolute)
 
     def try_between(self, plan: Plan, pieces: float) -> float:
-        """Return the plan's error in about so many shorter steps, at communication points and between them."""
+        """Return the plan's error in about `pieces` shorter steps, at communication points and between them."""
         parts = max(round(pieces / len(self.cut_steps)), 1)
         return self._error(plan, self.cut_steps, {name: self.motion[name] for name in self.names}, parts)[0]
 
     def try_all_steps(self, plan: Plan) -> float:
-        """Return a plan's error with the round-off of all the run's steps, of which `try_out` took several at once.
+        """Return a plan's error with the round-off of all the run's steps, if `try_out` took several as one.
 
-        Of very long runs the first steps are taken, and their round-off is counted for all.
+        In very long runs only the first steps are taken, and their round-off is extrapolated to all.
         """
         parts, taken = self.stride, len(self.steps)
         if parts == 1:
@@ -231,7 +233,7 @@ class Judge:
         return max(errors) + self.doubt, max(substeps)
 
     def _pilot(self, run: Steps, names: tuple[str, ...]) -> Motion:
-        """Return the motion of a pilot run; raise SceneError where all together take too long."""
+        """Return the motion of a pilot run. Raises SceneError if all pilot runs together take too long."""
         found = record(run, names, self.left)
         self.left -= substeps_counted(run.kernels, run.z)
         if self.left < 0.0:
@@ -241,14 +243,14 @@ class Judge:
     def growth(self) -> float:
         """Return the factor, at least 1, by which an error of attitude and rate at the start grows over the run.
 
-        Errors so small grow linearly, and whatever their direction they soon point where they grow most (so Lyapunov
-        exponents are measured: Benettin et al., Meccanica 15 (1980) 9-30); three orthogonal directions all but exclude
-        that one begins where nothing grows. They are well above round-off and end well below the motion itself.
-        It is infinite where so small an error changes the motion itself.
+        Small errors grow linearly, and from any direction they soon turn to the direction of largest growth (Lyapunov
+        exponents are measured in this way: Benettin et al., Meccanica 15 (1980) 9-30). With three orthogonal directions
+        it is nearly impossible that all start where nothing grows. The errors are well above round-off, and remain well
+        below the motion itself. The factor is infinite if an error does not remain below LOST.
         """
-        span, truth = self.asked.span, self.truth  # first: it ends where the motion does not
+        span, truth = self.asked.span, self.truth  # the truth first: it raises an error for a motion without end
         whens = (f"when.{name}" for name in self.scene.events)
-        at_rest = {when: 0.0 for when in whens if not self.motion[when].any()}  # but for the error itself
+        at_rest = {when: 0.0 for when in whens if not self.motion[when].any()}  # their size is the disturbance
         tight, rows = series_of_all(self.asked, 20, 1e-16), np.array(DIRECTIONS)
         worst = 0.0
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
@@ -261,27 +263,27 @@ class Judge:
         return max(worst / SMALL, 1.0) if worst < LOST else math.inf
 
     def _turning(self, change: Array) -> Array:
-        """Return the part of a change of the rate that is about axes with inertia."""
+        """Return the part (3,) of a change of the rate that is about axes with inertia."""
         body = self.scene.body
         axis = body.axis_without_inertia if body else None
         return change if axis is None else change - np.dot(change, axis) * np.array(axis)
 
     def motion_by(self, plan: Plan, names: tuple[str, ...]) -> Motion:
-        """Return the motion that a plan makes in `cut_steps`."""
+        """Return the motion by a plan in `cut_steps`."""
         return motion_of(self.scene, plan, self.cut_steps, names)
 
     def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
-        """Return the error of a model that leaves something out, also between steps; absolute: as in `try_out`."""
+        """Return the error of a smaller model, also between communication points; absolute: as in `try_out`."""
         return largest_error(self.motion_by(smaller, names), truth, names, least_sizes(self.asked, truth), absolute)
 
 
 def magnified_round_off(growth: float) -> float:
-    """Return what a motion makes of four units in the last place."""
+    """Return the error that a motion makes of four units of round-off, at most 1."""
     return min(4.0 * ROUND_OFF * growth, 1.0)
 
 
 def watched_sizes(scene: Scene, blocks: Mapping[str, slice], z: Array) -> dict[str, float]:
-    """Return how large what each event watches has been in a run, by its block: it may be zero at every row."""
+    """Return the largest size in a run of the number that each event watches, by its block; rows may all be zero."""
     sizes = z[blocks["events.largest"]].tolist() if scene.events else ()
     return {f"when.{name}": size for name, size in zip(scene.events, sizes, strict=True)}
 
@@ -289,9 +291,10 @@ def watched_sizes(scene: Scene, blocks: Mapping[str, slice], z: Array) -> dict[s
 def refuse_unfinished(
     scene: Scene, steps: Sequence[float], rates: Array, substeps: float, driven: bool = False
 ) -> None:
-    """Raise SceneError where a motion was given up, after more than MAX_SUBSTEPS, or as a step was refused.
+    """Raise SceneError if a motion ended early: after more than MAX_SUBSTEPS, or because a step was refused.
 
-    rates: a row before and after each step; driven: by inputs, which no reference has followed.
+    rates (n + 1, 3): omega_b before and after each of n steps, NaN after the end; driven: by inputs, for which there is
+    no reference.
     """
     if np.isfinite(rates[-1]).all():
         return
@@ -302,7 +305,7 @@ def refuse_unfinished(
         why = "where a formula is not finite, or the motion changes too fast"
         raise SceneError(f"inputs: expected others from t = {reached:.6g} s on, {why}", scene.name)
     own = [*(f"outputs.{name}" for name in scene.outputs.own), *(f"events.{name}" for name in scene.events)]
-    if own and substeps <= MAX_SUBSTEPS:  # formulas of loads are named by the reference, which has not come so far
+    if own and substeps <= MAX_SUBSTEPS:  # for formulas of loads the reference has its own error
         why = f"{' or '.join(own)} is not finite then, or changes too fast"
         raise SceneError(f"run.stop = {scene.run.stop!r}: expected at most {reached:.6g} s, as {why}", scene.name)
     rate, why = math.hypot(*rates[last]), "damping is stiff, or another load too large"
@@ -321,22 +324,22 @@ def too_long(scene: Scene, why: str) -> SceneError:
 
 
 def what_is_reached(error: float) -> str:
-    """Return what is said of the least error of all methods."""
+    """Return the part of a message that gives the least error of all methods."""
     if not error < math.inf:
         return "no method here ends with finite numbers"
     return f"the methods here reach {least_accuracy(error)}"
 
 
 def least_accuracy(error: float) -> str:
-    """Return an error with two digits as no less than it is, so that the accuracy so told can be met."""
+    """Return an error with two digits, never rounded down, so that an accuracy of this value can be met."""
     text = f"{error:.1e}"
     return text if not float(text) < error else f"{1.05 * error:.1e}"
 
 
 def refuse_below(asked: Question, error: float) -> None:
-    """Raise SceneError for an accuracy below an error that round-off makes."""
+    """Raise SceneError for an accuracy below the error of round-off, infinite if numbers overflow."""
     if error == math.inf:
         raise too_long(asked.scene, "the square of its rate comes to leave the range of numbers")
-    if not asked.accuracy >= error:  # nor where the error is NaN
+    if not asked.accuracy >= error:  # also true if the error is NaN
         expected = f"at least {least_accuracy(error)}, what double precision keeps"
         raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", asked.scene.name)

@@ -1,4 +1,4 @@
-"""Candidates, each a plan whose setting is to be found, how settings follow from errors, and what plans cost."""
+"""Candidates, which are plans whose setting is still to be found; how settings follow from errors; costs of plans."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -16,38 +16,39 @@ from rbfmu_kernels.models.one_axis import ORDERS
 from rbfmu_kernels.quantities import OUTPUT
 
 EXACT = 1e-14
-"""What closed forms lose by round-off, the exact rotation among them."""
+"""The round-off error of closed forms, and of the exact rotation."""
 TIGHTEST = 1e-15
-"""The smallest tolerance that double precision serves."""
+"""The smallest tolerance that double precision can meet."""
 FAR_BELOW_ROUND_OFF = 1e-3 * TIGHTEST
 """The tolerance at which rates of 1e-8 rad/s beside one of 3 rad/s keep digits of their own."""
 ORDERS_OF_SERIES = range(6, taylor_coefficients.MAX_ORDER + 1, 2)
 SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
 """(a, b) of a + b N ns a substep at order N, on `methods.MACHINE`; examples/benchmarks/substeps.py fits these lines.
 
-The lines are for torques that are known in b alone, for loads that turn in b as well, and for a force that turns with
-the body.
+The lines are for torques that are constant in b; for loads that rotate relative to b as well; and for a force that
+rotates with the body.
 """
 WITHOUT_ATTITUDE = 0.72
-"""The cost of a substep of these without attitude, as a part of that of one with it."""
+"""The cost of a substep without the attitude, as a part of that with it."""
 KEPT_SERIES_COST = 1.6
 """The cost of a series that serves many communication steps over that of a substep of the same order.
 
-It has the attitude up to full order, where a substep's two-point formula has three eighths of it.
+It has the attitude up to its full order; a substep's two-point formula needs it only up to three eighths of the order.
 """
 KEPT_IN_LANES, START_IN_LANES = 2.6, 110.0
-"""The same for members side by side, as such a series is kept and evaluated for each alone; and what a communication
-step of substeps costs over one that a series serves, ns on the scale of a substep alone: a third of it in lanes."""
+"""KEPT_IN_LANES: the same for members side by side, as such a series is kept and evaluated for each member alone.
+START_IN_LANES: the additional cost of a communication step of substeps over one that a series serves, ns on the scale
+of a substep alone: a third of it in lanes."""
 ONE_AXIS_COSTS = {4: 55.0, 8: 85.0, 16: 185.0}
 SPLITTING_COSTS = {2: 76.0, 4: 470.0, 6: 864.0}
 """Ns a substep, by order."""
 STUCK = 0.03
-"""The most that an error is to be multiplied by where the last setting changed nothing.
+"""The largest factor by which the next setting is to change the error if the last setting did not change it.
 
-Where each communication step is one substep, a tolerance that is a little smaller brings the same substeps again.
+If each communication step is one substep, a slightly smaller tolerance gives the same substeps again.
 """
 RESONANCE = 0.45
-"""The longest step, as a part of that at which splitting resonates, or of the turn that it resonates with.
+"""The longest step, as a part of the step at which splitting resonates, or of the period that it resonates with.
 
 The model refuses more than half of it, and an importer may set a somewhat faster rate than the scene's. At the
 resonance of a torque fixed in b a top was off by 0.67 rad after 10 s, at 0.8 of that step by less than a hundredth of
@@ -55,16 +56,16 @@ it (`test_splitting`).
 """
 
 
-# Candidates: plans whose tolerance, or step, is the loosest that may serve
+# Candidates: plans with the loosest tolerance, or the longest step, that may be used
 
 
 def whole_series(scene: Scene, order: int, tolerance: float) -> Plan:
-    """Return the plan of the series that serves whatever acts in a scene; see `series_of_all`."""
+    """Return the plan of the series that is valid for all loads of a scene; see `series_of_all`."""
     return series_of_all(Question(scene), order, tolerance)
 
 
 def series_of_all(asked: Question, order: int, tolerance: float) -> Plan:
-    """Return the plan of the series that serves whatever acts; order: 0 where it is still to be found."""
+    """Return the plan of the series that is valid for all loads; order: 0 if it is still to be found."""
     model = FORMULAS if asked.formulas else LOADED_TAYLOR
     return Plan(model.key, _series(order), 0, tolerance=tolerance, order=order, formulas=asked.formulas)
 
@@ -74,7 +75,7 @@ def _series(order: int) -> str:
 
 
 def series_plan(general: Plan, order: int, tolerance: float) -> Plan:
-    """Return the plan of a series; general: a plan with the scene's accuracy as its tolerance."""
+    """Return the plan of a series at a tolerance, but at most that of `general`, from which it has all else."""
     return at_setting(replace(general, method=_series(order), order=order), tolerance)
 
 
@@ -86,8 +87,8 @@ def one_axis_series(asked: Question) -> Iterator[Plan]:
 def likely_order(accuracy: float) -> int:
     """Return the order of the series that is likely to meet an accuracy at the least cost.
 
-    A substep of order p costs p^2, and reaches the further the higher p: the cost of a run is least near
-    p = 1 - ln(tolerance) / 2 (Jorba, Zou: Experimental Mathematics 14 (2005) 99-117). It is taken one higher, and even,
+    A substep of order p costs about p^2, and reaches farther for higher p. The cost of a run is least near
+    p = 1 - ln(tolerance) / 2 (Jorba, Zou: Experimental Mathematics 14 (2005) 99-117). Here it is one higher, and even,
     for a tolerance of a hundredth of the accuracy: orders are fitted from there up and down.
     """
     order = 2 * round(1.0 + 0.25 * math.log(100.0 / accuracy))
@@ -95,7 +96,7 @@ def likely_order(accuracy: float) -> int:
 
 
 def splittings(asked: Question) -> Iterator[Plan]:
-    """Yield the splitting methods that serve the scene's body."""
+    """Yield the splitting methods that are valid for the scene's body."""
     if not LOADED_SPLITTING.accepts(asked):
         return
     omega = asked.scene.initial.omega_b
@@ -107,7 +108,7 @@ def splittings(asked: Question) -> Iterator[Plan]:
 
 
 def _spins_unseen(asked: Question) -> bool:
-    """Return whether a symmetric body's turn about its axis leaves loads as they are; else that turn resonates."""
+    """Return whether a body's rotation about its symmetry axis does not change loads; otherwise it may resonate."""
     body, loads = asked.start.body, asked.start.loads
     M, arm = np.array(body.inertia), np.array(body.arm_b)
     axial = M - interpreted(splitting.transverse_moment)(body.inertia) * np.eye(3)  # (I_s - I_t) s s^T
@@ -120,10 +121,11 @@ def _spins_unseen(asked: Question) -> bool:
 
 
 def at_setting(candidate: Plan, value: float) -> Plan:
-    """Return a candidate at a tolerance, or step, that is no larger than its own.
+    """Return a candidate at a tolerance, or step, that is at most its own.
 
-    Tolerances beyond the accuracy say little of the errors in other communication steps: with 10 times as much, a run
-    in one step of more substeps than `fitting` tries in shorter ones was off by 7.4 times the accuracy in these.
+    Tolerances above the accuracy say little about errors in other communication steps: with 10 times the accuracy, a
+    run in one step, with more substeps than `fitting` tries in shorter steps, was off by 7.4 times the accuracy in
+    shorter steps.
     """
     if candidate.tolerance > 0.0:
         return replace(candidate, tolerance=min(max(value, FAR_BELOW_ROUND_OFF), candidate.tolerance))
@@ -131,12 +133,12 @@ def at_setting(candidate: Plan, value: float) -> Plan:
 
 
 def tighter(plan: Plan, ratio: float) -> Plan:
-    """Return the plan at a setting with which its error is likely to be multiplied by a ratio."""
+    """Return the plan at a setting that is likely to multiply its error by a ratio."""
     return at_setting(plan, (plan.tolerance or plan.substep) * ratio ** (1.0 / exponent(plan)))
 
 
 def exponent(plan: Plan) -> int:
-    """Return the power of a plan's setting that its error goes with."""
+    """Return the power of a plan's setting to which its error is proportional."""
     return 1 if plan.tolerance > 0.0 else plan.order
 
 
@@ -148,7 +150,7 @@ def ever_tighter(tolerance: float) -> Iterator[float]:
 
 
 def ratio_to(aim: float, error: float) -> float:
-    """Return what an error is to be multiplied by; a thousand, or a thousandth, where it is none or not finite."""
+    """Return aim / error; 1000 if the error is zero, 1/1000 if it is not finite."""
     return aim / error if 0.0 < error < math.inf else (1e3 if error == 0.0 else 1e-3)
 
 
@@ -162,16 +164,16 @@ def climb(
     tries: int = 8,
     caution: float = 1.0,
 ) -> float:
-    """Try settings, each from the error at the last, until one is in a band; return the last.
+    """Try settings, each computed from the error of the last, until an error is in the band; return the last setting.
 
-    error_at: a setting's error, or None where no other one is worth a trial; aim: the error that the next setting aims
-    at, where errors count so many times (caution); within: what a setting is multiplied by at once; power: that of the
-    setting with which the error goes; tries: how many there are at most.
+    error_at: returns a setting's error, or None to stop; aim: the error that the next setting aims at, after errors
+    are multiplied by caution; within: the limits of the factor between two settings; power: the error is proportional
+    to this power of the setting; tries: the largest number of settings.
     """
     (least, bound), last = band, math.inf
     for _ in range(tries):
         error = error_at(value)
-        stuck = error == last  # each communication step is one substep, or the step is as short as may be
+        stuck = error == last  # each communication step is one substep, or the step is the shortest allowed
         if error is None or least <= error <= bound or (stuck and error <= bound):
             break
         ratio = ratio_to(aim, caution * error)
@@ -184,31 +186,31 @@ def climb(
 
 
 def series_cost(order: int, shares: tuple[float, float]) -> float:
-    """Return ns a substep; shares: `Question.load_shares`."""
+    """Return the cost of a substep, ns; shares: `Question.load_shares`."""
     plain, *more = (a + b * order for a, b in SERIES_COSTS)
     return plain + sum(share * (cost - plain) for share, cost in zip(shares, more, strict=True))
 
 
 def substep_cost(asked: Question, plan: Plan) -> float:
-    """Return ns a substep of a plan."""
+    """Return the cost of a plan's substep, ns."""
     known = {LOADED_SPLITTING.key: SPLITTING_COSTS, ONE_AXIS_TAYLOR.key: ONE_AXIS_COSTS}.get(plan.model)
     return known[plan.order] if known else series_cost(plan.order, asked.load_shares)
 
 
 def work_of(substeps: float, steps: float) -> float:
-    """Return the substeps that cost as much, where fewer than steps are series that serve many of these."""
+    """Return the number of substeps that cost as much as a run; fewer substeps than steps are series for many steps."""
     return substeps if substeps >= steps else min(KEPT_SERIES_COST * substeps, steps)
 
 
 def cost_in_lanes(substeps: float, steps: float, cost: float) -> float:
-    """Return what orders are compared by for members side by side; cost: of a substep alone, ns."""
+    """Return the cost of a run, by which orders are compared for members side by side; cost: of a substep alone, ns."""
     return KEPT_IN_LANES * cost * substeps if substeps < steps else cost * substeps + START_IN_LANES * steps
 
 
 MACHINE = "an Intel Xeon of 2026"
-"""The machine whose ns all costs are, in a compiled loop over the library's own models on one idle core."""
+"""The machine on which all costs in ns are measured, in a compiled loop over the library's models on one idle core."""
 ATTITUDE, CHANGING, TURNING_LOADS, EVALUATED_PATH = "attitude", "changing", "loads that turn", "evaluated path"
-"""The terms of a model's own costs besides what each step costs; see `ModelSpec.costs`."""
+"""The terms of a model's own costs besides that of each step; see `ModelSpec.costs`."""
 
 
 def term(model: str, name: str) -> str:
@@ -225,13 +227,13 @@ NS = {
     "angular_momentum_a": 8.0,
     "kinetic_energy": 3.0,
 }
-"""The costs, ns, by term, as `python -m examples.benchmarks.costs` prints them."""
+"""The cost of each term, ns, as printed by `python -m examples.benchmarks.costs`."""
 
 
 def with_cost(asked: Question, plan: Plan) -> Plan:
-    """Return the plan with its states, if these are still open (0), and its cost a communication step, ns.
+    """Return the plan with its number of states, if still open (0), and its cost of a communication step, ns.
 
-    Its cost before is that of a step's substeps alone.
+    Before, the plan's cost is that of a step's substeps alone.
     """
     in_b_alone = plan.model == LOADED_TAYLOR.key and not (asked.start.needs_attitude or any(asked.load_shares))
     cost = (WITHOUT_ATTITUDE if in_b_alone else 1.0) * plan.cost + sum(NS[name] for name in terms(asked, plan))
@@ -239,12 +241,12 @@ def with_cost(asked: Question, plan: Plan) -> Plan:
 
 
 def terms(asked: Question, plan: Plan) -> list[str]:
-    """Return keys of NS: what a step of the plan does besides its substeps."""
+    """Return keys of NS: the work of a communication step besides its substeps."""
     spec = plan.spec
     if asked.scene.body is None:  # prescribed rates: all outputs are computed, whatever is asked for
         return [spec.key]
     start, shares = asked.start, asked.load_shares
-    # The plan's cost is that of its substeps alone: less than a series a step, where one serves many.
+    # The plan's cost is that of its substeps alone: less than one series for each step, if a series serves several.
     evaluated = plan.model == LOADED_TAYLOR.key and 0.0 < plan.cost < series_cost(plan.order, shares)
     changing = start.needs_translation or start.shows_loads
     if CHANGING in spec.costs and not changing:

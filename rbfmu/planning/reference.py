@@ -1,8 +1,8 @@
-"""The motion of a scene far more accurately than any plan's, in all that is judged: what plans are judged by.
+"""The reference by which plans are judged: a scene's motion in all judged quantities, far more exact than any plan's.
 
-The equations of motion, with a scene's formulas among them, are a list of operations, which compiled functions walk in
-double-double arithmetic. Steps are of their own, independent of the communication step: the series are evaluated
-wherever an output is asked for.
+The equations of motion and a scene's formulas are a list of operations, which compiled functions evaluate in
+double-double arithmetic. The reference has its own steps, independent of the communication step; its series are
+evaluated at each time at which an output is asked for.
 """
 
 import math
@@ -29,45 +29,47 @@ from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 from rbfmu_kernels.rotations.matrix import quaternion_from_matrix
 
 Decimals = Any
-"""Arrays of `Decimal`, with which NumPy computes as with any objects, and of which its types know nothing."""
+"""Arrays of `Decimal`: NumPy computes with these as with any objects, but its types have no name for them."""
 DIGITS, OF_TIMES = 50, 400
-"""More than the 32 of double-double, to which what is made of the scene's own numbers is rounded once; and so many that
-sums of steps lose none, as on the side of zero of what is left of these hangs whether a condition on t holds."""
+"""DIGITS: of numbers computed from the scene's: more than the 32 of double-double, to which they are rounded once.
+OF_TIMES: so many that sums of steps are exact, as the sign of what remains decides whether a condition on t holds."""
 ONE = np.array([[Decimal(int(i == j)) for j in range(3)] for i in range(3)])
 CHUNK = 500
-"""The number of the scene's steps after which progress is told."""
+"""The number of the scene's steps after which progress is reported."""
 MOST_WORK = 20_000_000
-"""Operations in all steps of a reference, each with its coefficients: some 20 s."""
+"""The most operations in all steps of a reference, each with all its coefficients: about 20 s."""
 MOST_SERIES = 3e5
-"""The number of its steps up to which a longer motion of formulas is followed in doubles: some 20 s."""
+"""A motion of formulas that takes too long is followed in doubles instead, unless it needs more steps: about 20 s."""
 ENOUGH, STEADY = 0.15, 2.1
-"""In a hurry a motion is given up after a fifth of the steps where these have done less than this part of the run, and
-have not grown longer: they have done less than so many times what the first half of them did."""
+"""In a hurry, a reference stops after a fifth of its steps if they cover less than ENOUGH of the run, and if steps do
+not grow longer: they cover less than STEADY times what the first half of them covered."""
 SHORTER, MOST_SHORTENED = 2.0**-40, 10
-"""By how much, and how often, the unit of time is made shorter where coefficients come near the end of the range of
-doubles."""
+"""The factor by which the unit of time is shortened where coefficients come near the end of the range of doubles, and
+how often at most."""
 MOST_HALVED, FAR_PARTS, PARTS = 60, 64, 16
-"""How often a series is halved for its defect at most; and the parts of one that goes far, and of others, between which
-it is looked at: more than of what is judged.
+"""MOST_HALVED: how often a series is halved because of its defect. FAR_PARTS, PARTS: at how many places in a series its
+defect is checked, if it reaches much farther than the last one, and else: more than in the series that are judged.
 """
 CREEPING = 1e-6
-"""The part of the time before that the last half of all steps takes a motion on by which comes to no end."""
+"""A motion has no end in reach if the last half of all steps advances it by less than this part of the time before."""
 FINEST, MOST_STALLED = 2.0**-52, 500
-"""How many series on end may reach no farther than this part of the time since the start, which doubles tell as one: 13
-where a force grows from 1e-300, ever more where a motion ends in a pole."""
+"""MOST_STALLED: the most successive series that may reach less than FINEST of the time since the start, which doubles
+cannot resolve: 13 where a force grows from 1e-300, ever more where a motion ends in a pole."""
 NOWHERE, SLIDES = -2, math.inf
+"""NOWHERE: the steps that `follow` returns for a motion that ends. SLIDES: marks the corner that it slides along."""
 
 
 class ReferenceTooLongError(ArithmeticError):
-    """An error for a motion that takes more steps than are allowed, or leaves the range of numbers."""
+    """An error for a motion that takes more steps than allowed, or leaves the range of numbers."""
 
 
 def reference_motion(scene: Scene, steps: Sequence[float], most: int, progress: Told = None) -> Motion:
-    """Return what is judged of a scene, attitude and rate besides, at its start and after each step (s).
+    """Return the judged quantities of a scene, and attitude and rate, at its start and after each step, s.
 
-    Ports are as at first. Of a scene with formulas it is what these and the outputs show.
-    progress: a function that is told which part of the run is done.
-    Raises ReferenceTooLongError beyond `most` steps of the reference, and SceneError where formulas lead nowhere.
+    Ports keep their values at the start. For a scene with formulas, the quantities are its outputs, its own states
+    and what its events watch. progress: a function that is called with the part of the run that is done, 0 to 1.
+    Raises ReferenceTooLongError if it takes more than `most` steps of its own, and SceneError if a motion by formulas
+    ends before the run.
     """
     listed = Listed(scene)
     most = min(most, MOST_WORK // len(listed.found))
@@ -88,7 +90,7 @@ def reference_motion(scene: Scene, steps: Sequence[float], most: int, progress: 
         taken, done, lately = follow(room, most, not scene.has_formulas)
         if scene.has_formulas and (taken == NOWHERE or (taken < 0 and lately < CREEPING * done)):
             raise _ends_early(scene, done, listed.keys_at_fault(work, sides))
-        starts = scene.has_formulas and np.isfinite(rows[0]).all()  # else a start in doubles says what is wrong
+        starts = scene.has_formulas and np.isfinite(rows[0]).all()  # otherwise a start in doubles says what is wrong
         if taken >= 0 and starts and not np.isfinite(rows[chunk]).all():
             row, column = np.argwhere(~np.isfinite(rows))[0].tolist()
             raise _ends_early(scene, sum(steps[:row]), f"{listed.columns[column]} is not finite")
@@ -105,11 +107,11 @@ def reference_motion(scene: Scene, steps: Sequence[float], most: int, progress: 
 
 
 class Room(NamedTuple):
-    """What a motion is followed in: its equations, and arrays.
+    """The equations of a motion, and the arrays that `follow` uses.
 
-    times: increasing, s after the start, pairs; rows: of what is wanted at these; s: the series, (2, n LENGTH); here:
-    (2, n) values at the start, of numbers and leaves; sizes: one for each group; may_hide: whether a load may come and
-    go between the ends of a step, of which its series' terms tell nothing, as formulas may.
+    times (2, N): increasing, s after the start, double-double; rows (N, w): the wanted values at these; s (2, n
+    LENGTH): the series; here (2, n): values at the start, of numbers and leaves; sizes: one for each group; may_hide:
+    whether a load may rise and vanish within a step without a trace in the terms of the series, as formulas may.
     """
 
     equations: kernels.Equations
@@ -122,15 +124,15 @@ class Room(NamedTuple):
 
 
 def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float, float]:
-    """Set the rows; return the steps, how far they went, and how far the last of them did: those after half of `most`.
+    """Set the rows; return the number of steps, the time that they reach, and how far those after `most` / 2 went, s.
 
-    The steps are -1 beyond `most`, and NOWHERE where numbers are not finite or slide along a corner; in a
-    hurry -1 after a fifth of them as well, where these did too little, and the later ones no more than those before.
+    The number is -1 beyond `most` steps, and NOWHERE if values are not finite or slide along a corner. In a hurry it is
+    also -1 if a fifth of `most` steps covered too little: see ENOUGH.
     """
     equations, times, rows, s, here, sizes, _ = room
     begin, span = float(times[0, 0]), float(times[0, -1] - times[0, 0])
     now, half, tenth = (begin, float(times[1, 0])), begin, 0.0
-    usual = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # in which the motion's terms are no denormals
+    usual = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # so that no term of the motion is denormal
     unit, step, shortened, steps, stalled, k = usual, 0.0, 0, 0, 0, 0
     equations.sides[:, 1:], equations.touching[:, 2], s[:, :: kernels.LENGTH] = 0.0, 0, here
     while k < times.shape[1]:
@@ -152,15 +154,15 @@ def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float, float]:
         k = kernels.put_rows(equations, s, unit, reach[0], now, times, here, rows, k)
         if k < times.shape[1]:
             now = kernels.begin_at(equations.states, s, unit, reach, now, here)
-            if len(equations.sides):  # a root beside its corner is over soon
+            if len(equations.sides):  # a square root near its corner shortens only one series' unit
                 unit, step, shortened = usual, step * (unit / usual), 0
     return steps, now[0], now[0] - half
 
 
 def _settled(room: Room, unit: float, done: float, again: bool) -> bool:
-    """Make series until all sides are those to which these lead; return whether there are any such.
+    """Expand the series until each side agrees with the sign that its number has next; return False if no choice does.
 
-    done: the time that has passed, in units; again: whether the series is the same in another unit.
+    done: the time that has passed, in units; again: whether it is the previous series in another unit.
     """
     equations, sides, turned = room.equations, room.equations.sides, -1
     roots = [n for n in equations.touching[:, 1] if equations.operations[n, 0] in ROOTS] if len(sides) else []
@@ -179,7 +181,7 @@ def _settled(room: Room, unit: float, done: float, again: bool) -> bool:
 
 
 def _reach(room: Room, done: float, unit: float, step: float, last: float) -> tuple[tuple[float, float], float]:
-    """Return how far series reach, and the step, halved until their defect is small; last: the step before."""
+    """Return the reach of the series, and the step, halved until the defect is small; last: the step before."""
     equations, _, _, s, here, sizes, may_hide = room
     reach, has_corners = (step, 0.0), any(map(len, (equations.sides, equations.touching, equations.rising)))
     for _ in range(MOST_HALVED):
@@ -193,12 +195,12 @@ def _reach(room: Room, done: float, unit: float, step: float, last: float) -> tu
 
 
 class Listed:
-    """What is asked for, as a list of operations that `follow` walks.
+    """The motion and the wanted quantities as a list of operations, which `follow` evaluates.
 
-    operations: a row for each; states: a row for each, its operation, that of its rate, its group; least: the least
-    size of each group; wanted: the operations that are asked for; sides: those that tell on which side of zero
-    something is; touching: what roots and angles of points may find at zero, and these; rising: what
-    exponentials are of; time: that of t, or -1.
+    found: the operations' indices in the graph. All else refers to places in this list: operations: a row for each;
+    states: a row for each: its operation, that of its rate, its group; least: the least size of each group; wanted: the
+    operations asked for; sides: the signs of numbers; touching: the arguments that have no series at zero, with their
+    square roots, powers and angles; rising: arguments of exponentials; time: the operation t, or -1.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -208,7 +210,7 @@ class Listed:
             scene = scene.replace({"outputs.quantities": [*shown]})
         self.formulas = formulas = equations_of(scene)
         self.graph, self._shown, rates = formulas.motion.graph, {**formulas.shown}, formulas.all_rates
-        if self._is_plain:  # whose attitudes are made of the matrix rounded, as they always were
+        if self._is_plain:  # attitudes are computed from the rounded matrix, as they have always been
             self._shown["quaternion"] = formulas.motion.R
         wanted = [self.graph.symbol_of(x) for _, x in by_element(self._shown)]
         names = closure(rates, wanted, self.graph)
@@ -232,7 +234,7 @@ class Listed:
         self.time = dict(zip(names, self.states[:, 0].tolist(), strict=True)).get("t", -1)
 
     def _rows(self, place: Mapping[int, int]) -> Indices:
-        """Return a row for each operation: its kind, what it is of (of a sine the cosine is second), if it changes."""
+        """Return a row for each operation: kind, three arguments (a sine's second is the cosine), if it changes."""
         rows, changing = np.zeros((len(self.found), 5), np.int64), set[int]()
         for n, i in enumerate(self.found):
             kind, of, _ = self.graph.operations[i]
@@ -240,7 +242,7 @@ class Listed:
                 of = (of[0], program.pair_of(self.graph, i).index)
             if kind == "state" or not changing.isdisjoint(of):
                 changing.add(i)
-            if kind == "multiply" and changing.isdisjoint(of[:1]):  # what stays as it is comes second
+            if kind == "multiply" and changing.isdisjoint(of[:1]):  # the constant factor is second
                 of = of[::-1]
             if kind == "multiply" and changing.isdisjoint(of[1:]):
                 kind = "scale"
@@ -249,13 +251,13 @@ class Listed:
 
     @property
     def columns(self) -> list[str]:
-        """Return for each number of a row what it is of, as a key of the scene where it has one."""
+        """Return the quantity of each number of a row, as a key of the scene if it has one."""
         own = {name: f"outputs.{name}" for name in self.formulas.own_outputs}
         own |= {f"{EVENT}{name}": f"events.{name}" for name in self.formulas.events}
         return [own.get(name, name) for name, value in self._shown.items() for _ in range(np.size(value))]
 
     def named(self, rows: Array) -> Motion:
-        """Return the rows of each quantity."""
+        """Return the rows of each quantity, by name."""
         ends = np.cumsum([np.size(value) for value in self._shown.values()])[:-1]
         motion = dict(zip(self._shown, np.split(rows, ends, axis=1), strict=True))
         if self._is_plain:
@@ -265,11 +267,11 @@ class Listed:
         return motion
 
     def keys_at_fault(self, work: Array, sides: Array) -> str:
-        """Return what is wrong where a motion ends; work, sides: of `follow` there."""
+        """Return the reason why a motion ends, with its keys; work, sides: the arrays of `follow` there."""
         lost = ~np.isfinite(work[0].reshape(-1, kernels.LENGTH))
         lost[[self.graph.operations[i].kind == "state" for i in self.found]] = False
         if lost.any():
-            n = np.argwhere(lost.T)[0, 1]  # of the lowest order; what else is lost may follow from it
+            n = np.argwhere(lost.T)[0, 1]  # the one of lowest order; others may follow from it
             named = " or ".join(self.formulas.keys_of(self.found[n])) or "the motion"
             kind, of, _ = self.graph.operations[self.found[n]]
             said = f"{named} is not finite, or has no finite derivatives"
@@ -289,7 +291,7 @@ class Listed:
         return f"{named or 'the motion'} {why}"
 
     def at_start(self, values: Mapping[str, Decimal]) -> list[Decimal]:
-        """Return the numbers, the values of parameters, states and inputs at the start, and sides of what is zero."""
+        """Return the operations' values at the start: numbers, parameters, states, inputs; sides are 1, all else 0."""
         rows = (self.graph.operations[i] for i in self.found)
         known = ((kind, x, Decimal(kind == "side")) for kind, _, x in rows)
         return [Decimal(x) if kind == "number" else values.get(str(x), other) for kind, x, other in known]
@@ -302,7 +304,7 @@ def _put_quaternions(matrices: Buffer, q: Buffer) -> None:
 
 
 def _ends_early(scene: Scene, done: float, said: str) -> SceneError:
-    """Return the error for a motion that ends a time after its start; said: what fails there."""
+    """Return the error for a motion that ends `done` s after its start; said: what fails there."""
     reached = f"t = {scene.run.start + done:.6g} s"
     if done == 0.0:
         return SceneError(f"expected another start or formula: at {reached} {said}", scene.name)
@@ -310,11 +312,11 @@ def _ends_early(scene: Scene, done: float, said: str) -> SceneError:
 
 
 def _exact_values(formulas: FormulaModel, scene: Scene) -> dict[str, Decimal]:
-    """Return the values of places and, at the start, of states, by their elements' names."""
+    """Return the exact values of parameters, and of states and inputs at the start, by their elements' names."""
     body, initial = scene.body, scene.initial
     assert body is not None
     q, omega, r_oc, M = *map(decimals_of, (initial.quaternion, initial.omega_b, body.r_oc_b)), _inertia(body)
-    position, velocity = decimals_of(initial.position), 0 * ONE[0]  # of the centre of mass; with a pivot of o
+    position, velocity = decimals_of(initial.position), 0 * ONE[0]  # of the centre of mass, but of o with a pivot
     if not body.pivot:
         R = _matrix(q)
         velocity = decimals_of(initial.velocity) + R @ np.cross(omega, r_oc)
@@ -331,7 +333,7 @@ def _exact_values(formulas: FormulaModel, scene: Scene) -> dict[str, Decimal]:
 
 
 def pairs_of(numbers: Iterable[Decimal]) -> Array:
-    """Return numbers as double-double ones: rows of their high and low parts."""
+    """Return numbers (n,) as double-double numbers (2, n): a row of high parts, and one of low parts."""
     exact = [*numbers]
     high = [float(x) for x in exact]
     low = (float(x - Decimal(h)) if math.isfinite(h) else 0.0 for x, h in zip(exact, high, strict=True))
@@ -339,7 +341,7 @@ def pairs_of(numbers: Iterable[Decimal]) -> Array:
 
 
 def decimals_of(values: Any) -> Decimals:
-    """Return the exact decimals of floats, with which NumPy computes as with any numbers."""
+    """Return floats as exact decimals, in an array of objects."""
     return np.vectorize(Decimal, otypes=[object])(values)
 
 
@@ -352,7 +354,7 @@ def _inertia(body: Body) -> Decimals:
 
 
 def _inverse(M: Decimals) -> Decimals:
-    """Return the inverse of M; for a slender beam (one zero moment) of what remains about the other axes."""
+    """Return the inverse of M; for a slender beam (one zero moment) the pseudo-inverse."""
     cofactors = np.array([np.cross(M[k - 2], M[k - 1]) for k in range(3)])
     determinant, trace = M[0] @ cofactors[0], np.trace(M)
     if determinant > Decimal(INERTIA_TOLERANCE) * trace * np.trace(cofactors):
@@ -363,7 +365,7 @@ def _inverse(M: Decimals) -> Decimals:
 
 
 def _matrix(q: Decimals) -> Decimals:
-    """Return R of a quaternion of any length."""
+    """Return R of a quaternion of any norm but zero."""
     w, v = q[0], q[1:]
     turn = np.array([np.cross(v, unit) for unit in ONE]).T  # v x
     return ((w * w - v @ v) * ONE + 2 * np.outer(v, v) + 2 * w * turn) / (q @ q)

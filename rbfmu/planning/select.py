@@ -1,9 +1,8 @@
-"""From a scene to a plan: one question, the models that may answer it from the smallest on, and the first that does.
+"""From a scene to a plan: models are tried from the smallest to the largest, and the first valid one is chosen.
 
-A model that leaves more out costs less, so that models are asked from the smallest to the largest, and costs decide
-where several methods integrate the same motion. The judge measures errors by a motion that is far more exact than any
-plan's; of a closed form that is exact only round-off counts, for which there are formulas. Inputs that are known are
-planned for at last, by the motion that they drive.
+A model that leaves more out costs less. Where several methods integrate the same motion, the cheapest is chosen. The
+judge measures errors against a motion that is far more exact than any plan's. An exact closed form has only round-off
+errors, for which there are formulas. If inputs are known, the plan is checked last with the motion that they drive.
 """
 
 import math
@@ -27,57 +26,57 @@ from rbfmu_kernels.integrators.taylor_coefficients import MAX_ORDER
 from rbfmu_kernels.quantities import FORCES, TORQUES
 
 MOST_UNDER_INPUTS = 1e7
-"""The number of substeps of a trial under known inputs."""
+"""The most substeps of a trial under known inputs."""
 ORDERS = (MAX_ORDER - 4, MAX_ORDER)
 """The orders of two series, in half pieces and at the least tolerance, that judge plans for known inputs.
 
-They are two, as series of one order may take the same steps, and then have their round-off in common.
+Two different orders are used, as series of one order may take the same steps and then have the same round-off.
 """
 
 
 def plan(scene: Scene, full: bool = False, progress: Told = None, driven: Callable[[int], Drive] | None = None) -> Plan:
-    """Choose model, method and step; full: whether to integrate all degrees of freedom and outputs.
+    """Choose model, method and settings; full: whether to integrate all degrees of freedom and outputs.
 
-    progress: a function that is told from time to time which part of the motion that judges plans is known.
-    driven: where inputs are known, the pieces of the run, each cut into so many parts; see `plan_for_inputs`.
-    Raises SceneError where the accuracy asked cannot be met.
+    progress: a function that is called from time to time with the part of the truth that is computed, 0 to 1.
+    driven: if inputs are known, returns the pieces of the run, each cut into a given number of parts; see
+    `plan_for_inputs`. Raises SceneError if the accuracy asked cannot be met.
     """
     asked = Question(scene)
     judged = Question(with_all_outputs(scene)) if full else asked
     found = cheapest(judged, Judge(judged, progress, asked), full)
-    if driven:  # which close no loop
+    if driven:  # known inputs close no loop
         return plan_for_inputs(asked, found, driven)
     return replace(found, reasons=(*found.reasons, *what_inputs_cost(judged, found)))
 
 
 def with_all_outputs(scene: Scene) -> Scene:
-    """Return the scene with every quantity asked for, and with its own outputs."""
+    """Return the scene with all quantities as outputs, besides its own outputs."""
     tables = scene.to_dict()
     del tables["outputs"]["quantities"]
     return Scene.from_dict(tables, scene.name)
 
 
 def cheapest(asked: Question, judge: Judge, full: bool = False) -> Plan:
-    """Return the cheapest plan that serves; full: of series that integrate all that is judged.
+    """Return the cheapest plan within the accuracy; full: only series that integrate all that is judged.
 
-    judge: that of the question. Raises SceneError where the accuracy asked cannot be met.
+    judge: for the same question. Raises SceneError if the accuracy asked cannot be met.
     """
     with said_after(PATIENCE, lambda: f"rbfmu: planning {asked.scene.name} takes long: {judge.doing}"):
         if asked.scene.has_formulas:
-            from rbfmu.planning.formulas import closed_plan, formula_plan  # what has none starts sooner
+            from rbfmu.planning.formulas import closed_plan, formula_plan  # only if needed, as it loads slowly
 
             return (None if full else closed_plan(asked, judge)) or formula_plan(asked, judge)
         if asked.scene.body is None:
             return methods.with_cost(asked, closed_forms.prescribed_plan(asked))
         smaller = None if full else next(filter(None, _smaller(asked, judge)), None)
         found = smaller or fitting.cheapest_fit(asked, judge, full)
-        pinned = found.pinned if found.spec.closed_form else asked.pinned  # a pilot run rests on their values
+        pinned = found.pinned if found.spec.closed_form else asked.pinned  # pilot runs depend on their values
         left_out = () if full else closed_forms.what_is_left_out(asked, found.spec.force_keeps_direction)
         return methods.with_cost(asked, replace(found, pinned=pinned, reasons=(*left_out, *found.reasons)))
 
 
 def _smaller(asked: Question, judge: Judge) -> Iterator[Plan | None]:
-    """Yield the plans of models that integrate less than all, from the smallest; None for one that does not serve."""
+    """Yield the plans of models that integrate less than all, from the smallest; None for a model that is not valid."""
     exact = closed_forms.exact_plan(asked, judge)
     yield closed_forms.plan_within_accuracy(asked, judge, exact)
     yield exact
@@ -86,7 +85,7 @@ def _smaller(asked: Question, judge: Judge) -> Iterator[Plan | None]:
 
 
 def series_serve_alone(judge: Judge) -> bool:
-    """Return whether no smaller model serves than series that integrate whatever acts."""
+    """Return whether only series that integrate all degrees of freedom are valid, and no smaller model."""
     scene = judge.scene
     return not (scene.has_formulas or scene.body is None or any(_smaller(judge.asked, judge)))
 
@@ -95,10 +94,10 @@ def series_serve_alone(judge: Judge) -> bool:
 
 
 def plan_for_inputs(asked: Question, found: Plan, driven: Callable[[int], Drive]) -> Plan:
-    """Return a scene's plan with its error and cost under the inputs given, or a tighter one where it misses.
+    """Return a scene's plan with its error and cost under given inputs, or a tighter plan if it misses the accuracy.
 
-    driven: the pieces of the run, each cut into so many parts.
-    Raises SceneError where none meets the scene's accuracy.
+    driven: returns the pieces of the run, each cut into a given number of parts.
+    Raises SceneError if no plan meets the scene's accuracy.
     """
     if found.model == registry.PRESCRIBED_RATES.key:
         return found
@@ -109,7 +108,7 @@ def plan_for_inputs(asked: Question, found: Plan, driven: Callable[[int], Drive]
 
 def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> Plan:
     scene, names = asked.scene, asked.judged
-    with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # by which rest is judged
+    with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # for `least_sizes` of a body at rest
     tight = [methods.series_of_all(asked, order, 1e-18) for order in ORDERS]
     (truth, run), (other, again) = (_run_under(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight)
     for motion, one in ((truth, run), (other, again)):
@@ -136,14 +135,14 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
 
 
 def _run_under(drive: Drive, scene: Scene, plan: Plan, names: tuple[str, ...], most: float) -> tuple[Motion, Driven]:
-    """Return the motion under inputs, which ends after so many substeps, and the run that made it."""
+    """Return the motion under inputs, which ends after `most` substeps, and the run."""
     run = Driven(scene, plan, drive, names)
-    run.events = None  # one that ends the run is found by each plan at another time: what comes after would be others'
+    run.events = None  # each plan finds an event that ends the run at another time; the rest could not be compared
     return record(run, names, most), run
 
 
 def without_loops(scene: Scene, found: Plan) -> Plan:
-    """Return a plan without what it says of loops closed through inputs: inputs that are known close none."""
+    """Return a plan without its reasons about loops closed through inputs, as known inputs close no loop."""
     of_loops = what_inputs_cost(Question(scene), found)
     return replace(found, reasons=tuple(reason for reason in found.reasons if reason not in of_loops))
 
@@ -158,7 +157,7 @@ def _tighter(asked: Question, found: Plan) -> Iterator[Plan]:
 
 
 def _cost_under(asked: Question, plan: Plan, found: Plan, substeps: float, drive: Drive) -> float:
-    """Return ns a communication step of a run whose pieces, and whose substeps, were counted."""
+    """Return the cost of a communication step, ns, given the run's pieces and its number of substeps."""
     steps, pieces = len(drive.time) - 1, len(drive.lengths)
     if plan.model != registry.LOADED_TAYLOR.key:
         return found.cost * pieces / steps
@@ -170,11 +169,11 @@ def _cost_under(asked: Question, plan: Plan, found: Plan, substeps: float, drive
 
 
 def what_inputs_cost(asked: Question, plan: Plan) -> tuple[str, ...]:
-    """Return what a zero-order hold of the inputs over a communication step does to a loop closed through them.
+    """Return reasons: the effect of a zero-order hold of the inputs over a communication step on a closed loop.
 
-    No loop can be closed where no output shows what the ports do; the energy alone tells of no direction.
-    A spring's energy grows each step by k h^2 / (2 m) of it, or with first derivatives of the inputs by
-    (k h^2 / m)^2 / 12. With a damper beside it the loop is stable where k h / 2 < d < 2 m / h, as the products of its
+    No loop can be closed if no output shows the effect of the ports; the energy alone shows no direction. The energy of
+    a spring k grows in each step of length h by a part k h^2 / (2 m), or (k h^2 / m)^2 / 12 with first derivatives of
+    the inputs. With a damper d in parallel the loop is stable for k h / 2 < d < 2 m / h, as the products of its
     eigenvalues show.
     """
     scene, read = asked.scene, asked.formulas.quantities_read if asked.formulas else set()

@@ -1,4 +1,4 @@
-"""What drives a run: tables of times and values, from Python or a CSV file, and the pieces that they cut steps to."""
+"""What drives a run: tables of times and values, from Python or a CSV file, which cut communication steps to pieces."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,12 +17,12 @@ from rbfmu_kernels.quantities import elements
 
 HOLD, LINEAR = "hold", "linear"
 NEAR = 1e-9
-"""The part of a communication step by which times may differ and still be the same; also those that round-off tells
-apart, at times so large that it is more: a grid's and a table's, made in another way, differ by a unit or two there."""
+"""Times count as the same if they differ by at most this part of a communication step. At large times, also if they
+differ by round-off: times of a grid and of a table, computed in different ways, differ by a unit or two there."""
 
 
 class InputTable(NamedTuple):
-    """A port's values (m, n) at times (m,), s, that increase; n: 3, or 1 of a scalar of your own."""
+    """A port's values (m, n) at increasing times (m,), s; n: 3, or 1 for a scalar port of the scene's own."""
 
     times: Array
     values: Array
@@ -31,11 +31,11 @@ class InputTable(NamedTuple):
 InputTables = dict[str, InputTable]
 Given = ArrayLike | tuple[ArrayLike, ArrayLike]
 Inputs = Mapping[str, Given] | str | Path
-"""What drives a run, as it is given: see `input_tables`."""
+"""What drives a run, as a user gives it: see `input_tables`."""
 
 
 def _near(scene: Scene) -> float:
-    """Return by how many seconds times may differ and still be the same."""
+    """Return the largest difference, s, between times that count as the same."""
     step, round_off = scene.run.step, math.ulp(scene.run.start) + math.ulp(scene.run.stop)
     return max(NEAR * step, min(round_off, 0.1 * step))
 
@@ -46,10 +46,10 @@ def size_of(scene: Scene, port: str) -> int:
 
 
 def input_tables(scene: Scene, inputs: Inputs | None, interpolate: str = HOLD) -> InputTables:
-    """Return the tables of the ports given, none without inputs; raise SceneError with all that is wrong with them.
+    """Return the tables of the given ports, none without inputs. Raises SceneError with all that is wrong with them.
 
-    inputs: a mapping from a port's name to (times, values) or to an array with a row for each communication step; or
-    the path of a CSV file in FMPy's format. Rows are counted from 1, without a file's header.
+    inputs: a mapping from a port's name to (times, values), or to an array with a row for each communication step; or
+    the path of a CSV file in FMPy's format. Messages count rows from 1, without a file's header.
     """
     if interpolate not in (HOLD, LINEAR):
         raise SceneError(fault("interpolate", interpolate, f"{HOLD!r} or {LINEAR!r}"), scene.name)
@@ -77,7 +77,7 @@ def input_tables(scene: Scene, inputs: Inputs | None, interpolate: str = HOLD) -
 
 
 def with_times(scene: Scene, inputs: Inputs | None, interpolate: str = HOLD) -> Inputs | None:
-    """Return inputs of which arrays with a row for each communication step of the scene have their times."""
+    """Return inputs in which arrays with a row for each communication step of the scene are given their times."""
     rows = {port: x for port, x in inputs.items() if not isinstance(x, tuple)} if isinstance(inputs, Mapping) else {}
     return {**inputs, **input_tables(scene, rows, interpolate)} if rows and isinstance(inputs, Mapping) else inputs
 
@@ -123,7 +123,7 @@ def _row_a_step(scene: Scene, given: ArrayLike, interpolate: str, size: int) -> 
 
 
 def _rows_of(given: ArrayLike, size: int) -> Array:
-    """Return a row for each time, also of a scalar's numbers."""
+    """Return the values as rows (m, n), also those of a scalar, which may be given as (m,)."""
     values = _numbers_of(given)
     return values[:, None] if size == 1 and values.ndim == 1 else values
 
@@ -131,7 +131,7 @@ def _rows_of(given: ArrayLike, size: int) -> Array:
 def _numbers_of(given: ArrayLike, name: str = "values") -> Array:
     if callable(given):
         raise TypeError("a function: expected (times, values), such as its values at the communication points")
-    if wrong := no_numbers(given):  # NumPy takes dates for nanoseconds, and drops masks and imaginary parts
+    if wrong := no_numbers(given):  # NumPy would read dates as nanoseconds, and drop masks and imaginary parts
         raise ValueError(f"{name} {wrong}: expected (times, values), or a row of numbers for each step")
     return np.asarray(given, dtype=np.float64)
 
@@ -165,7 +165,7 @@ def _read(path: Path, scene: Scene, faults: list[str]) -> InputTables:
 
 
 def _faults_of_names(known: Mapping[str, str], names: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Yield each wrong column and what is wrong; known: the ports by the names of their columns."""
+    """Yield each wrong column and its message; known: the ports by the names of their columns."""
     for name in names:
         if name not in known and name != "time":
             yield name, f"column {as_toml(name)}: expected one of time, {', '.join(known)}"
@@ -199,9 +199,9 @@ def _faults_of_times(scene: Scene, times: Array, name: str, interpolate: str) ->
 
 
 def _doubts_of_ends(scene: Scene, tables: InputTables) -> Iterator[str]:
-    """Yield that tables may have been cut short, where a last row is held for longer than the one before it.
+    """Yield the doubt that tables may have been cut short, if a last row is held for longer than the one before it.
 
-    The same of a file and of what was read of it, so that it is said once.
+    The text is the same for a file and for the data read from it, so that the warning is given only once.
     """
     stop, held = min(scene.run.stop, scene.run.end), dict[float, list[str]]()
     for port, (times, _) in tables.items():
@@ -214,7 +214,7 @@ def _doubts_of_ends(scene: Scene, tables: InputTables) -> Iterator[str]:
 
 
 class PortPieces(NamedTuple):
-    """A port's values at the begin of each piece, how fast they change in it, and whether the table has a row there."""
+    """A port's values at the beginning of each piece, their slopes (1/s), and whether the table has a row there."""
 
     values: Array
     slopes: Array
@@ -222,9 +222,11 @@ class PortPieces(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """The pieces of a run: their lengths (s), how many end at or before each communication point, each port's inputs.
+    """The pieces of a run under inputs.
 
-    Communication steps are cut where a table has a row inside them, so that its values act from their own times on.
+    time (n + 1,): communication points, s; lengths (p,): of pieces, s; counts (n + 1,): how many pieces end at or
+    before each point; ports: each port's inputs. Communication steps are cut where a table has a row inside them, so
+    that its values act from their own times on.
     """
 
     time: Array
@@ -239,7 +241,7 @@ class Drive(NamedTuple):
 
 
 def drive_of(scene: Scene, tables: InputTables, interpolate: str, parts: int = 1, time: Array | None = None) -> Drive:
-    """Return the pieces of a scene's run under its inputs, each cut into equal parts; time: in place of its grid."""
+    """Return the pieces of a scene's run under tables; parts: into how many equal parts each is cut; time: its grid."""
     time = scene.run.grid() if time is None else time
     near = _near(scene)
     points = _points(time, [table.times for table in tables.values()], near)
@@ -252,7 +254,7 @@ def drive_of(scene: Scene, tables: InputTables, interpolate: str, parts: int = 1
 
 
 def _points(time: Array, tables: list[Array], near: float) -> Array:
-    """Return all times at which a piece begins or ends; a row next to a communication point counts as at it."""
+    """Return all times at which a piece begins or ends; rows within `near` of a communication point count as at it."""
     if not tables:
         return time
     rows = np.unique(np.concatenate(tables))
@@ -272,7 +274,7 @@ def _held(table: InputTable, points: Array, near: float) -> PortPieces:
 def _linear(table: InputTable, points: Array, near: float) -> PortPieces:
     begins = np.column_stack([np.interp(points, table.times, column) for column in table.values.T])
     ends = begins.copy()
-    # Rows that lie at one point are a jump there: the piece before ends at the first, that after begins at the last.
+    # Several rows at one point are a jump: the piece before it ends at the first row, the one after begins at the last.
     first = np.searchsorted(table.times, points - near)
     last = np.searchsorted(table.times, points + near, side="right") - 1
     jumps = last > first

@@ -1,7 +1,7 @@
-"""Errors between two motions, rows of quantities over a run, and the sizes that they are relative to.
+"""Errors between two motions (rows of quantities over a run), and the sizes that they are relative to.
 
-Errors are counted as a scene's `accuracy` counts them: of the attitude as an angle, rad; of all else relative to the
-largest size in the run, as a quantity that passes through zero has no error relative to itself there.
+Errors are measured as a scene's `accuracy`: of the attitude as an angle, rad; of all other quantities relative to their
+largest size in the run, as there is no error relative to a quantity that passes through zero.
 """
 
 import math
@@ -23,14 +23,14 @@ from rbfmu_kernels.rotations.quaternion import angle_between
 FLOORS: Mapping[str, float] = {row.name: row.floor for row in OUTPUTS if row.floor}
 """The least size, m or m/s, that an error is relative to, by the quantity's name."""
 NOISE = 64.0 * 2.0**-52
-"""The part of a quantity's largest term below which it is that of a body at rest, whatever cancels in the quantity."""
+"""A quantity below this part of its largest term is only round-off, as for a body at rest, whatever terms cancel."""
 
 
 # Errors between two motions
 
 
 def attitude_error(a: Array, b: Array) -> Array:
-    """Return the angles, rad, between attitudes: unit quaternions (..., 4)."""
+    """Return the angles (...), rad, between attitudes a and b, unit quaternions (..., 4)."""
     if np.ndim(a) != 2 or np.shape(a) != np.shape(b):
         return arrays.angle_between(a, b)  # type: ignore[no-any-return]
     angles = np.empty(len(a))
@@ -45,18 +45,18 @@ def _put_angles(a: Buffer, b: Buffer, angles: Buffer) -> None:
 
 
 def relative_error(a: Array, b: Array, floor: float) -> Array:
-    """Return |a - b| over rows of (n, 3), relative to the largest |b| of the run, at least `floor`."""
+    """Return |a - b| (n,) of rows (n, k), relative to the largest |b| of the run, or to `floor` if that is larger."""
     return sizes(a - b, max(largest_size(b), floor) or 1.0)
 
 
 def largest_size(rows: Array) -> float:
-    """Return the largest length of a row, without overflow."""
+    """Return the largest Euclidean norm of a row, without overflow."""
     unit = float(np.max(np.abs(rows), initial=0.0))
     return unit * float(np.max(sizes(rows, unit))) if 0.0 < unit < math.inf else unit
 
 
 def sizes(rows: Array, unit: float) -> Array:
-    """Return the lengths of rows, in units of one."""
+    """Return the Euclidean norms of rows, in units of `unit`."""
     return np.asarray(np.linalg.norm(rows / unit, axis=-1))
 
 
@@ -64,10 +64,10 @@ def largest_error(
     a: Mapping[str, Array], b: Mapping[str, Array], names: Iterable[str], floors: Mapping[str, float] = FLOORS,
     absolute: bool = False,
 ) -> float:  # fmt: skip
-    """Return the largest error of a run in the quantities named; infinite where one is not finite.
+    """Return the largest error of motion a against b in the quantities named; infinite if one is not finite.
 
     floors: the least size that an error is relative to, by the quantity's name and in its unit; absolute: whether
-    positions and velocities count relative to 1 m and 1 m/s, as something varies that they grow with.
+    errors of positions and velocities are relative to 1 m and 1 m/s, as parameters vary with which these grow.
     """
     worst = 0.0
     for name in names:
@@ -87,18 +87,18 @@ def largest_error(
 def least_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     """Return the least size that errors are relative to, by name.
 
-    A quantity that is zero but for round-off of its terms has no size of its own: errors are relative to these terms.
+    Errors of a quantity that is zero except for round-off of its terms are relative to the size of these terms.
     """
     return {**FLOORS, **{name: size for name, (size, part) in _parts(asked, motion).items() if part <= NOISE}}
 
 
 def lost_to_cancellation(asked: Question, motion: Motion) -> float:
-    """Return a bound of what round-off of terms that cancel makes of the motion's quantities, relative to these."""
+    """Return a bound of the relative error that cancellation of terms causes in the motion's quantities."""
     return max((NOISE / part for _, part in _parts(asked, motion).values() if part > NOISE), default=0.0)
 
 
 def _parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
-    """Return each quantity's natural size, and its largest as a part of it; of an energy, the part of the rate."""
+    """Return each quantity's natural size, and its largest over natural size; for an energy the ratio's square root."""
     found: dict[str, tuple[float, float]] = {}
     for name, size in natural_sizes(asked, motion).items():
         if name in motion and size > 0.0:
@@ -108,7 +108,7 @@ def _parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
 
 
 def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
-    """Return the size of each quantity that the scene's loads and rates make where they are not in balance."""
+    """Return the size of each quantity if the scene's loads were not in balance, in the quantity's unit, by name."""
     body, size = asked.body, asked.scene.loads.sizes
     force, linear = _pull(body, size)
     arm, (low, middle, high) = math.hypot(*body.r_oc_b), asked.start.principal_axes[0].tolist()
@@ -127,15 +127,15 @@ def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
 
 
 def _pull(body: Body, loads: Mapping[str, float]) -> tuple[float, float]:
-    """Return how large force, N, and acceleration, m/s2, are that loads of such sizes make, not in balance."""
+    """Return the force, N, and acceleration, m/s2, by loads of these sizes if they were not in balance."""
     force = body.mass * loads["gravity_a"] if body.pivot else sum(loads[name] for name in sorted(FORCES))
     return force, loads["gravity_a"] + force / body.mass
 
 
 def doubts_of_sizes(scene: Scene, motion: Motion) -> Iterator[str]:
-    """Yield the doubts that positions and velocities raise which are less than the error that the accuracy allows.
+    """Yield a doubt for positions or velocities that are smaller than the error that the accuracy allows.
 
-    Round-off, which loads in balance and a turn about o leave, raises none.
+    Values that are only round-off, as of loads in balance or of a rotation about o, give no doubt.
     """
     if scene.body is None:
         return

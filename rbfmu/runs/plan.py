@@ -1,4 +1,4 @@
-"""The plan of a run: the model by its name, the settings of its method, and the buffer that it starts from."""
+"""The plan of a run: the name of the model, the settings of its method, and the buffer from which a run starts."""
 
 import math
 from collections.abc import Collection, Mapping
@@ -35,12 +35,12 @@ BLOCK_OF = {row.name: row.block for row in IN_BUFFER_ORDER}
 class Plan:
     """What simulates a scene, and why.
 
-    substep: s, infinite where the method chooses or needs none, of series that which is tried first; tolerance: largest
-    estimated error of a substep, or of all substeps of a run of `span` s together where that is not 0; 0 where none is
-    estimated; order: of the splitting or of the series, 0 where there is none; formulas: those of the scene, if it has
-    any; pinned: parameters by whose values the model was judged, so that an importer must not change them; error: the
-    largest that is expected, as the scene's `accuracy` counts; cost: ns a communication step in which the outputs asked
-    for are computed, on `methods.MACHINE`.
+    substep: s, for series the one tried first; infinite if the method chooses or needs none; tolerance: the largest
+    estimated error of a substep, or, if `span` is not 0, of all substeps of a run of `span` s together; 0 if no error
+    is estimated; order: of the splitting or of the series, 0 if there is none; formulas: the model of the scene's
+    formulas, if any; pinned: parameters for whose values the model was judged, so that an importer must not change
+    them; error: the largest expected, as the scene's `accuracy` measures it; cost: ns a communication step, with the
+    outputs asked for, on `methods.MACHINE`.
     """
 
     model: str
@@ -70,14 +70,14 @@ class Plan:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> "Plan":
-        """Return the inverse of `to_dict`, also after JSON."""
+        """Return the plan from what `to_dict` returned, also after JSON."""
         substep = math.inf if data["substep"] is None else data["substep"]
         lists = {"pinned": tuple(data["pinned"]), "reasons": tuple(data["reasons"])}
         return cls(**data | {"substep": substep} | lists)
 
     @property
     def spec(self) -> ModelSpec:
-        """Return what is known of the model."""
+        """Return the specification of the model. Raises ValueError for an unknown name."""
         if (found := FORMULAS if self.model == FORMULAS.key else MODELS.get(self.model)) is None:
             raise _refused("model", self.model, f"one of {', '.join(MODELS)}")
         return found
@@ -90,15 +90,15 @@ class Plan:
     def of_scene(self, scene: Scene) -> "Plan":
         """Return the plan with the kernels of the scene's formulas, if it has any.
 
-        A file of a plan holds none, and those of another scene's plan may be made of other texts, or without loads
-        that are zero there. Raises ValueError where the model has no place for what moves the body.
+        A plan read from a file has none. Those of another scene's plan may be for other texts, or may leave out loads
+        that are zero there. Raises ValueError if the model cannot represent what moves the body.
         """
         if (scene.body is None) != (self.model == PRESCRIBED_RATES.key):
             raise _refused("model", self.model, "a model of a body" if scene.body else f"{PRESCRIBED_RATES.key!r}")
         by_formulas = scene.has_formulas or self.model == FORMULAS.key
         if self.formulas.serves(scene) if self.formulas else not by_formulas:
             return self
-        from rbfmu.models.formulas import OverClosedForm, equations_of  # what has none starts sooner
+        from rbfmu.models.formulas import OverClosedForm, equations_of  # only if needed, as it loads slowly
 
         formulas = equations_of(scene)
         own_outputs_alone = self.model != FORMULAS.key
@@ -108,14 +108,14 @@ class Plan:
 
     @property
     def settings(self) -> dict[str, float]:
-        """Return the numbers that the model's buffer has of the plan, by block."""
+        """Return the plan's numbers for the model's buffer, by block."""
         return {
             "substep": self.substep if math.isfinite(self.substep) else 0.0, "tolerance": self.tolerance,
             "span": self.span, "order": self.order, "skip_model_checks": float(bool(self.pinned)),
         }  # fmt: skip
 
     def check(self) -> None:
-        """Raise ValueError where a setting is none that the model can run with."""
+        """Raise ValueError for a setting with which the model cannot run."""
         orders = self.kernels.ORDERS or (self.order,)
         if self.order not in orders:
             raise _refused("order", self.order, f"one of {', '.join(map(str, orders))} for {self.model!r}")
@@ -125,7 +125,7 @@ class Plan:
 
 
 def checked_plan(planned: object) -> Plan | None:
-    """Return a plan that is given, or None; raise TypeError for anything else."""
+    """Return a given plan, or None. Raises TypeError for anything else."""
     if planned is None or isinstance(planned, Plan):
         return planned
     raise TypeError(fault("planned", planned, "a rbfmu.Plan, as rbfmu.plan returns it"))
@@ -135,13 +135,13 @@ def _refused(name: str, value: object, expected: str) -> ValueError:
     return ValueError(f"Plan.{name} = {value!r}: expected {expected}")
 
 
-# The buffer that it runs on
+# The buffer of a run
 
 
 def filled_buffer(scene: Scene, plan: Plan, names: Collection[str] | None = None) -> Buffer:
     """Return the buffer of the plan's model before `initialize`: the scene's numbers, the plan's settings, no inputs.
 
-    names: the outputs that are computed, in place of the scene's. Raises ValueError where the plan cannot be run.
+    names: the outputs that are computed, in place of the scene's. Raises ValueError if the plan cannot be run.
     """
     plan.check()
     kernels = plan.kernels
@@ -153,7 +153,7 @@ def filled_buffer(scene: Scene, plan: Plan, names: Collection[str] | None = None
 
 
 def initialize(scene: Scene, kernels: Model, z: Buffer) -> None:
-    """Set state and outputs from the parameters; raise SceneError where the model refuses them."""
+    """Set state and outputs from the parameters. Raises SceneError if the model refuses them."""
     if code := tiered(kernels.initialize)(z):
         raise refusal(scene, code, kernels.BLOCKS, z)
 
@@ -161,7 +161,10 @@ def initialize(scene: Scene, kernels: Model, z: Buffer) -> None:
 def start_run(
     scene: Scene, plan: Plan, names: Collection[str] | None = None, inputs: Mapping[str, Array] = {}
 ) -> Buffer:
-    """Return the buffer of the plan's model at the start; names: as in `filled_buffer`; inputs: the first of ports."""
+    """Return the buffer of the plan's model at the start; names: as in `filled_buffer`; inputs: first values of ports.
+
+    Raises as `filled_buffer` and `initialize`.
+    """
     z = filled_buffer(scene, plan, names)
     for port, value in inputs.items():
         z[plan.kernels.BLOCKS[port]] = value
@@ -169,11 +172,14 @@ def start_run(
     return z
 
 
-# Other values of its parameters
+# Other values of parameters
 
 
 def with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> Scene:
-    """Return the scene with other values. Raises SceneError for an unknown name, or one on which the plan rests."""
+    """Return the scene with other values of parameters, by name.
+
+    Raises SceneError for an unknown name, a wrong value, or a parameter that is pinned by the plan.
+    """
     if not parameters:
         return scene
     own = scene.own_parameters
@@ -190,12 +196,12 @@ def with_parameters(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> 
     numbers = {name: plain(value) for name, value in parameters.items()}
     for row in own.values():
         if row.name in numbers and isinstance(numbers[row.name], list | tuple) != (row.size > 1):
-            expected = "3 numbers" if row.size > 1 else "a number"  # as the buffer and formulas have them
+            expected = "3 numbers" if row.size > 1 else "a number"  # as in the buffer and in formulas
             raise SceneError(fault(row.name, numbers[row.name], expected), scene.name)
     changed = scene.replace({keys[name]: value for name, value in numbers.items()})
     blocks, old, new = planned.kernels.BLOCKS, filled_buffer(scene, planned), filled_buffer(changed, planned)
     for name in parameters:
-        place = blocks.get(block_of[name], slice(0))  # none of a constant that no formula can read
+        place = blocks.get(block_of[name], slice(0))  # a constant that no formula reads has no block
         values = old[place].tolist()
         if name in planned.pinned and values != new[place].tolist():
             made_for = f"{as_toml(values if len(values) > 1 else values[0])}, for which the model was planned"

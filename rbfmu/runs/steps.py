@@ -1,6 +1,6 @@
-"""Runs in steps: a model's buffer from its start on, driven or not, and the rows of numbers that its steps leave.
+"""Runs in steps: a model's buffer from its start on, driven or not, and rows of numbers recorded after its steps.
 
-A step is called from Python until it is machine code and there are many; then many are taken in one call of a loop.
+Steps are called from Python, until the step is machine code and there are many; then a compiled loop takes many a call.
 """
 
 import math
@@ -24,21 +24,21 @@ from rbfmu_kernels.compile.decorator import loop
 from rbfmu_kernels.compile.tiered import Tiered, tiered
 
 SAME = 1e-9
-"""The part of a step by which times may differ and still be those of one event, or of two at once."""
+"""Times of events that differ by at most this part of a step count as the same."""
 LONG = 20_000
-"""The steps that a process takes from Python, some 2 us each, before the loop is compiled or loaded."""
+"""The steps that a process takes from Python, about 2 us each, before the loop is compiled or loaded."""
 FIRST, MOST, SOON = 64, 65_536, 0.02
-"""The most steps of the first call of the loop, and of any: as many as take that time, s, if each takes as long as the
-first; then twice as many as before where that took less, and else half as many, as Ctrl-C and progress wait for a
-call's end."""
+"""FIRST, MOST: the most steps of the first call of the loop, and of any call. SOON: the time that a call should take,
+s, as Ctrl-C and progress wait for its end. The number of steps is doubled after a shorter call, halved after others."""
 Told = Callable[[float], object] | None
-"""A function that is told from time to time which part is done, if any."""
+"""A function, if any, that is called from time to time with the part that is done, 0 to 1."""
 
 
 class Steps:
-    """A run without inputs, at its start: its buffer `z`, and `advance` by each of the steps (s), in equal parts.
+    """A run without inputs, at its start: its buffer `z`, and `advance` by each of the steps, s.
 
-    runs: how many such ones are known to come, this one among them.
+    names: the outputs that are computed; parts: the number of equal pieces of each step; runs: how many such runs will
+    follow, this one included, by which compiling may pay.
     """
 
     taken_by_all = 0
@@ -51,7 +51,7 @@ class Steps:
         self._begin(plan.kernels, start_run(scene, plan, names), lengths, counts, runs)
 
     def _begin(self, kernels: Model, z: Buffer, lengths: Array, counts: Indices, runs: int = 1) -> None:
-        """Set what all runs have: pieces, by their lengths (s), and how many of these end at each point."""
+        """Set up a run with pieces; lengths: of these, s; counts: how many pieces end at or before each point."""
         self.kernels, self.z, self.count = kernels, z, len(counts) - 1
         self._lengths, self._counts = lengths, counts.astype(np.int64)
         (self._places, self._values), (self._at_points, self._last) = map(self._columns, ({}, {}))
@@ -63,7 +63,7 @@ class Steps:
         Steps.taken_by_all += len(lengths)
 
     def advance(self, k: int) -> bool:
-        """Take step k, counted from 1, or to an event that ends the run; return whether no piece was refused."""
+        """Take step k, counted from 1, or up to an event that ends the run; return False if a piece was refused."""
         for i in range(self._counts[k - 1], self._counts[k]):
             if len(self._places):
                 self.z[self._places] = self._values[i]
@@ -79,7 +79,7 @@ class Steps:
         return True
 
     def _go_back(self, before: Buffer, end: float) -> bool:
-        """Take the last piece anew, up to an event."""
+        """Take the last piece again, up to the time of an event; before: the buffer before the piece."""
         self.z[:] = before
         since, rest = before[self.kernels.BLOCKS["series.time"]]
         length = (end - since) - rest
@@ -87,18 +87,18 @@ class Steps:
 
     @property
     def _goes_in_a_loop(self) -> bool:
-        """Return whether steps are alike and many, and machine code."""
+        """Return whether the compiled loop can take the steps: they are alike, many, and machine code."""
         many = Steps.taken_by_all > LONG and self.count >= FIRST and not self.events and not len(self._at_points)
         if not (many and isinstance(self._step, Tiered) and self._step.is_compiled):
             return False
-        # what the loop compiled would be kept by its signature, by which nobody looks for it
+        # otherwise the loop would compile the step with another signature, which no other code uses
         return (_NUMBERS, float64) in self.kernels.step.overloads  # type: ignore[attr-defined]
 
     def take(self, k: int, at: Indices, rows: Array, most: float = math.inf) -> int:
-        """Take step k, and maybe some after it; return the last that was taken, k - 1 where the run is over.
+        """Take step k, and maybe some after it; return the number of the last step taken, k - 1 if the run is over.
 
-        rows: to which the numbers of the buffer at these places are put after each step. The run is over where a step
-        is refused, and after a step with which the substeps are more than `most`, which leaves no row.
+        rows[k] is set to the numbers of the buffer at places `at` after step k. The run is over if a step is refused,
+        or after a step with which there are more than `most` substeps; such a step sets no row.
         """
         if self._is_over:
             return k - 1
@@ -108,7 +108,7 @@ class Steps:
                 self._is_over = True
                 return k - 1
             rows[k] = self.z[at]
-            length = max(perf_counter() - begin, 1e-9)  # s; a clock may stand still for a step
+            length = max(perf_counter() - begin, 1e-9)  # s; the clock's resolution may be longer than a step
             self._together = self._together or min(FIRST, int(SOON / length)) or 1
             return k
         last = min(k - 1 + self._together, self.count)
@@ -120,11 +120,11 @@ class Steps:
         return taken
 
     def places(self, names: Collection[str]) -> Indices:
-        """Return the places of these blocks in the buffer."""
+        """Return the places of the blocks named in the buffer."""
         return places_of(self.kernels.BLOCKS, names)
 
     def _columns(self, of: dict[str, Array]) -> tuple[Indices, Array]:
-        """Return places in the buffer, and what stands there in each piece."""
+        """Return the places of blocks in the buffer, and their values (pieces, p) there; of: values by block."""
         return self.places(of), np.hstack([np.empty((len(self._lengths), 0)), *of.values()])
 
 
@@ -132,7 +132,10 @@ def _take_many(
     step: Any, z: Any, lengths: Any, counts: Any, places: Any, values: Any, at: Any, rows: Any, first: int, last: int,
     counted: int, most: float,
 ) -> int:  # fmt: skip
-    """Take the steps after `first` up to `last`: see `Steps.take`. counted: the place of the substeps, -1 for none."""
+    """Take the steps after `first` up to `last` as `Steps.take` does; return the last one taken.
+
+    counted: the place of the number of substeps, -1 if it is not counted.
+    """
     for k in range(first, last):
         for i in range(counts[k], counts[k + 1]):
             for j in range(len(places)):
@@ -152,15 +155,16 @@ _STEP = types.FunctionType(int64(_NUMBERS, float64))
 
 @cache
 def _compiled_loop() -> Callable[..., Any]:
-    """Return the loop as machine code, which calls steps of any model by their address."""
+    """Return the loop as machine code; it calls the step of any model by its address."""
     arrays = _NUMBERS, _NUMBERS, _INDICES, _INDICES, _TABLE, _INDICES, _TABLE
     return loop(_take_many, int64(_STEP, *arrays, int64, int64, int64, float64))  # type: ignore[no-any-return]
 
 
 class Driven(Steps):
-    """A run that inputs drive, at its start: its buffer `z`, and `advance` for each communication step.
+    """A run driven by inputs, at its start: its buffer `z`, and `advance` for each communication step.
 
-    A model that takes no input derivatives gets the mean of each piece, and the last value at a communication point.
+    If inputs change linearly and the model has no input derivatives, it gets their mean over each piece, and their last
+    values at communication points.
     """
 
     def __init__(self, scene: Scene, plan: Plan, drive: Drive, names: Collection[str] | None = None) -> None:
@@ -181,10 +185,10 @@ class Driven(Steps):
         self, names: Collection[str], progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
         most: float = math.inf,
     ) -> tuple[Array, Motion]:  # fmt: skip
-        """Return the times (n,) up to the event that ends the run, and the rows of blocks at these by name, (n, k).
+        """Return the times (n,), s, up to the event that ends the run, and the blocks' values (n, k) at these, by name.
 
-        progress: wraps the numbers of steps; where it stops early, so do times and rows.
-        most: the number of substeps after which a step is refused. Raises SimulationError where one is.
+        progress: wraps the numbers of steps; if it stops early, so do times and rows. most: the number of substeps
+        after which a step is refused. Raises SimulationError if one is refused.
         """
         at, time, numbers, taken, told = self.places(names), self._time, range(1, self.count + 1), 0, 0
         rows = np.empty((len(time), len(at)))
@@ -200,11 +204,11 @@ class Driven(Steps):
                 time = time[:taken] if before else np.append(time[:taken], self.ended)
                 break
         else:
-            time = time[: told + 1]  # who wraps the numbers may stop early
+            time = time[: told + 1]  # progress may stop early
         return time, by_block(self.kernels.BLOCKS, names, rows[: len(time)])
 
     def _refusal(self, taken: int, most: float) -> SimulationError:
-        """Return the error for the step that is not taken, after so many that are."""
+        """Return the error for the step after `taken` steps, which was refused or exceeds `most` substeps."""
         if (counted := substeps_counted(self.kernels, self.z)) <= most:
             return refused_step(self._name, self._time[taken])
         end = float(self._time[taken + 1])
@@ -213,9 +217,9 @@ class Driven(Steps):
 
 
 def record(run: Steps, names: Sequence[str], most: float = math.inf, progress: Told = None) -> Motion:
-    """Return the blocks named now and after each step; NaN from where the motion ends.
+    """Return the blocks named, at the start and after each step, (n + 1, k) each; NaN after the motion ends.
 
-    most: the number of substeps after which it ends; progress: a function that is told which part of the run is done.
+    most: the number of substeps after which it ends; progress: a function that is called with the part that is done.
     """
     at, before, taken = run.places(names), -1, 0
     rows = np.full((run.count + 1, len(at)), np.nan)
@@ -228,22 +232,22 @@ def record(run: Steps, names: Sequence[str], most: float = math.inf, progress: T
 
 
 def motion_of(scene: Scene, plan: Plan, steps: Sequence[float], names: Sequence[str]) -> Motion:
-    """Return the motion that a plan makes of a scene, at its start and after each step, s."""
+    """Return a scene's motion by a plan: the blocks named, at the start and after each of the steps, s."""
     return record(Steps(scene, plan, steps, names), names)
 
 
 def substeps_counted(kernels: Model, z: Buffer) -> float:
-    """Return the number of substeps since the start; 0 where the model counts none."""
+    """Return the number of substeps since the start; 0 if the model does not count them."""
     return float(z[kernels.BLOCKS["substeps"]][0]) if "substeps" in kernels.BLOCKS else 0.0
 
 
 def refused_step(name: str, begin: float) -> SimulationError:
-    """Return the error for a step of a scene's run that was refused; begin: s."""
+    """Return the error for a refused step of a scene's run; begin: its first time, s."""
     return SimulationError(f"{name}: the step from t = {float(begin)!r} s was refused: not finite")
 
 
 class Happened(NamedTuple):
-    """An event that happened; touched: what is watched came to zero and went back."""
+    """An event that happened at `time`, s; touched: the number watched reached zero but did not change its sign."""
 
     name: str
     time: float
@@ -251,7 +255,10 @@ class Happened(NamedTuple):
 
 
 class Events:
-    """What a model lists of its last step, and what was taken of the steps before; ending: events that end the run."""
+    """The events of a run: those that the model lists of its last step, and those taken of steps before.
+
+    ending: the names of events that end the run.
+    """
 
     def __init__(self, scene: Scene, plan: Plan, z: Buffer) -> None:
         blocks = plan.kernels.BLOCKS
@@ -261,15 +268,18 @@ class Events:
         self.ended_by = ""
 
     def of_last_step(self) -> list[Happened]:
-        """Return what happened in the last step, in its order."""
-        from rbfmu_kernels.models.formula_events import NOT_ASKED, TOUCH  # what has none starts sooner
+        """Return the events of the last step, in the order of their times."""
+        from rbfmu_kernels.models.formula_events import NOT_ASKED, TOUCH  # only if needed, as it loads slowly
 
         rows = self._list[: int(self._count[0])]
         found = [Happened(self.names[int(e)], float(t), kind == TOUCH) for e, t, kind in rows if kind != NOT_ASKED]
         return sorted(found, key=lambda event: event.time)
 
     def take(self, length: float) -> float | None:
-        """Keep what happened in the last step, s, up to what ends the run; return the time of that, or None."""
+        """Keep the events of the last step, up to one that ends the run; return its time, s, or None.
+
+        length: of the step, s.
+        """
         found = self.of_last_step()
         ends = [event for event in found if event.name in self.ending and not event.touched]
         self.taken += [event for event in found if not ends or event.time <= ends[0].time + SAME * length]
@@ -279,6 +289,6 @@ class Events:
         return end
 
     def times(self, happened: list[Happened], touched: bool = False) -> dict[str, Array]:
-        """Return the times of each event, s, that happened, or only touched."""
+        """Return the times of each event, s, by name: of those that happened, or of those that only touched."""
         wanted = {name: [one.time for one in happened if one[::2] == (name, touched)] for name in self.names}
         return {name: np.array(times) for name, times in wanted.items()}

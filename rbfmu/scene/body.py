@@ -34,7 +34,7 @@ class Inertia(rules.Numbers):
 
 
 def possible_inertia(M: Matrix) -> Matrix:
-    """Return the matrix, symmetric to the bit; raise ValueError with what was expected where no body has it."""
+    """Return an inertia matrix, symmetric to the last bit. Raises ValueError if no body can have it."""
     reason = int(evaluated(_inertia.check_inertia, M))
     if reason == _inertia.NOT_FINITE:
         raise ValueError(f"finite moments of inertia ({_UNIT})")
@@ -60,12 +60,12 @@ def _symmetric(M: Matrix) -> Matrix:
 
 @lru_cache(maxsize=64)
 def principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
-    """Return the principal moments, from the least on, and the axes as columns."""
+    """Return the principal moments in ascending order, and the axes as columns."""
     return evaluated(_inertia.principal_axes, M)
 
 
 def _least_moment(M: Matrix) -> float:
-    """Return the moment up to which one counts as zero, kg m2."""
+    """Return the largest moment that counts as zero, kg m2."""
     return _inertia.INERTIA_TOLERANCE * evaluated(_inertia.trace, M)
 
 
@@ -84,7 +84,7 @@ _KINDS = " or ".join(f'"{kind}"' for kind in KINDS)
 
 
 class Shape(rules.Section, path="body.shape"):
-    """The table of a homogeneous body's shape: its kind, and sizes in the order in which the kernel takes them."""
+    """The table of a homogeneous body's shape: its kind, and its sizes in the order of the kernel's arguments."""
 
     kind: Annotated[str, rules.one_word(KINDS, _KINDS)]
 
@@ -94,7 +94,7 @@ class Shape(rules.Section, path="body.shape"):
         return [key for key in cls._keys if key != "kind"]
 
     def inertia(self, mass: float) -> Matrix:
-        """Return M_c."""
+        """Return M_c, kg m2."""
         kernel: Callable[..., Matrix] = getattr(_inertia, f"{self.kind}_inertia")
         return evaluated(kernel, mass, *(getattr(self, key) for key in self.sizes()))
 
@@ -153,7 +153,7 @@ class Body(rules.Section, path="body"):
         ) -> None: ...  # fmt: skip
 
     def _set(self) -> dict[str, object]:
-        """Return the fields that are not as by default; an inertia along the axes is its three moments."""
+        """Return the fields that differ from the defaults; a diagonal inertia is given by its three moments."""
         M = self.inertia
         moments = (M[0][0], M[1][1], M[2][2])
         return super()._set() | ({"inertia": moments} if evaluated(_inertia.diagonal, moments) == M else {})
@@ -170,12 +170,12 @@ class Body(rules.Section, path="body"):
 
     @property
     def M(self) -> Matrix:
-        """Return the inertia about the point that the body turns about: o with a pivot, else the centre of mass."""
+        """Return the inertia, kg m2, about o with a pivot, else about the centre of mass."""
         return self.M_o if self.pivot else self.M_c
 
     @property
     def given_shape(self) -> Any:
-        """Return the table `shape` that the inertia was made of, or None."""
+        """Return the table `shape` from which the inertia was computed, or None."""
         return self._given["inertia"][1]
 
     @property
@@ -184,7 +184,7 @@ class Body(rules.Section, path="body"):
         return axis_without_moment(self.M)
 
     def _faults_together(self) -> Iterator[str]:
-        """Make M_c of a shape."""
+        """Compute M_c of a shape; yield a fault if it is not finite and positive."""
         good = vars(self)
         if isinstance(shape := good.get("inertia"), Shape):
             M = shape.inertia(good.get("mass", 1.0))

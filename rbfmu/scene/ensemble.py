@@ -1,4 +1,4 @@
-"""The table `[ensemble]` of a scene: how many runs, which numbers vary and how, and how these depend on each other."""
+"""The table `[ensemble]` of a scene: the number of runs, which numbers vary and how, and their correlations."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,12 +11,12 @@ from rbfmu.scene.variations import ATTITUDE, AXES, INERTIA, RELATIVE, SHAPE, VAR
 
 Rows = tuple[tuple[float, ...], ...]
 NO_VARIANCE, NO_COVARIANCE = 1e-10, 1e-5
-"""What counts as zero where correlations are factored by Cholesky: of the variance, 1, that earlier components leave to
-one, and of what such a component may still share with others.
+"""The largest numbers that count as zero in the Cholesky factorization of correlations: NO_VARIANCE for the remaining
+variance (of 1) of a component after subtracting earlier ones, NO_COVARIANCE for its remaining covariance with others.
 
-Correlations are written to some digits, so that a component that follows from others does so nearly. What is left of a
-semidefinite matrix is semidefinite, whose entries are at most the root of the product of two variances: the second
-number is the root of the first.
+Correlations are written with few digits, so that a dependent component is only nearly dependent. The remaining matrix
+of a semidefinite matrix is semidefinite, and its entries are at most the square root of the product of two variances.
+So the second number is the square root of the first.
 """
 
 
@@ -45,7 +45,7 @@ _SQUARE = rules.Rule("a symmetric matrix: a list of rows of finite numbers", _sq
 
 
 class Correlation(rules.Section, path="ensemble.correlation"):
-    """Which numbers depend on each other, by the correlation or the covariance of them."""
+    """The numbers that depend on each other, and their correlations or covariances."""
 
     meaning: ClassVar[str] = "which of these numbers depend on each other"
     components: Annotated[tuple[str, ...], _COMPONENTS.means("numbers that depend on each other")]
@@ -83,10 +83,10 @@ class Correlation(rules.Section, path="ensemble.correlation"):
 
 
 def lower_factor(matrix: Sequence[Sequence[float]]) -> list[list[float]] | None:
-    """Return the lower triangular L with L L^T the matrix of correlations; None where it is not semidefinite.
+    """Return the lower triangular L (n, n) with L L^T equal to a matrix of correlations; None if not semidefinite.
 
-    Cholesky's factor, with a column of zeros where a component follows from those before it. It is computed in Python's
-    floats, so that its bits are the same on every machine.
+    It is Cholesky's factor, with a column of zeros where a component depends on those before it. It is computed with
+    Python's floats, so that its bits are the same on every machine.
     """
     n = len(matrix)
     L = [[0.0] * n for _ in range(n)]
@@ -136,7 +136,7 @@ class Ensemble(rules.Section, path="ensemble"):
         return tuple(m for variation in self.vary for m in variation.marginals if m.varies)
 
     def variation_of(self, key: str) -> Variation | None:
-        """Return how a key varies, or None."""
+        """Return the variation of a key, or None."""
         return next((variation for variation in self.vary if variation.key == key), None)
 
     @property
@@ -147,12 +147,12 @@ class Ensemble(rules.Section, path="ensemble"):
         return tuple(dict.fromkeys(names))
 
     def _set(self) -> dict[str, object]:
-        """Return the fields that are not as by default, tables as in the file."""
+        """Return the fields that differ from the defaults, tables as in the file."""
         tables = self.table()
         return {name: tables.get(name, value) for name, value in super()._set().items()}
 
     def table(self) -> dict[str, Any]:
-        """Return the table from which the ensemble is made again."""
+        """Return the table from which an equal ensemble can be made."""
         return super().table() | {"vary": {variation.key: variation.table for variation in self.vary}}
 
     def _contradictions(self) -> Iterator[str]:
@@ -198,7 +198,7 @@ class Ensemble(rules.Section, path="ensemble"):
 
 
 def _without_points(variation: Variation, marginal: Marginal) -> str:
-    """Return the fault of a number in a grid that has no points, and perhaps cannot have any."""
+    """Return the fault of a number in a grid that has no points, or that cannot have any."""
     if marginal.name.startswith(f"{INERTIA}.{AXES}["):
         return variation.refused("no such key in a grid", AXES)
     if variation.key == ATTITUDE and variation.form not in VARYING_ANGLES:
@@ -210,10 +210,10 @@ def _without_points(variation: Variation, marginal: Marginal) -> str:
 
 
 def as_written(value: object, tables: Mapping[str, object], faults: list[str]) -> object:
-    """Return the ensemble's table with what the scene's own spelling says of it: a shape, a sequence of angles.
+    """Return the ensemble's table, completed by what the scene itself says: a shape, a sequence of angles.
 
-    A member's inertia follows from the shape where mass or sizes vary, as it would in the member's own scene file.
-    faults: those of keys that are written twice are added.
+    If mass or sizes vary, a member's inertia follows from the shape, as it would in the member's own scene file.
+    faults: a fault is added for each key that is given twice.
     """
     if isinstance(value, Ensemble) and any(isinstance(tables.get(name), Mapping) for name in ("body", "initial")):
         value = value.table()
@@ -224,7 +224,7 @@ def as_written(value: object, tables: Mapping[str, object], faults: list[str]) -
 
 
 def _by_dotted_key(vary: Mapping[str, object], faults: list[str]) -> dict[str, object]:
-    """Return the table with one dotted key a quantity, also where TOML's own dots made tables of them."""
+    """Return the table with one dotted key for each quantity, also where TOML reads dots as nested tables."""
     found: dict[str, object] = {}
     for key, value in vary.items():
         items = {key: value}
@@ -275,7 +275,7 @@ def _with_attitude(vary: dict[str, object], initial: object) -> dict[str, object
 
 
 def _with_own(vary: dict[str, object], tables: Mapping[str, object]) -> dict[str, object]:
-    """Return the table with one number for all three where a vector of your own varies relative to the scene's."""
+    """Return the table in which one relative number for a scene's own vector is repeated for its 3 components."""
     for key, item in vary.items():
         name, _, own = str(key).partition(".")
         table = tables.get(name) if named.is_own(str(key)) else None
@@ -288,7 +288,7 @@ def _with_own(vary: dict[str, object], tables: Mapping[str, object]) -> dict[str
 
 
 def without_idle_shape(ensemble: Ensemble, body: bodies.Body | None) -> Ensemble:
-    """Return the ensemble without a shape of which nothing varies and which is not the body's any more."""
+    """Return the ensemble without a shape that does not vary and is no longer the body's."""
     shape = ensemble.variation_of(SHAPE)
     if shape is None or body is None or any(m.kind != variations.FIXED for m in shape.marginals):
         return ensemble
@@ -298,7 +298,7 @@ def without_idle_shape(ensemble: Ensemble, body: bodies.Body | None) -> Ensemble
 
 
 def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the contradictions between an ensemble and the other tables of its scene, those that are good."""
+    """Yield the contradictions between an ensemble and the valid ones of the other tables of its scene."""
     body, inputs = good.get("body"), good.get("inputs")
     prescribed = inputs is not None and "omega_b" in inputs.ports
     for variation in ensemble.vary:
@@ -319,7 +319,7 @@ def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
             three = "distributions of 3 numbers, such as { normal = [[0, 0, 0], 0.1] }"
             yield variation.refused(three if len(table[key].numbers) > 1 else "the distribution of 1 number")
         elif variation.is_relative and variation.key == INERTIA:
-            if bodies.axis_without_moment(table.M_c) is not None:  # a member's moments would differ
+            if bodies.axis_without_moment(table.M_c) is not None:  # two equal moments would differ in a member
                 yield variation.refused("body.mass, or the length of its shape: a beam's two moments are equal")
         elif variation.is_relative:
             relative = zip(variation.marginals, nominal_value(variation.key, good), strict=True)
@@ -329,7 +329,7 @@ def faults_with(ensemble: Ensemble, good: Mapping[str, Any]) -> Iterator[str]:
 
 
 def nominal_value(key: str, sections: Mapping[str, Any]) -> list[float]:
-    """Return the scene's own numbers of a key, deg/s for `initial.omega_b_deg`."""
+    """Return the scene's numbers of a key, in SI units, but deg/s for `initial.omega_b_deg`."""
     table, _, name = key.partition(".")
     if named.is_own(key):
         return [*sections[table][name].numbers]

@@ -12,13 +12,13 @@ from rbfmu.scene.scene import SECTIONS, Scene
 from rbfmu.scene.section import Section, as_toml, joined
 
 INSIDE: Mapping[str, type[Section]] = {"initial": tables.Attitude, "ensemble": ensemble.Correlation}
-"""The tables that stand inside others."""
+"""The tables that are inside others, by the outer table."""
 OWN = ("constants", "tables", "formulas", "states", "events")
-"""The tables whose keys are names of your own."""
+"""The tables whose keys are a user's own names."""
 REQUIRED = "required"
 OF_THE_MOTION = "all that the motion has"
 WRITTEN = {"body.mass": "2.0", "body.inertia": "[1.0, 2.0, 2.5]", "initial.omega_b": "[0.1, 2.0, 0.1]"}
-"""The values that are set in a new scene: those of a tumbling body."""
+"""The values that are set in a new scene: a tumbling body."""
 SKETCHED = {
     "body.shape": '{ kind = "box", sides = [0.2, 0.1, 0.05] }',
     "initial.attitude": '{ euler = "ZYX", angles_deg = [0, 0, 0] }',
@@ -50,7 +50,7 @@ OF_FORMULAS = (
     Key("loads", "potential", "J", "", "a formula of position and attitude: a force and a torque follow from it"),
     Key("outputs", "NAME", "", "", "an output of your own: a formula, or { value, unit, about }"),
 )
-"""Keys that are no fields of a table; in place of numbers, force_a, force_b, torque_a and torque_b may be formulas."""
+"""Keys that are no fields of a table. Also force_a, force_b, torque_a and torque_b may be formulas."""
 
 
 def scene_keys() -> Iterator[Key]:

@@ -1,6 +1,6 @@
-"""What a scene names itself: constants, formulas, states and outputs, and loads given as text.
+"""A scene's own names: constants, formulas, states, tables, events, inputs and outputs; and loads given as text.
 
-What texts mean is checked where all of them are together, see `rbfmu.formulas.check`.
+The meaning of texts is checked for all of them together, see `rbfmu.formulas.check`.
 """
 
 import keyword
@@ -16,14 +16,14 @@ from rbfmu_kernels.quantities import Parameter
 
 T = TypeVar("T")
 LOADS = ("force_a", "force_b", "torque_a", "torque_b", "potential")
-"""The loads that may be given as formulas; of the potential, J, follow a force and a torque."""
+"""The loads that may be given as formulas; a force and a torque follow from the potential, J."""
 ENERGIES = {
     "potential_energy": "potential energy of gravity, constant force_a and loads.potential",
     "total_energy": "kinetic and potential energy",
 }
-"""Outputs that are made as those of your own are, by name."""
+"""Outputs that are computed by formulas, like own outputs, with their meanings."""
 PARAMETER_END = {"constants": "", "states": "_0"}
-"""The tables whose names are parameters, by what follows the name: of a state that is its start."""
+"""The tables whose names are parameters, and the ending of the parameter's name: for a state it is the start."""
 DIRECTIONS = {"rising": 1.0, "falling": -1.0, "any": 0.0}
 MOST_ROWS = 64
 _UNIT, _ABOUT = rules.line("a unit, such as N m", 40), rules.line("at most 200 printable characters", 200)
@@ -50,7 +50,7 @@ def _row(value: object) -> tuple[float, ...] | None:
 
 
 def _text(value: object) -> str | None:
-    """Return a formula; of a list of them the sum."""
+    """Return a formula; a list of formulas is their sum."""
     if items := rules.texts(value):
         return " + ".join(f"({item})" for item in items)
     return value if isinstance(value, str) and value.strip() else None
@@ -61,11 +61,11 @@ def _is_name(value: object) -> bool:
 
 
 class Text(rules.Rule):
-    """The rule of a formula: what it may be by itself; its names are looked up where all are together."""
+    """The rule of a formula: its grammar; its names are checked later, for all formulas together."""
 
     def read(self, value: object, path: str) -> str:
-        """Return the text."""
-        from rbfmu.formulas.text import FormulaError, read  # what has none starts sooner
+        """Return the text. Raises SceneError if it is no formula."""
+        from rbfmu.formulas.text import FormulaError, read  # only if needed, as it loads slowly
 
         text: str = super().read(value, path)
         try:
@@ -85,7 +85,7 @@ _ROW = rules.Rule("a list of numbers", _row)
 
 
 class Named(dict[str, T]):
-    """A table with names of your own, which nobody changes; their order counts, as results and FMUs have it too."""
+    """An immutable table with a user's own names; their order matters, as results and FMUs have the same order."""
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Mapping) and tuple(self.items()) == tuple(other.items())
@@ -109,22 +109,22 @@ NOTHING: Mapping[str, Any] = Named()
 
 
 class Entry(rules.Section):
-    """What has a name of your own: a table, or where nothing else is said the value of its first key."""
+    """The entry of an own name: a table, or only the value of the table's first key."""
 
     about: Annotated[str, _ABOUT] = ""
 
     @classmethod
     def read(cls, value: object, path: str = "") -> Self:
-        """Return the entry, or an entry itself."""
+        """Return the entry of a value; an entry is returned unchanged."""
         return super().read(value if isinstance(value, cls | Mapping) else {next(iter(cls._rules)): value}, path)
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Return the numbers of its first key: of a constant its value, of a state its start."""
+        """Return the numbers of its first key: the value of a constant, the start of a state."""
         return tuple(getattr(self, next(iter(self._rules))))
 
     def table(self) -> dict[str, Any]:
-        """Return the entry as a file has it."""
+        """Return the entry as in a file."""
         found = {name: value for name, value in super().table().items() if value != ""}
         return {name: x[0] if isinstance(x, list) and len(x) == 1 else x for name, x in found.items()}
 
@@ -166,7 +166,7 @@ class Event(Entry):
 
 
 class Port(WithUnit):
-    """An input of your own, that formulas read; its size is that of its start, if that is given."""
+    """An input of your own, which formulas read; its size is that of its start, if that is given."""
 
     name: Annotated[str, _NAME]
     start: Annotated[tuple[float, ...], NUMBERS]
@@ -191,7 +191,7 @@ class Table(Entry):
 
     @classmethod
     def read(cls, value: object, path: str = "") -> Self:
-        """Return the table, or a table itself."""
+        """Return the table of a value; a table is returned unchanged."""
         if not isinstance(value, cls | Mapping):
             raise rules.SceneError(rules.fault(path, value, "a table { x, y } of two lists of numbers"))
         return super().read(value, path)
@@ -203,7 +203,7 @@ class Table(Entry):
         elif any(b <= a for a, b in pairwise(self.x)):
             yield rules.fault(f"{self._path}.x", self.x, "numbers that increase")
         else:
-            from rbfmu.formulas.functions import Table as Polynomials  # what has no tables starts sooner
+            from rbfmu.formulas.functions import Table as Polynomials  # only if needed, as it loads slowly
 
             with np.errstate(all="ignore"):
                 rows = Polynomials.through(self.x, self.y, self.method == "cubic").rows
@@ -212,14 +212,14 @@ class Table(Entry):
 
 
 class NamedTable(rules.Rule):
-    """The rule of a table with names of your own, each of which has an entry."""
+    """The rule of a table with a user's own names, each with an entry."""
 
     def __init__(self, entry: type[rules.Section] | rules.Rule, words: str, meaning: str) -> None:
         super().__init__(words, lambda value: value)
         self.entry, self.meaning = entry, meaning
 
     def read(self, value: object, path: str) -> Named[Any]:
-        """Return the entries by name, or such a table itself."""
+        """Return the entries by name; such a table is returned unchanged."""
         if isinstance(value, Named):
             return value
         if not isinstance(value, Mapping):
@@ -257,22 +257,22 @@ PORTS = NamedTable(Port, "a table of inputs", "inputs of your own, as they stand
 _LOAD = Text("a formula in one text, such as [0, 0, 2*k*sin(t)], or a list of those that add up", _text)
 LOAD_FORMULAS = NamedTable(_LOAD, "a table of formulas", "loads that are formulas")
 OF_NUMBERS = "a load of numbers; formulas or a potential make this one, whose constants may vary"
-"""What is expected in place of a load that is not of numbers alone."""
+"""What a message expects in place of a load that formulas make."""
 
 
 def is_own(key: str) -> bool:
-    """Return whether a key such as constants.k names a parameter of a scene's own."""
+    """Return whether a key names a scene's own parameter, such as constants.k."""
     return key.partition(".")[0] in PARAMETER_END
 
 
 def parameter_of(key: str) -> str:
-    """Return the name of the parameter that a key of a scene's own sets."""
+    """Return the name of the parameter that is set by a key such as constants.k."""
     table, _, name = key.partition(".")
     return f"{name}{PARAMETER_END[table]}"
 
 
 def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str, Parameter]:
-    """Return the parameters of a scene's own by the keys that set them."""
+    """Return a scene's own parameters by the keys that set them."""
     found = {}
     for table, end in PARAMETER_END.items():
         for name, one in tables[table].items():
@@ -283,5 +283,5 @@ def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str
 
 
 def has_text(value: object) -> bool:
-    """Return whether a load is a text, or a list with one in it."""
+    """Return whether a load is a text, or a list that contains a text."""
     return any(isinstance(item, str) for item in (value if isinstance(value, list | tuple) else [value]))

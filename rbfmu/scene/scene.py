@@ -1,6 +1,6 @@
-"""The scene: its tables together, from a file or from Python, what contradicts between them, what looks like a slip.
+"""The scene: its tables together, from a file or from Python; contradictions between them, and doubts.
 
-Such doubts are warnings: a wrong unit, or too long a communication step.
+Doubts are values that look like a slip, such as a wrong unit or too long a communication step; they give warnings.
 """
 
 import math
@@ -48,16 +48,16 @@ class Scene(Section):
 
     @property
     def has_formulas(self) -> bool:
-        """Return whether loads, states, outputs or events are given as formulas, or have numbers that are set for them.
+        """Return whether loads, states, outputs or events are given as formulas, or numbers for formulas can change.
 
-        Those are ports of your own and listed constants, for which no other model has places.
+        Such numbers are the scene's own ports and listed constants, for which no other model has places.
         """
         listed = self.constants.keys() & {*self.inputs.parameters}
         return bool(self.loads.formulas or self.states or self.outputs.own or self.events or self.inputs.own or listed)
 
     @property
     def own_texts(self) -> tuple[object, ...]:
-        """Return what kernels of formulas are made of, but the numbers of parameters; also what loads add to them."""
+        """Return the texts from which kernels of formulas are generated, and the constant loads added to formulas."""
         rates = {name: row.rate for name, row in self.states.items()}
         events = {name: (row.when, row.direction) for name, row in self.events.items()}
         own = {name: row.value for name, row in self.outputs.own.items()}
@@ -66,7 +66,7 @@ class Scene(Section):
 
     @property
     def own_parameters(self) -> dict[str, Parameter]:
-        """Return the parameters of your own, constants and starts of states, by the keys that set them."""
+        """Return the scene's own parameters, constants and starts of states, by the keys that set them."""
         return named.parameters(vars(self))
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
@@ -85,16 +85,16 @@ class Scene(Section):
         if good.get("ensemble") is not None:
             yield from faults_with(good["ensemble"], good)
             good["ensemble"] = without_idle_shape(good["ensemble"], good.get("body"))
-        if {"inputs", "constants", "formulas", "states", "tables"} <= good.keys():  # of which formulas read names
+        if {"inputs", "constants", "formulas", "states", "tables"} <= good.keys():  # formulas read their names
             unread = "outputs" not in good
             good |= {name: getattr(type(self), name) for name in self._rules.keys() - good.keys()}
             if self.has_formulas or self.formulas or self.tables or (self.constants and self.body):
-                from rbfmu.formulas.check import faults_of_texts  # what has none starts sooner
+                from rbfmu.formulas.check import faults_of_texts  # only if needed, as it loads slowly
 
                 yield from faults_of_texts(self._with_ones(), unread)
 
     def _with_ones(self) -> Self:
-        """Return the scene with the same texts, names and sizes and other numbers, so that many have this one."""
+        """Return the scene with ones as numbers: many scenes with the same texts, names and sizes have it in common."""
         ones = {"mass": 1.0, "inertia": (), "r_oc_b": ZERO}
         loads = {name: (1.0 if any(x) else 0.0,) for name, x in self.loads._values().items() if name != "formulas"}
         return self._with(
@@ -107,14 +107,17 @@ class Scene(Section):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "scene") -> Self:
-        """Return the scene of nested tables as in a file; `source` names it in messages and by default."""
+        """Return the scene of nested tables as in a file; `source` names it in messages, and is its default name.
+
+        Raises SceneError with all faults.
+        """
         with faults_of(source):
             if not isinstance(data, Mapping):
                 raise SceneError(fault("scene", data, f"tables {', '.join(SECTIONS)}"))
             return cls.read({"name": Path(source).stem or "scene"} | dict(data))
 
     def rows(self) -> Iterator[tuple[str, str, str, str]]:
-        """Return key, value, unit and meaning of what is not as by default."""
+        """Yield key, value, unit and meaning of all values that differ from the defaults."""
         for key in SECTIONS:
             section = getattr(self, key)
             for name, value in section._set().items() if section is not None else ():
@@ -127,10 +130,10 @@ class Scene(Section):
     def replace(self, changes: Mapping[str, Any] = {}, /, **tables: Any) -> Self:
         """Return a checked scene with other values: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.
 
-        The other keys of a table stay; a section (`rbfmu.Body(...)`) replaces the whole table, and None takes it away,
-        or a name of your own (`"states.s"`). A new key removes the one that it excludes (omega_b_deg removes omega_b,
-        shape removes inertia). Outputs that were not requested by name follow from the new motion. A shape was turned
-        into its inertia when the scene was made, so a new mass alone does not change the inertia. Raises SceneError.
+        The other keys of a table stay. A section (`rbfmu.Body(...)`) replaces the whole table; None removes a table, or
+        an own name (`"states.s"`). A new key removes the one that it excludes (omega_b_deg removes omega_b, shape
+        removes inertia). Outputs that were not requested by name follow from the new motion. A shape was converted to
+        its inertia when the scene was made, so a new mass alone does not change the inertia. Raises SceneError.
         """
         if not isinstance(changes, Mapping):
             raise SceneError(fault("changes", changes, "a mapping from keys to their values"), self.name)
@@ -142,7 +145,7 @@ class Scene(Section):
             elif name == "outputs" and isinstance(value, Mapping):
                 table["quantities"] = [one for one in table["quantities"] if value.get(one, one) is not None]
             if name == "ensemble" and table and isinstance(value, Mapping) and (table | value)["design"] == "grid":
-                del table["runs"]  # which is that of the grid's points
+                del table["runs"]  # it is the number of the grid's points
             new[name] = _with_changes(table, value, SECTIONS.get(name))
         return type(self).from_dict({name: table for name, table in new.items() if table is not None}, self.name)
 
@@ -164,7 +167,7 @@ def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
     """Return the table with the new keys, and without the keys that these exclude."""
     if not isinstance(value, Mapping) or not isinstance(table, Mapping):
         return value
-    keys = section._keys if section else {}  # others are names of your own, whose unit and meaning stay
+    keys = section._keys if section else {}  # others are own names, whose unit and meaning stay
     fields = {keys[key][0] for key in value if key in keys}
     kept = {key: x for key, x in table.items() if keys.get(key, (key,))[0] not in fields}
     changed = kept | {key: item if key in keys else _in_row(kept.get(key), item) for key, item in value.items()}
@@ -172,14 +175,14 @@ def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
 
 
 def _in_row(row: Any, item: Any) -> Any:
-    """Return what replaces a constant's, an output's, a state's or an event's row, whose other keys stay."""
+    """Return a new row of a constant, an output, a state or an event, in which the other keys stay."""
     if not isinstance(row, Mapping) or item is None:
         return item
     return {**row, **(item if isinstance(item, Mapping) else {next(iter(row)): item})}
 
 
 def _merge(tables: Mapping[str, Any], changes: Mapping[str, Any], dotted: bool = True) -> dict[str, Any]:
-    """Return tables with changes, whose dotted keys stand for tables in tables; dots of keys inside belong to these."""
+    """Return tables with changes, whose dotted keys mean nested tables; dots in keys of a nested table stay in them."""
     found = dict(tables)
     for key, value in changes.items():
         first, _, rest = str(key).partition(".") if dotted else (str(key), "", "")
@@ -190,21 +193,21 @@ def _merge(tables: Mapping[str, Any], changes: Mapping[str, Any], dotted: bool =
 
 
 def load_scene(path: str | Path) -> Scene:
-    """Read a scene file (TOML). Raises SceneError with all that is wrong with it, TypeError for no path."""
+    """Read a scene file (TOML). Raises SceneError with all faults, TypeError if `path` is no path."""
     path = path_of(path)
     return Scene.from_dict(toml_file.with_description(*toml_file.read_file(path), path.name), source=str(path))
 
 
-# What contradicts between tables, each valid by itself
+# Contradictions between tables that are each valid by themselves
 
 PRESCRIBED = tuple(row.name for row in OUTPUTS if row.kinematic)
 """Quantities that follow from prescribed rates."""
 NEGLIGIBLE = 1e-12
-"""The relative size up to which a part of a vector counts as round-off, as in the kernels."""
+"""The largest relative size of a part of a vector that counts as round-off, as in the kernels."""
 
 
 def default_quantities(body: Body | None, inputs: Inputs | None) -> tuple[str, ...]:
-    """Return the default outputs: all quantities that this motion has."""
+    """Return the default outputs: all quantities of this motion."""
     if inputs is not None and "omega_b" in inputs.ports:
         return PRESCRIBED
     return tuple(row.name for row in OUTPUTS if not (body is not None and body.pivot and row.of_origin))
@@ -292,19 +295,19 @@ def _small(part: Array, whole: Array) -> bool:
     return bool(np.linalg.norm(part) <= NEGLIGIBLE * np.linalg.norm(whole))
 
 
-# What looks like a slip
+# Doubts: values that look like a slip
 
 THINNEST = 0.05
-"""The least plausible mass (kg) by the cube of the least radius of gyration (m3).
+"""The least plausible ratio of mass (kg) to the cube of the least radius of gyration (m3).
 
-A solid ball has 17 times its density, so this is a 400th of air. The least radius is taken, as beams and cables have a
-long one. Large solar sails have 0.02 to 5, frames in space 50, hulls of ships, asteroids and planets 1e4. An inertia in
-kg cm2 in place of kg m2 makes it 1e6 times less: of a compact satellite 0.02.
+For a solid ball the ratio is 17 times its density, so this is a 400th of air. The least radius is used, as other radii
+of beams and cables are long. Large solar sails have 0.02 to 5, frames in space 50, hulls of ships, asteroids and
+planets 1e4. With an inertia in kg cm2 in place of kg m2 it is 1e6 times less: for a compact satellite 0.02.
 """
 SMALLEST = 1e-4
 """The smallest plausible radius of gyration, in m."""
 PERIODIC = tuple(row.name for row in OUTPUTS if row.error == ANGLE or row.unit == "rad")
-"""Quantities that do not show a turn between two points."""
+"""Quantities that do not show whole turns between two points."""
 
 
 def warn(scene: Scene, doubts: Iterable[str]) -> None:
@@ -323,7 +326,7 @@ def doubts_before(scene: Scene) -> Iterator[str]:
 
 
 def doubts_after(scene: Scene, motion: Mapping[str, Array]) -> Iterator[str]:
-    """Yield the doubts that only the results of a run raise; `motion` holds them by quantity."""
+    """Yield the doubts that only the results of a run raise; motion: the results by quantity."""
     found = next((motion[row.name] for row in OUTPUTS if row.unit == "rad/s" and row.name in motion), None)
     if found is not None and not any(_turns(scene, math.hypot(*scene.initial.omega_b), "")):
         yield from _turns(scene, float(np.max(np.linalg.norm(found, axis=1))), "at the fastest")
@@ -344,7 +347,7 @@ def doubts_of(body: Body) -> Iterator[str]:
 
 
 def _held(scene: Scene) -> Iterator[str]:
-    """Yield the doubt that forces at o raise where o is the pivot."""
+    """Yield a doubt if forces act at o and o is the pivot."""
     loads = (name for name in sorted(FORCES) if name in scene.loads.formulas or any(getattr(scene.loads, name)))
     ports = (f"the port {name}" for name in scene.inputs.ports if name in FORCES)
     forces = [*(f"loads.{name}" for name in loads), *ports]
@@ -354,7 +357,7 @@ def _held(scene: Scene) -> Iterator[str]:
 
 
 def _turns(scene: Scene, rate: float, when: str) -> Iterator[str]:
-    turns = rate * scene.run.step / (2.0 * math.pi) if scene.run.count > 1 else 0.0  # of one step ends are looked at
+    turns = rate * scene.run.step / (2.0 * math.pi) if scene.run.count > 1 else 0.0  # one step shows its ends
     if turns > 1.0 and (shown := [name for name in scene.outputs.quantities if name in PERIODIC]):
         lost = f"{turns:.3g} turns per communication step {when}, which {' and '.join(shown)} cannot show"
         yield f"run.step = {scene.run.step!r}: {lost}; a turn takes {scene.run.step / turns:.3g} s"
@@ -366,7 +369,7 @@ R = TypeVar("R")
 
 @contextmanager
 def faults_of(source: str) -> Iterator[None]:
-    """Name this source in each SceneError that is raised inside."""
+    """Name a source in each SceneError that is raised inside."""
     try:
         yield
     except SceneError as error:

@@ -1,4 +1,4 @@
-"""A table of a scene: the rules of its keys, the messages about values that break them, all faults at once."""
+"""A table of a scene: the rules of its keys, and messages about values that break them, all faults at once."""
 
 import difflib
 import json
@@ -17,7 +17,7 @@ from rbfmu_kernels.quantities import BY_NAME, NOT_NEGATIVE as NO_LESS_THAN_ZERO
 
 T = TypeVar("T")
 LONGEST = 72
-"""Characters of a value that a message shows."""
+"""The most characters of a value in a message."""
 
 
 def fault(path: str, value: object, expected: str) -> str:
@@ -63,7 +63,7 @@ Apart = tuple[Mapping[str, object], dict[str, object]]
 
 
 def checked(read: Callable[[object, str], Any], value: object, path: str, faults: list[str]) -> Any:
-    """Return what is read of a value at a path, or None of one that is refused, whose faults are added."""
+    """Return read(value, path); if the value is refused, add its faults and return None."""
     try:
         return read(value, path)
     except SceneError as error:
@@ -72,7 +72,7 @@ def checked(read: Callable[[object, str], Any], value: object, path: str, faults
 
 
 def read_each(table: Mapping[str, object], path: str, read: Callable[[str, object, str], T]) -> dict[str, T]:
-    """Return what is read of a table's values, each with its key and its path; raise SceneError with all faults."""
+    """Return read(key, value, path) for each value of a table, by key. Raises SceneError with all faults."""
     faults: list[str] = []
     found = {k: checked(partial(read, str(k)), x, joined(path, str(k)), faults) for k, x in table.items()}
     if faults:
@@ -83,13 +83,13 @@ def read_each(table: Mapping[str, object], path: str, read: Callable[[str, objec
 class Rule:
     """The rule of one key: a call returns the value to store, or raises a ValueError that says what was expected.
 
-    words: which values are allowed. convert: returns what is stored of a value, and None of one that is refused in
-    these words; it may raise a ValueError in words of its own. choice: the words in a list of keys, where unit and
-    meaning do not suffice.
+    words: the allowed values. convert: returns the value to store, or None for a refused one, which is reported with
+    these words; it may raise a ValueError with other words. choice: the words in a list of keys, if unit and meaning
+    are not enough.
 
-    Rules are our own and no library's: one says what a whole vector has to be, with its unit, where Pydantic's checks
-    (`Field(gt=0)`, `Literal`, unions) speak of each component and of each branch of a union by itself, and would need a
-    table that turns every kind of error back into these words. Without it the first scene is there a sixth sooner.
+    These rules are our own, not a library's: one rule says what a whole vector must be, with its unit. The checks of
+    Pydantic (`Field(gt=0)`, `Literal`, unions) report each component, and each branch of a union, by itself, and would
+    need a table that converts every kind of error to these words. Without it the first scene is ready a sixth sooner.
     """
 
     def __init__(self, words: str, convert: Callable[[object], object], choice: str = "", unit: str = "") -> None:
@@ -108,7 +108,7 @@ class Rule:
         return found
 
     def read(self, value: object, path: str) -> Any:
-        """Return the value as stored; raise SceneError where it is refused."""
+        """Return the value as stored. Raises SceneError if it is refused."""
         try:
             return self(value)
         except SceneError:
@@ -119,13 +119,13 @@ class Rule:
 
 POSITIVE = " > 0", lambda x: x > 0.0
 NOT_NEGATIVE = " >= 0", lambda x: x >= 0.0
-"""Bounds of numbers: in words, and whether a number holds them."""
+"""Bounds of numbers: in words, and a test of a number."""
 
 
 class Numbers(Rule):
     """The rule of finite floats within a bound: one, a tuple, or rows. Integers are accepted, bools are not.
 
-    then: makes what is stored of the floats, or raises a ValueError that says what was expected.
+    then: returns the value to store for the floats, or raises a ValueError that says what was expected.
     """
 
     def __init__(
@@ -147,7 +147,7 @@ class Numbers(Rule):
         return self.then(floats) if all(map(self.holds, flattened(floats))) else None
 
     def floats(self, value: object, shape: tuple[int, ...]) -> Any:
-        """Return the value as (nested) tuples of floats, infinite where an integer is too large."""
+        """Return the value as (nested) tuples of floats; an integer that is too large becomes infinity."""
         value = plain(value)
         if shape:
             if not isinstance(value, list | tuple) or len(value) != shape[0]:
@@ -162,7 +162,7 @@ class Numbers(Rule):
 
 
 def plain(value: object) -> object:
-    """Return NumPy's arrays and numbers as Python's, anything else as it is."""
+    """Return NumPy's arrays and numbers as Python's, anything else unchanged."""
     return value.tolist() if hasattr(value, "tolist") else value
 
 
@@ -197,7 +197,7 @@ FLAG = Rule("true or false", lambda value: value if isinstance(value, bool) else
 
 
 def line(words: str, longest: int, unwanted: str = "") -> Rule:
-    """Return the rule of a printable line; one in which some characters are unwanted is not blank either."""
+    """Return the rule of a printable line; if some characters are unwanted, it must not be blank either."""
 
     def convert(value: object) -> str | None:
         if not isinstance(value, str) or not value.isprintable() or len(value) > longest:
@@ -213,7 +213,7 @@ def one_word(known: Collection[str], words: str) -> Rule:
 
 
 def texts(value: object) -> tuple[str, ...] | None:
-    """Return a list of texts as a tuple, and None of anything else."""
+    """Return a list of texts as a tuple, or None for anything else."""
     return tuple(value) if isinstance(value, list | tuple) and all(isinstance(x, str) for x in value) else None
 
 
@@ -250,25 +250,25 @@ def closest(name: str, known: Iterable[str]) -> str:
 class Section:
     """A table of the scene: immutable, compared by value; an invalid one raises SceneError with all of its faults.
 
-    A field's rule stands in its annotation: `Annotated[type, rule]`, or the section that it is.
+    A field's rule is in its annotation: `Annotated[type, rule]`, or the class of a section.
     """
 
     _path: ClassVar[str] = ""
     _hidden: ClassVar[tuple[str, ...]] = ()
     """The fields that are no keys."""
     _instead: ClassVar[Mapping[str, tuple[str, Rule]]] = {}
-    """The keys that stand for a field of another name, with the rule that makes its value."""
-    _texts: ClassVar[tuple[str, ...]] = ()  # the keys that are formulas alone, which `_apart` takes
+    """The keys that set a field of another name, with that field and the rule that makes its value."""
+    _texts: ClassVar[tuple[str, ...]] = ()  # the keys that can only be formulas, which `_apart` reads
     _homes: ClassVar[dict[str, str]] = {}
     _rules: ClassVar[Mapping[str, Any]] = {}
     _keys: ClassVar[Mapping[str, tuple[str, Any]]] = {}
-    """The field of each key, and the rule."""
+    """The field and the rule of each key."""
     __signature__: ClassVar[Signature]
     _given: Mapping[str, tuple[str, object]]
-    """Of the fields that are not by default the key, and the value if the key has another name."""
+    """For each given field its key, and its value if the key has another name."""
 
     def __init_subclass__(cls, path: str = "") -> None:
-        """Find the rules, own ones before a base's, and each key's table, which an error names of a misplaced key."""
+        """Find the rules, own ones before a base's, and the table of each key, for messages about misplaced keys."""
         cls._path, found = path or cls._path, dict[str, Any]()
         for name, hint in get_annotations(cls).items():
             for said in (*getattr(hint, "__metadata__", ()), hint, *get_args(hint)):
@@ -316,7 +316,7 @@ class Section:
 
     @classmethod
     def read(cls, value: object, path: str = "") -> Self:
-        """Return the section of a table, or the section itself."""
+        """Return the section of a table; a section is returned unchanged."""
         if isinstance(value, cls):
             return value
         path = path or cls._path
@@ -345,28 +345,28 @@ class Section:
         return other
 
     def _set(self) -> dict[str, object]:
-        """Return the fields that are not as by default."""
+        """Return the fields that differ from the defaults."""
         return {name: value for name, value in self._values().items() if value != getattr(type(self), name, None)}
 
     def _by_key(self, fields: dict[str, Any]) -> dict[str, Any]:
-        """Return fields by the keys that set them; of a hidden one its value has these."""
+        """Return fields by the keys that set them; the value of a hidden field contains its keys."""
         for name in self._hidden:
             fields |= as_lists(fields.pop(name, {}))
         return fields
 
     def _arguments(self) -> dict[str, object]:
-        """Return the keys and values that make the section again."""
+        """Return the keys and values from which an equal section can be made."""
         return self._by_key(self._set())
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self._arguments().items())})"
 
     def table(self) -> dict[str, Any]:
-        """Return the table from which the section is made again; vectors are lists."""
+        """Return the table from which an equal section can be made; vectors are lists."""
         return self._by_key({name: as_lists(value) for name, value in self._values().items() if value is not None})
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> Apart:
-        """Return the table as keys know it, and fields that are made of what stands by names of your own."""
+        """Return the table with only the section's keys, and fields made from the other keys, such as own names."""
         return data, {}
 
     def _faults_together(self) -> Iterable[str]:
@@ -389,7 +389,7 @@ class Section:
 
 
 def as_lists(value: Any) -> Any:
-    """Return what is stored as a file has it."""
+    """Return a stored value as in a file."""
     if isinstance(value, Section):
         return value.table()
     if isinstance(value, Mapping):

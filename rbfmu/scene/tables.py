@@ -1,4 +1,4 @@
-"""The tables of a scene beside its body, its ensemble and names of its own."""
+"""The tables of a scene, except its body, its ensemble and its own names."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -17,10 +17,10 @@ from rbfmu_kernels.types import Array, Matrix, Quaternion, Vec3
 PARAMETERS = tuple(row.name for row in IN_BUFFER_ORDER)
 QUANTITIES = tuple(OUTPUT)
 MAX_STEPS = 1e8
-"""The largest number of communication steps of a run; their results take some 20 GB."""
+"""The largest number of communication steps of a run; their results take about 20 GB."""
 
 
-# The attitude at the start, by any representation
+# The attitude at the start, in any representation
 
 UNIT_TOLERANCE = 1e-6
 """The largest deviation of a quaternion's length from 1, or of R R^T from the identity; seven digits suffice."""
@@ -31,7 +31,7 @@ NORMALIZED = 8 * 2.0**-52
 
 
 def unit_quaternion(q: Quaternion) -> Quaternion:
-    """Return the quaternion, of unit length to round-off; raise ValueError with what was expected for any other."""
+    """Return the quaternion, normalized. Raises ValueError if its norm is not 1 within UNIT_TOLERANCE."""
     length = math.hypot(*q)
     if length == 0.0:
         raise ValueError("a unit quaternion, not zero")
@@ -41,13 +41,13 @@ def unit_quaternion(q: Quaternion) -> Quaternion:
 
 
 def normalized(q: Quaternion) -> Quaternion:
-    """Return q / |q|; one that is unit to round-off stays as it is, so that reading what was written changes no bit."""
+    """Return q / |q|; a unit quaternion to round-off is unchanged, so that writing and reading it changes no bit."""
     square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     return q if abs(square - 1.0) <= NORMALIZED else evaluated(kernels.normalize, q)
 
 
 def rotation_matrix(R: Matrix) -> Matrix:
-    """Return the rows of R_ab, orthogonal to 1e-6 and right-handed; raise ValueError for any other."""
+    """Return the rows of R_ab. Raises ValueError unless R is orthogonal within UNIT_TOLERANCE and right-handed."""
     with np.errstate(all="ignore"):
         error = float(np.max(np.abs(np.array(R) @ np.array(R).T - np.eye(3))))
     if not error <= UNIT_TOLERANCE:
@@ -70,7 +70,7 @@ _IN_ORDER = "Euler angles in the sequence's order"
 
 
 class Attitude(rules.Section, path="initial.attitude"):
-    """The table `initial.attitude`, which gives the attitude in exactly one representation."""
+    """The table `initial.attitude`: the attitude in exactly one representation."""
 
     euler: Annotated[str | None, _EULER] = None
     angles_deg: Annotated[Vec3 | None, _angles("deg", _IN_ORDER)] = None
@@ -143,7 +143,7 @@ class Initial(rules.Section, path="initial"):
         return f"initial.{key}", self.omega_b if value is None else value
 
     def _contradictions(self) -> Iterator[str]:
-        """Yield a fault if the square of the rate, of which energies are made, leaves the range of numbers."""
+        """Yield a fault if the square of the rate, which energies contain, overflows."""
         if not math.isfinite(sum(x * x for x in self.omega_b)):
             key, rates = self.rates_said
             unit = "deg/s" if key.endswith("_deg") else "rad/s"
@@ -155,7 +155,7 @@ class Initial(rules.Section, path="initial"):
 
 
 class Loads(rules.Section, path="loads"):
-    """The known loads; those that are formulas stand in `formulas`, and are zero here."""
+    """The known loads; those given as formulas are in `formulas`, and zero here."""
 
     _hidden: ClassVar = ("formulas",)
     _texts: ClassVar = ("potential",)
@@ -170,12 +170,12 @@ class Loads(rules.Section, path="loads"):
 
     @property
     def sizes(self) -> dict[str, float]:
-        """Return how large each load is, by its name and in its unit."""
+        """Return the Euclidean norm of each load, by name, in the load's unit."""
         return {row.name: math.hypot(*rules.flattened(getattr(self, row.name))) for row in LOADS}
 
     @property
     def made(self) -> frozenset[str]:
-        """Return the names of the loads that formulas make: of a potential a force and a torque."""
+        """Return the names of the loads that formulas set; a potential sets a force and a torque."""
         return frozenset((*self.formulas, *(("force_a", "torque_b") if "potential" in self.formulas else ())))
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
@@ -204,7 +204,7 @@ class Inputs(rules.Section, path="inputs"):
         paths = [f"inputs.ports.{x}" if isinstance(x := row.get("name"), str) else "inputs.ports" for row in rows]
         read = (rules.checked(named.Port.read, *row, faults) for row in zip(rows, paths, strict=True))
         own = [one for one in read if one]
-        if any(one.name == "omega_b" for one in own):  # by that name the scene's port is known, which prescribes rates
+        if any(one.name == "omega_b" for one in own):  # it is the name of the port that prescribes rates
             faults.append("inputs.ports.omega_b: expected another name: omega_b means something else here")
         found = named.Named({one.name: one for one in own})
         if twice := [one.name for one in own if one is not found[one.name]]:
@@ -214,11 +214,11 @@ class Inputs(rules.Section, path="inputs"):
 
     @property
     def at_start(self) -> str:
-        """Return in words what they are until something drives them."""
+        """Return the inputs' values before anything drives them, in words."""
         return "inputs at their start" if any(any(port.start) for port in self.own.values()) else "inputs at zero"
 
     def _contradictions(self) -> tuple[()]:
-        """Let the ports have those of your own among them, in the order of the file, which is a controller's."""
+        """Insert the scene's own ports in `ports`, in the order of the file, which a controller uses."""
         if listed := vars(self).pop("_listed", []):
             vars(self)["ports"] = tuple(sorted((*self.ports, *self.own), key=listed.index))
         return ()
@@ -227,13 +227,13 @@ class Inputs(rules.Section, path="inputs"):
         return {name: tuple(rows) for name, rows in self.table().items() if rows}
 
     def table(self) -> dict[str, Any]:
-        """Return the table as a file has it."""
+        """Return the table as in a file."""
         own = {row["name"]: row for row in rules.as_lists(self.own).values()}
         return {"ports": [own.get(name, name) for name in self.ports], "parameters": list(self.parameters)}
 
 
 class Outputs(rules.Section, path="outputs"):
-    """The requested output quantities, and those of your own, which are always shown."""
+    """The requested output quantities, and the scene's own outputs, which are always shown."""
 
     _hidden: ClassVar = ("own",)
     _texts: ClassVar = ("NAME = a formula",)
@@ -241,7 +241,7 @@ class Outputs(rules.Section, path="outputs"):
     own: Annotated[Mapping[str, named.Shown], named.OUTPUTS] = named.NOTHING
 
     def _apart(self, data: Mapping[str, object], faults: list[str]) -> rules.Apart:
-        """Return whatever is a table or a text as an output of your own, and energies that are asked for."""
+        """Separate own outputs, which are tables or texts, and energies that are asked for, from the keys."""
         shown = {name: x for name, x in data.items() if isinstance(x, Mapping | str) and name not in self._keys}
         left = {name: x for name, x in data.items() if name not in shown}
         if isinstance(asked := data.get("quantities"), list | tuple):
@@ -258,11 +258,11 @@ class Outputs(rules.Section, path="outputs"):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the names of all that is shown."""
+        """Return the names of all outputs."""
         return (*self.quantities, *self.own)
 
     def table(self) -> dict[str, Any]:
-        """Return the table as a file has it."""
+        """Return the table as in a file."""
         return super().table() | {"quantities": [*self.names]}
 
 
@@ -287,7 +287,7 @@ class Run(rules.Section, path="run"):
         elif self.step < resolution:
             yield rules.fault("run.step", self.step, f"at least {resolution:.2g}, what the clock resolves there (s)")
 
-    # The points in time at which a scene communicates
+    # Communication points
 
     @property
     def count(self) -> int:
@@ -295,10 +295,10 @@ class Run(rules.Section, path="run"):
         return max(math.ceil((self.stop - self.start - self._round_off(self.stop)) / self.step), 1)
 
     def grid(self) -> Array:
-        """Return start, start + step, ... stop, which the last point may miss by round-off.
+        """Return the communication points (count + 1,): start, start + step, ... stop, the last one within round-off.
 
-        These are to the bit the points that FMPy visits, except at times as large as a Unix clock's, where FMPy ends a
-        run within 1e-9 of the time itself.
+        They have the same bits as the points of FMPy, except at times as large as a Unix clock's, where FMPy ends a run
+        within 1e-9 of the time itself.
         """
         points: Array = self.start + np.arange(self.count + 1, dtype=np.float64) * self.step
         points[-1] = self.end
@@ -306,33 +306,33 @@ class Run(rules.Section, path="run"):
 
     @property
     def end(self) -> float:
-        """Return the last of these points."""
+        """Return the last communication point, s."""
         point = self.start + self.count * self.step
         return point if abs(point - self.stop) <= self._round_off(self.stop) else self.stop
 
     def thinned_steps(self, most: int) -> list[float]:
-        """Return the lengths of the steps, s, or of several together where there are more than `most`."""
+        """Return the lengths of the steps, s; if there are more than `most`, several steps are combined into one."""
         grid = self.grid()
         stride = math.ceil(self.count / most)
         return list(np.diff(grid if stride == 1 else np.append(grid[:-1:stride], grid[-1])).tolist())
 
     @property
     def last_time(self) -> float:
-        """Return stop and an importer's round-off, a tenth of a step at most: what is later is past the stop."""
+        """Return stop plus an importer's round-off, at most a tenth of a step: later times are past the stop."""
         return self.stop + min(1e-9 * max(self.step, abs(self.stop)), 0.1 * self.step)
 
     def steps_until(self, time: float) -> int:
-        """Return how many steps end by a time, which may be short of an end by an importer's round-off."""
+        """Return how many steps end at or before a time, which may be too small by an importer's round-off."""
         slack = min(self._round_off(time), 0.1 * self.step)
         return math.floor(min((time - self.start + slack) / self.step, 2.0**62))
 
     def _round_off(self, time: float) -> float:
-        """Return the round-off of a sum of steps up to a time, and of times as large as these, s."""
+        """Return the round-off, s, of a sum of steps up to a time, and of times of this size."""
         return 1e-9 * (time - self.start) + math.ulp(self.start) + math.ulp(time)
 
 
 class About(rules.Section, path="about"):
-    """What tools show of a scene's FMU."""
+    """The texts that tools show about a scene's FMU."""
 
     description: Annotated[str, _TEXT.means("what it is; by default the first paragraph of the file's comment")] = ""
     author: Annotated[str, _TEXT.means("who made the scene")] = ""

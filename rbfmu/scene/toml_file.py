@@ -11,9 +11,9 @@ from rbfmu.scene.section import SceneError, as_toml, joined
 LARGEST_FILE = 1_000_000
 """The largest size of a scene file in bytes; a typical file has a few hundred."""
 LONGEST_COMMENT = 1000
-"""Characters of a comment that become a description."""
+"""The most characters of a comment that become a description."""
 MAX_LINES = 100
-"""The largest number of lines of one statement."""
+"""The most lines of one statement."""
 _TWICE = re.compile(r"Cannot (overwrite|declare)|twice")
 _NOT_BOOLEAN = re.compile(r"=\s*(yes|no|on|off|true|false)\s*([#,}]|$)", re.IGNORECASE)
 _UNIT = re.compile(r"(.*=\s*(?:[-+]?\d[\d_.]*(?:[eE][-+]?\d+)?|\[[^\]]*\]))\s*([^\W\d][^#]*)")
@@ -43,12 +43,12 @@ def read_file(path: Path) -> tuple[dict[str, Any], str]:
             _refuse_what_stands_twice(text.splitlines(), place, path)
         hint = _hint(text.split("\n"), place)
         raise SceneError(f"not TOML: {error}{hint}", str(path)) from None
-    except ValueError as error:  # of a number with too many digits, or of a path
+    except ValueError as error:  # such as for a number with too many digits, or a wrong path
         raise SceneError(f"not TOML: {error}", str(path)) from None
 
 
 def with_description(tables: dict[str, object], text: str, file_name: str) -> dict[str, object]:
-    """Return the tables with the first paragraph of the file's comment for a description, where they have none."""
+    """Return the tables; if they have no description, the first paragraph of the file's comment becomes it."""
     about, comment = tables.get("about", {}), _first_paragraph(text, file_name)
     if not comment or not isinstance(about, dict) or "description" in about:
         return tables
@@ -56,14 +56,14 @@ def with_description(tables: dict[str, object], text: str, file_name: str) -> di
 
 
 def _first_paragraph(text: str, file_name: str) -> str:
-    """Return as a line what the file's first lines say behind #, up to an empty one; the file's name says nothing."""
+    """Return the comment in the file's first lines, up to an empty one, as one line without the file's name."""
     said = (line.removeprefix("#").strip() for line in takewhile(lambda line: line.startswith("#"), text.splitlines()))
     words = takewhile(bool, dropwhile(lambda line: line in ("", file_name), said))
     return "".join(c for c in " ".join(words) if c.isprintable())[:LONGEST_COMMENT]
 
 
 def _hint(lines: list[str], place: re.Match[str] | None) -> str:
-    """Return the line that is wrong, and what to write where a value is yes, True or the like, or has a unit."""
+    """Return the wrong line, and what to write instead of a value such as yes or True, or one with a unit."""
     if not place or not (line := lines[int(place[1]) - 1].strip()):
         return ""
     quoted = f": {as_toml(line)}" if line.isprintable() else ""
@@ -75,7 +75,7 @@ def _hint(lines: list[str], place: re.Match[str] | None) -> str:
 
 
 def _refuse_what_stands_twice(lines: list[str], place: re.Match[str] | None, path: Path) -> None:
-    """Raise a SceneError with a repeated key and its line (from 1); tomllib only says where the statement ends."""
+    """Raise a SceneError with a repeated key and its line, counted from 1; tomllib only reports the statement's end."""
     last = int(place[1]) if place else len(lines)
     before = range(last - 1, max(last - MAX_LINES, 0) - 1, -1)
     first = next((k for k in before if _parsed(lines[:k]) is not None), last)

@@ -18,9 +18,9 @@ LOGNORMAL, TRIANGULAR, RELATIVE = "lognormal", "triangular", "relative"
 
 
 class Distribution(NamedTuple):
-    """A kind of distribution: its arguments in words, and the rule of each, made of the rule of the key's numbers.
+    """A kind of distribution: its arguments in words, and functions that make the rule of each from the key's rule.
 
-    ascending: they are ordered, and bound the values.
+    ascending: whether the arguments must be in ascending order, and bound the values.
     """
 
     expected: str
@@ -29,7 +29,7 @@ class Distribution(NamedTuple):
 
 
 class Alike(rules.Numbers):
-    """The rule of numbers of which one stands for a vector of equal ones."""
+    """The rule of a vector, for which one number means that all components are equal."""
 
     def _convert(self, value: object) -> object:
         value = plain(value)
@@ -61,11 +61,11 @@ DISTRIBUTIONS: Mapping[str, Distribution] = {
     TRIANGULAR: Distribution("[low, most likely, high]", (_location,) * 3, ascending=True),
     RELATIVE: Distribution("the standard deviation over the scene's value", (_share,)),
 }
-"""What stands under a key that varies. `ensembles/draws` makes values of points of the unit cube by the same kinds."""
+"""The distributions of a key that varies. `ensembles/draws` maps points of the unit cube to values by these kinds."""
 
 
 class Marginal(NamedTuple):
-    """The distribution of one number; arguments as in `DISTRIBUTIONS`; points: in a grid."""
+    """The distribution of one number; arguments: as in `DISTRIBUTIONS`; points: their number in a grid."""
 
     name: str
     kind: str
@@ -82,19 +82,19 @@ class Marginal(NamedTuple):
 
     @property
     def constant(self) -> float:
-        """Return the value where nothing varies: what is relative is then 1."""
+        """Return the value if the number does not vary: 1 if it is relative."""
         return 1.0 if self.kind == RELATIVE else self.arguments[0]
 
 
 def component_names(name: str, shape: tuple[int, ...]) -> list[str]:
-    """Return the names of a key's numbers: of a matrix the six of one triangle."""
+    """Return the names of a key's numbers; a matrix has the six of one triangle."""
     if len(shape) == 2:
         return [f"{name}{index}" for index in indices(_BY_NAME["inertia"])]
     return [f"{name}[{k}]" for k in range(1, shape[0] + 1)] if shape else [name]
 
 
 def components(value: Any, shape: tuple[int, ...]) -> list[float]:
-    """Return a key's numbers one after another. Raises ValueError where a matrix is not symmetric."""
+    """Return a key's numbers one after another. Raises ValueError if a matrix is not symmetric."""
     if len(shape) < 2:
         return list(flattened(value))
     largest = max(map(abs, flattened(value)))
@@ -106,16 +106,16 @@ def components(value: Any, shape: tuple[int, ...]) -> list[float]:
 INERTIA, ATTITUDE, SHAPE, DEGREES = "body.inertia", "initial.attitude", "body.shape", "initial.omega_b_deg"
 AXES = "axes_deg"
 ABOUT = {"rotvec_deg": "deg", "rotvec": "rad"}
-"""Ways to give standard deviations of a rotation vector, by their unit."""
+"""The keys for standard deviations of a rotation vector, with their units."""
 ATTITUDES = ({"rotvec_deg"}, {"rotvec"}, {"euler", "angles_deg"}, {"euler", "angles"})
-"""The keys that say together how an attitude varies."""
+"""The sets of keys that can describe how an attitude varies."""
 VARYING_ANGLES = ("angles_deg", "angles", "rotvec")
-"""Representations of an attitude whose numbers may vary one by one."""
+"""The representations of an attitude whose numbers may vary one by one."""
 
 
 @dataclass(frozen=True)
 class Variation:
-    """A key that varies. marginals: of all its numbers; form: the key's way to give them; text: as written, in JSON."""
+    """A key that varies. marginals: of all its numbers; form: how the key gives them; text: its value, as JSON."""
 
     key: str
     form: str
@@ -124,16 +124,16 @@ class Variation:
 
     @property
     def is_relative(self) -> bool:
-        """Return whether its numbers are factors of the scene's."""
+        """Return whether its numbers are factors on the scene's numbers."""
         return self.form == RELATIVE
 
     @property
     def table(self) -> Any:
-        """Return what the file says of the key."""
+        """Return the key's value, as in the file."""
         return json.loads(self.text)
 
     def refused(self, expected: str, part: str = "") -> str:
-        """Return the fault of what the file says of the key, or of a part of it."""
+        """Return the fault of the key's value, or of a part of it."""
         path = joined("ensemble.vary", self.key)
         return fault(f"{path}.{part}", self.table[part], expected) if part else fault(path, self.table, expected)
 
@@ -145,18 +145,18 @@ QUANTITY_OF: Mapping[str, Parameter | Load] = (
     | {f"loads.{load.name}": load for load in LOADS}
     | {ATTITUDE: _BY_NAME["quaternion_0"], SHAPE: _BY_NAME["inertia"]}
 )
-"""The quantity that each key sets which may vary."""
+"""The quantity that is set by each key that may vary."""
 RULES: Mapping[str, rules.Numbers] = {
     key: rules.Numbers((3,), "deg/s") if key == DEGREES else rules.numbers(row.name)
     for key, row in QUANTITY_OF.items()
     if key not in (INERTIA, ATTITUDE, SHAPE)
 }
-"""The rule of each key whose numbers stand for themselves."""
+"""The rule of each key whose numbers vary directly, unlike those of an inertia, an attitude or a shape."""
 KEYS = (*RULES, INERTIA, ATTITUDE, SHAPE)
 
 
 def read_variations(vary: object) -> tuple[Variation, ...] | None:
-    """Return the keys that vary, of the table `ensemble.vary`. Raises SceneError."""
+    """Return the keys that vary, from the table `ensemble.vary`; None if it is no table or empty. Raises SceneError."""
     if not isinstance(vary, Mapping) or not vary:
         return None
     return tuple(read_each(vary, "ensemble.vary", _variation).values())
@@ -176,7 +176,7 @@ Found = tuple[Marginals, str]
 
 
 def _distributed(name: str, rule: rules.Numbers, value: object, path: str, relative: bool = True) -> Marginals:
-    """Return the marginals of a number or a vector that varies; rule: of its values. Raises SceneError."""
+    """Return the marginals of a varying number or vector; rule: of its values. Raises SceneError."""
     kinds = {kind: row for kind, row in DISTRIBUTIONS.items() if relative or kind != RELATIVE}
     given = [key for key in value if key in kinds] if isinstance(value, Mapping) else []
     if not isinstance(value, Mapping) or len(given) != 1 or set(value) - {*given, "points"}:
@@ -191,7 +191,7 @@ def _distributed(name: str, rule: rules.Numbers, value: object, path: str, relat
 
 
 def _arguments(kind: str, rule: rules.Numbers) -> rules.Rule:
-    """Return the rule of the numbers of each argument, flattened to the key's components."""
+    """Return the rule that reads a distribution's arguments: for each a list of numbers, one for each component."""
     expected, makers, ascending = DISTRIBUTIONS[kind]
     each = [make(rule) for make in makers]
 
@@ -211,11 +211,11 @@ def _arguments(kind: str, rule: rules.Numbers) -> rules.Rule:
 
 
 MOST_POINTS = 1_000_000
-"""Of one number, in a grid."""
+"""The most points of one number in a grid."""
 
 
 def _points(count: int) -> rules.Rule:
-    """Return the rule of the numbers of points of a key with so many components."""
+    """Return the rule of the numbers of points of a key with `count` components."""
 
     def convert(value: object) -> list[object] | None:
         each = list(value) if isinstance(value, list | tuple) else [value] * count
@@ -227,7 +227,7 @@ def _points(count: int) -> rules.Rule:
 
 
 def _about_zero(name: str, unit: str) -> rules.Numbers:
-    """Return the rule of a rotation vector's standard deviations, of which it makes marginals."""
+    """Return the rule that reads a rotation vector's standard deviations as marginals."""
     names = component_names(name, (3,))
     bound = " >= 0: standard deviations, or one for all", rules.NOT_NEGATIVE[1]
     return Alike(
@@ -240,11 +240,11 @@ _REFUSED = {
     f"{ATTITUDE}.": f'"{ATTITUDE}" = {{ rotvec_deg = 2.0 }}, {{ euler = "ZYX", angles_deg = {{ normal = ... }} }}',
     "run.": "a key of body, initial or loads, a constant or a state: all runs have the same times and accuracy",
 }
-"""What is expected in place of keys that begin so."""
+"""What a message expects in place of keys that begin in these ways."""
 
 
 def _numbers(key: str, value: object, path: str) -> Found:
-    """Return how numbers vary that stand for themselves: of a body, a start or a load, or of your own."""
+    """Return the marginals of numbers that vary directly: of a body, a start or a load, or the scene's own."""
     if key in RULES:
         rule = RULES[key]
     elif own.is_own(key):
@@ -313,9 +313,9 @@ def _shape(value: object, path: str) -> Found:
 
 
 _READERS: Mapping[str, Callable[[object, str], Found]] = {INERTIA: _inertia, ATTITUDE: _attitude, SHAPE: _shape}
-"""What reads the keys whose tables have forms of their own."""
+"""The readers of keys whose tables have special forms."""
 
 
 def _nested(value: object, levels: int) -> bool:
-    """Return whether lists stand within lists, so many levels deep."""
+    """Return whether lists are nested, at least `levels` deep."""
     return isinstance(value, list | tuple) and (levels == 1 or any(_nested(item, levels - 1) for item in value))
