@@ -93,9 +93,7 @@ LICENSE = "MIT; see documentation/licenses"
 _KINDS = {"input": ("continuous", ""), "parameter": ("fixed", "exact"), "output": ("continuous", "calculated")}
 """By causality: variability and initial."""
 STATUS = {"name": "status", "causality": "output", "variability": "discrete", "initial": "calculated"}
-STATUS["description"] = (
-    "0: fine; 1: the last step was refused or missed the accuracy; 2: past the stop time, accuracy not promised"
-)
+STATUS["description"] = "0: fine; 1: the last step was refused; 2: past the stop time, accuracy not promised"
 STATUS_RANGE = {"min": "0", "max": "2"}
 UNSET = "{}"
 """Stands for an FMU's identity while that identity is being made."""
