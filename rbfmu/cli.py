@@ -79,12 +79,13 @@ def new(name: str) -> None:
 @click.option("--code", is_flag=True, help="Print the kernels that are made from the scene's formulas.")
 def show_plan(asked: common.Asked, as_json: bool, code: bool) -> None:
     """Say which model and method a scene gets, and why."""
-    if code and as_json:
-        raise click.UsageError("--code: expected no --json with it, as it prints Python")
+    given = {"--json": as_json, "--inputs": asked.driven["inputs"], "--model full": asked.model == "full"}
+    if code and (idle := next(filter(given.get, given), None)):
+        raise click.UsageError(f"--code: expected no {idle} with it, as it prints Python")
     if code:
         with asked.opened() as scene:
             if (formulas := rbfmu.plan(scene).formulas) is None:
-                raise SceneError("--code: expected a scene with formulas in loads, states or outputs", scene.name)
+                raise SceneError("--code: expected a scene with formulas, inputs of its own or events", scene.name)
             click.echo(formulas.text)
         return
     known = _plan_of(asked, asked.opened())

@@ -190,7 +190,7 @@ class Result:
             raise ValueError(f"{path}: time is missing: expected the result of a run")
         time, quantities = columns["time"], {name: columns[name] for name in OUTPUT if name in columns}
         for name, values in {"time": time, **quantities}.items():
-            _check_shape(OUTPUT.get(name, TIME), values, len(time), f"{path}: ")
+            _check_shape(OUTPUT.get(name, TIME), values, time.size, f"{path}: ")
             refuse_gaps(name, values, f"{path}: ")
         _refuse_disorder(time, f"{path}: ")
 
@@ -292,6 +292,8 @@ def quaternion_lengths(rows: Array) -> Array:
 
 
 def _arrays(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    if not hasattr(values, "items"):
+        raise TypeError(f"{f'Result: {values!r}':.120}: expected a mapping from names to arrays")
     return {name: as_floats("Result", name, one) for name, one in values.items()}
 
 

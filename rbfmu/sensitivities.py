@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
+from rbfmu.arrays.from_kernel import as_floats, no_numbers
 from rbfmu.exceptions import SceneError, path_of
 from rbfmu.models import formulas, question, registry
 from rbfmu.models.varied import TURN, Column, VariedModel
@@ -182,13 +183,11 @@ class Varied:
         return Sensitivity(run.time, self.numbers, run.sizes, of, run.values, spread)
 
     def _carried(self, of: Mapping[str, Array], numbers: Any) -> dict[str, Array]:
-        n = len(self.columns)
-        try:
-            covariance = np.asarray(numbers, dtype=np.float64)
-        except (TypeError, ValueError, OverflowError):
-            covariance = np.empty(0)
+        n, wrong = len(self.columns), no_numbers(numbers)
+        covariance = np.empty(0) if wrong else as_floats("sensitivity", "covariance", numbers)
         if covariance.shape != (n, n):
-            raise ValueError(f"covariance: expected a matrix {(n, n)} for {', '.join(self.numbers)}")
+            why = f", which {wrong}" if wrong else ""
+            raise ValueError(f"covariance: expected a matrix {(n, n)} for {', '.join(self.numbers)}{why}")
         if not (np.isfinite(covariance).all() and _least_variance(covariance) >= -1e-9):
             said = "finite numbers, a symmetric matrix, and variances of at least 0, also of sums"
             raise ValueError(f"covariance: expected {said}")

@@ -77,7 +77,7 @@ def attitude_spline(times: ArrayLike, q_ab: ArrayLike) -> AttitudeSpline:
 
 
 def _numbers(argument: str, value: ArrayLike) -> Array:
-    array = from_kernel.as_floats("attitude_spline", argument, value)
+    array = from_kernel.as_floats("attitude_spline", argument, value).copy()  # the caller may change its own
     if bad := np.argwhere(~np.isfinite(array)).tolist():
         place = ", ".join(map(str, bad[0]))
         raise ValueError(f"attitude_spline: {argument} must be finite numbers, got {array[*bad[0]]} at [{place}]")

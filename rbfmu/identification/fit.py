@@ -108,7 +108,7 @@ class Fit:
 
         source: the file of the scene that was fitted, to keep its comments. Needs tomlkit.
         """
-        tomlkit = extras.needed("tomlkit", "fit")
+        path, tomlkit = exceptions.path_of(path), extras.needed("tomlkit", "fit")
         whole = tomlkit.dumps(self.scene.to_dict()) if source is None else Path(source).read_text("utf-8-sig")
         document, places = tomlkit.parse(whole), by_key(self.names)
         for key, at in places.items():
@@ -118,7 +118,7 @@ class Fit:
             _put(tomlkit, document, self.scene, INERTIA, "of the shape, with the mass that it had")
         written = tomlkit.dumps(document)
         Scene.from_dict(tomllib.loads(written), str(path))  # raises an error before a wrong file is written
-        on_disk.write_whole(Path(path), written.encode())  # path may be the source
+        on_disk.write_whole(path, written.encode())  # path may be the source
 
     def plot(self, path: str | Path | None = None) -> Any:
         """Draw residuals over their standard deviation, a panel an output; return the matplotlib.figure.Figure."""

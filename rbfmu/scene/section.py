@@ -321,7 +321,7 @@ class Section:
             return value
         path = path or cls._path
         if not isinstance(value, Mapping):
-            raise SceneError([fault(path, value, f"a table with keys out of {', '.join(cls._keys)}")])
+            raise SceneError([fault(path, value, f"a table with keys out of {', '.join((*cls._keys, *cls._texts))}")])
         made = cls.__new__(cls)
         made._fill(path, {str(key): item for key, item in value.items()})
         return made

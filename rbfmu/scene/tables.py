@@ -244,7 +244,8 @@ class Outputs(rules.Section, path="outputs"):
         """Separate own outputs, which are tables or texts, and energies that are asked for, from the keys."""
         shown = {name: x for name, x in data.items() if isinstance(x, Mapping | str) and name not in self._keys}
         left = {name: x for name, x in data.items() if name not in shown}
-        if isinstance(asked := data.get("quantities"), list | tuple):
+        if isinstance(given := data.get("quantities"), list | tuple):
+            asked = [rules.plain(name) for name in given]
             energies = [name for name in named.ENERGIES if name in asked]
             shown |= {name: {"value": name, "unit": "J", "about": named.ENERGIES[name]} for name in energies}
             own = [name for name in asked if isinstance(name, str) and name in shown]

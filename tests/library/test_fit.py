@@ -166,6 +166,8 @@ def test_a_fit_is_written_with_comments_and_read_again(tmp_path, found):
     written = rbfmu.load_scene(tmp_path / "fitted.toml")
     assert written.body.inertia == found.scene.body.inertia
     assert written.initial.quaternion == pytest.approx(found.scene.initial.quaternion, abs=1e-15)
+    with pytest.raises(TypeError, match="path = 3: expected a path"):
+        found.save(3)
     found.save(tmp_path / "alone.toml")
     assert rbfmu.load_scene(tmp_path / "alone.toml").initial.omega_b == found.scene.initial.omega_b
 

@@ -256,6 +256,9 @@ def test_arrays_that_are_no_result_are_refused(tmp_path: Path) -> None:
         np.savez(path, time=time, kinetic_energy=np.ones(2))
         with pytest.raises(ValueError, match=r"it\.npz: time must be real numbers, got an array of (datetime|complex)"):
             Result.load(path)
+    np.savez(path, time=0.0)
+    with pytest.raises(ValueError, match=r"it\.npz: time has the shape \(\): expected \(1,\)"):
+        Result.load(path)
     np.savez(path, **{"time": np.arange(3.0), "resume/head": np.zeros(1)})
     with pytest.raises(ValueError, match=r"it\.npz: an ensemble's: .*; EnsembleResult\.load takes it"):
         Result.load(path)

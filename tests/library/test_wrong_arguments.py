@@ -30,6 +30,10 @@ WRONG = [
      "by: expected each number once, not body.mass, body.mass"),
     (lambda: rbfmu.sensitivity(SCENE, "body.mass", covariance="x"), ValueError, "covariance: expected a matrix (1, 1)"),
     (lambda: rbfmu.sensitivity(SCENE, "body.mass", covariance={}), ValueError, "covariance: expected a matrix (1, 1)"),
+    (lambda: rbfmu.sensitivity(SCENE, "body.mass", covariance=np.ma.masked_array([[1.0]], mask=True)), ValueError,
+     "covariance: expected a matrix (1, 1) for body.mass, which must have no mask"),
+    (lambda: rbfmu.sensitivity(SCENE, "body.mass", covariance=[[1.0 + 1.0j]]), ValueError,
+     "covariance: expected a matrix (1, 1) for body.mass, which must be real numbers, got [[(1+1j)]]"),
     (lambda: rbfmu.fit(SCENE, RESULT, free=[3]), ValueError, "free = 3: expected one of initial.attitude, "),
     (lambda: rbfmu.fit(SCENE, RESULT, free=[["x"]]), ValueError, "free = ['x']: expected one of initial.attitude, "),
     (lambda: rbfmu.linearize(SCENE, "x"), ValueError, "t = 'x': expected a time from run.start = 0.0 to run.stop"),
@@ -53,6 +57,11 @@ WRONG = [
     (lambda: rbfmu.Result.load(None), TypeError, "path = None: expected a path"),
     (lambda: rbfmu.EnsembleResult.load(RESULT), TypeError, "path = Result("),
     (lambda: rbfmu.Simulator(SCENE).step(True), TypeError, "h = true: expected a number (s)"),
+    (lambda: rbfmu.Result([0.0], [[0.0] * 3]), TypeError, "Result: [[0.0, 0.0, 0.0]]: expected a mapping from"),
+    (lambda: rbfmu.Result([0.0], {}, events=3), TypeError, "Result: 3: expected a mapping from names to arrays"),
+    (lambda: SCENE.replace({"outputs.quantities": ["omega_b", np.ones(3)]}), rbfmu.SceneError,
+     "outputs.quantities = [\"omega_b\", [1.0, 1.0, 1.0]]: expected a list of distinct names"),
+    (lambda: SCENE.replace(loads=3), rbfmu.SceneError, "torque_b, damping_b, potential"),
     (lambda: SCENE.replace(3), rbfmu.SceneError, "scene: changes = 3: expected a mapping from keys to their values"),
 ]  # fmt: skip
 

@@ -73,6 +73,14 @@ def test_one_time_and_any_shape_of_times():
     assert (spline.alpha_b([2.0]) == spline.alpha_b(2.0)).all()
 
 
+def test_a_spline_keeps_its_times_though_the_caller_moves_his():
+    times = np.linspace(0.0, 16.0, 33)
+    spline = rbfmu.attitude_spline(times, motion(times)[0])
+    before = spline(3.3)
+    times += 100.0 * np.sin(times)
+    assert (spline(3.3) == before).all()
+
+
 @pytest.mark.parametrize(("times", "q_ab", "said"), [
     ([0.0, 1.0, 2.0], np.ones((3, 4)), r"times must be 4 or more in one row that increase, got shape \(3,\)"),
     ([0.0, 1.0, 1.0, 2.0], np.ones((4, 4)),

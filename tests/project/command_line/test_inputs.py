@@ -45,7 +45,8 @@ def test_a_run_is_driven_by_a_file(interpolate: str, scene: Path, tmp_path: Path
 
 def test_a_course_between_rows_of_no_table_is_refused(scene: Path) -> None:
     assert call("view", scene, "--interpolate", "linear").exit_code == 2
-    assert "expected no --json" in call("plan", scene, "--code", "--json").stderr
+    for idle in (["--json"], ["--inputs", "none.csv"], ["--model", "full"]):
+        assert f"--code: expected no {' '.join(idle[:1])}" in call("plan", scene, "--code", *idle).stderr
     assert "--interpolate linear: expected --inputs" in refused("plan", scene, "--interpolate", "linear")
 
 
