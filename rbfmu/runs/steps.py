@@ -113,8 +113,8 @@ class Steps:
             return k
         last = min(k - 1 + self._together, self.count)
         counted = substeps.start if substeps else -1
-        given = self.z, self._lengths, self._counts, self._places, self._values, at, rows
-        taken = int(_compiled_loop()(self.kernels.step, *given, k - 1, last, counted, most))
+        pieces = _Pieces(self._lengths, self._counts, self._places, self._values, at, rows)
+        taken = int(_compiled_loop()(self.kernels.step, self.z, pieces, k - 1, last, counted, most))
         self._is_over = taken < last
         self._together = min(2 * self._together, MOST) if perf_counter() - begin < SOON else self._together // 2 or 1
         return taken
@@ -128,14 +128,27 @@ class Steps:
         return self.places(of), np.hstack([np.empty((len(self._lengths), 0)), *of.values()])
 
 
-def _take_many(
-    step: Any, z: Any, lengths: Any, counts: Any, places: Any, values: Any, at: Any, rows: Any, first: int, last: int,
-    counted: int, most: float,
-) -> int:  # fmt: skip
+class _Pieces(NamedTuple):
+    """The pieces of a run, for the compiled loop, and the numbers that are kept after each step.
+
+    lengths (L,): of the pieces, s; counts (n + 1,): the number of pieces before each point; places (p,), values (L, p):
+    of the inputs in each piece; at (w,): the places of the numbers kept; rows (n + 1, w): where they are kept.
+    """
+
+    lengths: Array
+    counts: Indices
+    places: Indices
+    values: Array
+    at: Indices
+    rows: Array
+
+
+def _take_many(step: Any, z: Buffer, pieces: _Pieces, first: int, last: int, counted: int, most: float) -> int:
     """Take the steps after `first` up to `last` as `Steps.take` does; return the last one taken.
 
     counted: the place of the number of substeps, -1 if it is not counted.
     """
+    lengths, counts, places, values, at, rows = pieces
     for k in range(first, last):
         for i in range(counts[k], counts[k + 1]):
             for j in range(len(places)):
@@ -156,8 +169,8 @@ _STEP = types.FunctionType(int64(_NUMBERS, float64))
 @cache
 def _compiled_loop() -> Callable[..., Any]:
     """Return the loop as machine code; it calls the step of any model by its address."""
-    arrays = _NUMBERS, _NUMBERS, _INDICES, _INDICES, _TABLE, _INDICES, _TABLE
-    return loop(_take_many, int64(_STEP, *arrays, int64, int64, int64, float64))  # type: ignore[no-any-return]
+    pieces = types.NamedTuple((_NUMBERS, _INDICES, _INDICES, _TABLE, _INDICES, _TABLE), _Pieces)
+    return loop(_take_many, int64(_STEP, _NUMBERS, pieces, int64, int64, int64, float64))  # type: ignore[no-any-return]
 
 
 class Driven(Steps):
