@@ -114,7 +114,7 @@ def polhode_axes(moments: Vector, omega: Vector) -> tuple[float, float, float, D
     d = dd.subtract(upper, lower)
     rest = abs(w_hi[1]) + abs(w_lo[1]) + abs(a[1]) + abs(b[1]) + abs(c[1])
     too_few = (abs(d[0]) < 1e-8 * upper[0]) & (rest == 0.0)
-    # Eight or more of 32 digits cancel, and too few are left. Where all numbers are floats, the sum is computed exactly.
+    # Eight or more of 32 digits cancel, and too few are left. If all numbers are floats, the sum can be exact.
     if any_of(too_few):
         zero = alike(d[0], 0.0)
         sums = _add_exactly((zero, zero, zero, zero), w_hi[0], i_hi[0], above)
