@@ -31,7 +31,7 @@ class Method(NamedTuple):
 
 
 class Room(NamedTuple):
-    """The places in a buffer of the state, of the work space, and of the step size, next to which is the count."""
+    """The places in a buffer of the state, of the work space, and of the step size, beside which is the count."""
 
     state: int
     work: int
@@ -40,7 +40,7 @@ class Room(NamedTuple):
 
 @kernel
 def substeps_in(h: float, longest: float) -> int:
-    """Return the least number of equal parts of h, each at most `longest`; 0 where that is too many, or NaN.
+    """Return the least number of equal parts of h, each at most `longest`; 0 if that is too many, or not a number.
 
     Parts may be longer by 1e-9 of themselves, so that round-off in the importer's clock does not add one.
     """
@@ -51,7 +51,7 @@ def substeps_in(h: float, longest: float) -> int:
 
 @kernel
 def parts_in(h: float, longest: float) -> int:
-    """Return that number of parts without the check."""
+    """Return the number that `substeps_in` does, without its check."""
     return max(math.ceil(h / longest * (1.0 - 1e-9)), 1)
 
 
