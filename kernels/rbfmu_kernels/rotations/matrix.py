@@ -132,7 +132,7 @@ def matrix_from_quaternion(q_ab: Quaternion) -> Matrix:
 
     Textbooks have s = 2, for a q_ab that is exactly unit; here it may have any length from 1e-150 to 1e150.
     Units: dimensionless.  Frames: q_ab and R_ab take coordinates in b to a.
-    Error <= 3.5 eps, for a unit q_ab 2 eps.  Singular: at the zero quaternion, which gives NaN.  Source: E&G 6.7.
+    Error <= 3.5 eps, of a unit q_ab 2 eps.  Singular: at the zero quaternion, which gives NaN.  Source: E&G 6.7.
     """
     w, x, y, z = q_ab
     ww, xx, yy, zz = w * w, x * x, y * y, z * z

@@ -21,8 +21,8 @@ def quaternion_from_rotvec(u: Vec3) -> Quaternion:
     """Return q_ab = (cos(|u| / 2), u sin(|u| / 2) / |u|) of a rotation vector.
 
     Units: u in rad; q_ab is dimensionless.  Frames: u is the same in a and b; q_ab takes coordinates in b to a.
-    Error <= 2 eps to |u| = pi, then 1.2 eps |u|. Beyond |u| = 2e15 q_ab is (1, 0, 0, 0), beyond 1.3e154 NaN.
-    Singular: nowhere.  Source: E&G 6.7.
+    Error <= 2 eps to |u| = pi, then 1.2 eps |u|; beyond 2e15 (1, 0, 0, 0), beyond 1.3e154 NaN.  Singular: nowhere.
+    Source: E&G 6.7.
     """
     angle = math.sqrt(vec3.dot(u, u))
     s, c = sincos(0.5 * angle)
