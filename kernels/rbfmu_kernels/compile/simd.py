@@ -51,7 +51,7 @@ def cyclic_at(z: Buffer, i: int, j: int) -> Lanes:
 
 
 def put_cyclic(z: Buffer, j: int, a: Lanes) -> None:
-    """Store four plain numbers from z[j] on for `cyclic_at`; of wide ones, which it does not read there, none."""
+    """Store four plain numbers from z[j] on, for `cyclic_at`; does nothing for wide ones, which it reads elsewhere."""
     put_lanes(z, j, a)
 
 

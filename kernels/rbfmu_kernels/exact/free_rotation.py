@@ -98,8 +98,8 @@ def free_rotation(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3, t: float) -> 
     Frames: the axes of b are the principal ones; omega_b_0 in b, q_0 from b to a.
     Error <= 1 eps, at most 6 eps, to |omega t| = 1e9 and mostly to 1e13: in rad from the exact attitude at t, and of
     omega relative to |omega|; see `free_rotation_at`.
-    Singular: where no motion exists, which gives NaN; see `free_rotation_setup`.  Both serve many times of one body.
-    Source: Celledoni, Fasso, Saefstroem & Zanna 2008.
+    Singular: where no motion exists, which gives NaN; see `free_rotation_setup`. For many times of one body, call that
+    once and `free_rotation_at` for each time.  Source: Celledoni, Fasso, Saefstroem & Zanna 2008.
     """
     return free_rotation_at(free_rotation_setup(moments, q_0, omega_b_0), t)
 

@@ -4,8 +4,8 @@ Series follow one another in steps of their own, whatever the communication step
 The body rate's series is that of `taylor_coefficients`. The attitude's begins at q_ab itself, as dq/dt = q o (0, omega)
 / 2 is linear, and is made to the order at which its terms are small enough.
 
-Works in a piece of a model's buffer, see `taylor_coefficients`; what is kept: `SERIES_BLOCKS`; states: see
-`equations_of_motion`.
+The series are in a piece of a model's buffer, see `taylor_coefficients`; `SERIES_BLOCKS` is kept from step to step. For
+states see `equations_of_motion`.
 """
 
 import math

@@ -60,7 +60,7 @@ def transverse_moment(M: Matrix) -> float:
 def is_symmetric_top(M: Matrix) -> bool:
     """Return whether two principal moments of M are equal, to 8 eps of the trace: (M - I_t) (M - I_s) = 0.
 
-    Each is then within 4 eps of what they share.  M: symmetric, kg m^2, any scale.
+    Each is then within 4 eps of the trace from their common value.  M: symmetric, kg m^2, any scale.
     """
     M = scale_matrix(power_of_two_for(trace(M)), M)
     total = trace(M)

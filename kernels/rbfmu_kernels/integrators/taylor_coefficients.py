@@ -87,7 +87,7 @@ def _second_at(s: Buffer, i: int) -> Any:
 
 @kernel
 def _inner_products(s: Buffer, u: int, v: int, k: int) -> Vec3:
-    """Return the sum of u_j v_(k-j), the second factor, without its two ends, which need the newest coefficients."""
+    """Return the sum of u_j v_(k-j), v as second factor, without its two ends, which need the newest coefficients."""
     low = high = lanes(0.0, 0.0, 0.0, 0.0)
     i, j = ROW * ((k + 1) >> 1), ROW * (k >> 1)
     if i == j and k > 0:

@@ -21,7 +21,7 @@ STATE_BLOCKS = {"q": 4, "omega": 3, "pad": 1, "r_c": 3, "v_c": 3, "pad_2": 2}
 _PLACES = places(STATE_BLOCKS)
 STATE_SIZE = _PLACES.size
 _, OMEGA, _, R_C, V_C, _ = _PLACES.at
-"""Where in a state its vectors begin; the attitude stands first."""
+"""Where in a state its vectors begin; the attitude is first."""
 RATE_ONLY, ROTATION, WHOLE_STATE = 3, R_C, STATE_SIZE
 """How much of a state is integrated: the rate alone (DOP853 adds the attitude), the rotation, all."""
 

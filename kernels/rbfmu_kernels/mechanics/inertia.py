@@ -197,7 +197,7 @@ def principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
     """Return (moments, R) with M = R diag(moments) R^T, the moments ascending, R a rotation.
 
     The columns of R are the principal axes. A diagonal matrix gives its own numbers and a signed permutation matrix.
-    Units: M symmetric, of which the upper triangle is read, any unit and scale, commonly kg m^2; the moments alike.
+    Units: M symmetric (its upper triangle is read), any unit and scale, commonly kg m^2; the moments alike.
     Frames: M in b gives R_bp, from principal axes p to b.
     Error: R diag(moments) R^T is M to 2 eps of the trace, or to 6 eps of the largest moment if one is negative; R is
     orthonormal to 2 eps.

@@ -29,8 +29,8 @@ SERIES = {
     "series.stands": 1, "series.reach": 1, "series.since": 2, "series.begun": 2,
     "series.rest": 1, "series.crept": 1, "series.tried": 1,
 }  # fmt: skip
-"""Whether there is a valid series; its reach, and how far it has been used, s; the time at which it began; what is left
-of the communication step, s; the number of its series that were very short, and of all its series."""
+"""Whether there is a valid series; its reach, and how far it has been used, s; the time at which it began; the time
+left in the communication step, s; the number of its series that were very short, and of all its series."""
 CORNERS = ("series.sides", "series.on", "series.next_on", "series.flips")
 """For each number whose sign the coefficients depend on (in abs, min, max, where, a table's rows): its side, 1 or -1;
 how many series in a row ended at its corner before this one (negative where this one begins beside it, see
@@ -49,7 +49,7 @@ errors of both are the squares of these parts. At a corner, as of max(x, 0)**1.5
 round-off has moved it from there (`formula_ends.rest_roots`); a series beside it reaches 0.8 of the time to its zero.
 """
 CREEPING, MOST_CREPT = 1e-7, 20_000
-"""A communication step is given up after so many series that each reach over less than this part of it."""
+"""A communication step is refused after MOST_CREPT series that each reach over less than the part CREEPING of it."""
 JUMP = 1e-9
 """The relative change up to which an input counts as unchanged: a linear input arrives with some round-off."""
 SHORTER, OF_ROUND_OFF = 40, 1.0 / 16.0
@@ -57,7 +57,7 @@ SHORTER, OF_ROUND_OFF = 40, 1.0 / 16.0
 leave. It leaves at most 2^-7 of a truncation error, but half of round-off, for which the series is not cut.
 """
 NEAR = 0.2
-"""A step is estimated anew until it is within this part of the step that its error was estimated for."""
+"""The estimate of a step from its error is repeated until it changes the step by at most this part."""
 
 # What templates are bound to. For each group of states: its columns in a row of coefficients, the least size that its
 # errors are relative to, and whether they are relative to its largest value so far. For inputs: the places of their
