@@ -50,7 +50,10 @@ def later(z: Buffer, clock: int, h: float) -> DoubleDouble:
 
 @kernel
 def has_turning_torque(z: Buffer) -> bool:
-    """Return whether damping, torque_b, or a force fixed in b with an arm acts: torques that are not fixed in a."""
+    """Return whether damping, torque_b, a force with an arm, or an unknown load acts: torques that are not fixed in a.
+
+    Unknown loads are those that models with a closed form do not know.
+    """
     body, loads = memory.body_of(z), memory.loads_of(z)
     lever = is_nonzero(body.arm_b) and is_nonzero(loads.force_a)
     lever = lever or is_nonzero(cross(body.arm_b, loads.force_b))
@@ -59,7 +62,7 @@ def has_turning_torque(z: Buffer) -> bool:
 
 @kernel
 def has_torque(z: Buffer) -> bool:
-    """Return whether damping, a torque, or a force with an arm acts."""
+    """Return whether damping, a torque, a force with an arm, or an unknown load acts."""
     return has_turning_torque(z) or is_nonzero(memory.loads_of(z).torque_a)
 
 

@@ -148,7 +148,7 @@ displacement that a force which turns with the body has added since then."""
 _LAYOUT = places(SERIES_BLOCKS)
 SERIES_SIZE = _LAYOUT.size
 KEPT = _LAYOUT.at
-"""The place of each of these, from the first of them on."""
+"""The place of each of these blocks, counted from the first."""
 NONE, VALID, STALE = 0.0, 1.0, 2.0
 """The coefficients of a stale series have been overwritten: it is made again before it is used."""
 LEAST_REACH = 1.5
@@ -366,7 +366,7 @@ def begin_series(
 
 @kernel
 def _turn_counted(square: float, h: float, least: float) -> float:
-    """Return the turn, at most 1, to which errors of the attitude are relative; square: of the largest rate."""
+    """Return the turn, rad, from `least` to 1, that errors of the attitude are relative to; square: (largest rate)^2."""
     turn = _SMALL_TURNS * math.sqrt(square) * h
     return max(choose(turn > 1.0, 1.0, turn), least)
 

@@ -21,7 +21,8 @@ class Method(NamedTuple):
     """What is integrated, and how accurately: n, how much of a state (`equations_of_motion`); order, of the series.
 
     tolerance: the largest estimated error of a substep; or, where span is not 0, of all substeps of a run of `span` s
-    together, as an error of the rate counts as what it turns the body by in that time; see `body.memory.SETTINGS`.
+    together, where an error of the rate counts as the angle that it turns the body by in that time; see
+    `body.memory.SETTINGS`.
     """
 
     n: int
@@ -70,7 +71,7 @@ def nearer_size(h: float, order: int, excess: float) -> float:
     """Return the step whose error is that of h over `excess`: about h excess^(-1 / order), but without a power.
 
     The Pade approximant of the power agrees with it to second order near 1, where step sizes settle. Far from there,
-    where it flattens, a step grows or shrinks by about 2 at most, as an estimate from so far away is worth little.
+    where it flattens, a step changes by a factor of about 2 at most, as an estimate from so far away is inaccurate.
     """
     near = h * ((order + 1.0) + (order - 1.0) * excess) / ((order - 1.0) + (order + 1.0) * excess)
     near = choose(excess < 1e-4, choose(excess < 1e-8, 2.0 * h, 1.3 * h), near)

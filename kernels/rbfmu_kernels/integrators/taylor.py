@@ -28,7 +28,7 @@ from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE, PER, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 
 _MAX_DERIVATIVES = 9
-"""The most derivatives of the attitude, with rates of `MAX_ORDER`: see `derivatives_of_attitude`."""
+"""The largest number of derivatives of the attitude, that at `MAX_ORDER`: see `derivatives_of_attitude`."""
 _COUNTS = range(_MAX_DERIVATIVES + 1)
 
 
@@ -47,7 +47,7 @@ _RATE_PER_ACCELERATION = 4.0 / math.e * np.array(_COUNTS)
 
 A turn from rest is q = exp(alpha t^2 / 4), whose (2m)-th derivative is (2m)! / m! (alpha / 4)^m at rest; that of a
 steady turn is (omega / 2)^(2m). They are equal at omega^2 = ((2m)! / m!)^(1/m) alpha, by Stirling's formula some
-4 m / e alpha. Without this a body that starts from rest would be thought not to turn at all.
+4 m / e alpha. Without this a body that starts from rest would seem not to turn at all.
 """
 _FOUR = 4.0 ** np.array(_COUNTS)
 """It cancels the 0.25^m of `_REMAINDER`, which is for the half angles of quaternions: a path turns by whole angles."""

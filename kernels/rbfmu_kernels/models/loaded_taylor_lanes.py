@@ -354,7 +354,7 @@ def begin_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFi
 
 @kernel(inline=False)
 def take_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads) -> None:
-    """Take a substep in each lane, whose size meets the tolerance there."""
+    """Take a substep in each lane, of a size that meets the tolerance there; where none does, the body has failed."""
     body, rest, low, order = _bodies(c), c[LANE.rest], c[LANE.low], method.order
     acceleration = alike(rest, 0.0)
     if fixed.lever_force or fixed.torque:

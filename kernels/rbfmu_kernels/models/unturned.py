@@ -70,7 +70,7 @@ def _set_up_angular_momentum(z: Buffer) -> int:
 
 @kernel
 def _advance_angular_momentum(z: Buffer, h: float) -> int:
-    """Advance by h; reject the step and change nothing where the motion is not finite or an input turns in a."""
+    """Advance by h; reject the step and change nothing where the motion is not finite or a torque is not fixed in a."""
     if not memory.skips_model_checks(z) and closed_form.has_turning_torque(z):
         return STEP_REJECTED
     since, low, omega, q = 0.0, 0.0, vec3_at(z, _MOMENTUM.omega_0), closed_form.first_attitude(z)
