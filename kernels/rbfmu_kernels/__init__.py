@@ -31,7 +31,7 @@ _MODULES = (
 """The modules with public names, listed in their `__all__`; those seldom needed and slow to load are last."""
 
 
-if not TYPE_CHECKING:  # a type checker would take any name for one of the module's
+if not TYPE_CHECKING:  # otherwise a type checker would accept any name as the module's
 
     def __getattr__(name: str) -> Any:
         """Load modules until one has the name; `__all__` is that of all."""

@@ -82,7 +82,7 @@ class Load(NamedTuple):
     """A load: a parameter, and an input too if it is a port.
 
     frame: a (fixed in space) or b (fixed in the body); dissipates: it takes energy from the motion, and is no input;
-    in_closed_forms: models with a closed form know it. They are not used for a body on which any other load acts.
+    in_closed_forms: models with a closed form know it; those are not used for a body on which any other load acts.
     """
 
     name: str

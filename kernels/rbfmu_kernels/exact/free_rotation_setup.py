@@ -90,7 +90,7 @@ def kappa_of(i_p: DoubleDouble, i_r: DoubleDouble, i_s: DoubleDouble) -> dd.Two:
 
 @kernel
 def gap(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """Return |a - b|, of floats exactly."""
+    """Return |a - b|, which is exact for floats."""
     below = dd.less(a, b)
     return dd.subtract(dd.choose(below, b, a), dd.choose(below, a, b))
 
@@ -189,7 +189,7 @@ FREE_ROTATION_SIZE, put_free_rotation, read_free_rotation, flatten_free_rotation
 SHAPES[FreeRotationNumbers] = (FREE_ROTATION_SIZE,)
 
 _LEAST_KC = 1e-300
-"""Below this a motion counts as on the separatrix: K(k) = ln(4 / kc), a turn takes 690 of its time scales or more."""
+"""Below this a motion counts as on the separatrix: K(k) = ln(4 / kc), so a turn takes 690 time scales or more."""
 _NONE: DoubleDouble = (0.0, 0.0)
 
 

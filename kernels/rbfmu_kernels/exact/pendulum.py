@@ -50,7 +50,7 @@ _read_theta, _flatten_theta = _theta[2:]
 _read_near, _flatten_near = record(NearSeries, _theta.size)[2:]
 ORDINARY, NEAR, SEPARATRIX = 0.0, 1.0, 2.0
 _LEAST_KC = 1e-300
-"""Below this a motion counts as on the separatrix: K(k) = ln(4 / kc), a turn takes 690 of its time scales or more."""
+"""Below this a motion counts as on the separatrix: K(k) = ln(4 / kc), so a turn takes 690 time scales or more."""
 _MAX_TURNS = 1e28  # turns of the phase from which on double-double has no digit left
 _LAST_TURN = 0.2167123282101497  # u = 600 on the separatrix: from there on the body rests at the top, to 1e-260
 

@@ -366,7 +366,7 @@ def begin_series(
 
 @kernel
 def _turn_counted(square: float, h: float, least: float) -> float:
-    """Return the turn, rad, from `least` to 1, that errors of the attitude are relative to; square: (largest rate)^2."""
+    """Return the turn, rad, from `least` to 1, to which attitude errors are relative; square: (largest rate)^2."""
     turn = _SMALL_TURNS * math.sqrt(square) * h
     return max(choose(turn > 1.0, 1.0, turn), least)
 

@@ -11,7 +11,7 @@ from .double_double import PI, DoubleDouble
 
 _LN_2 = (0.6931471805599453, 2.3190468138462996e-17)
 _HALVINGS, _TERMS_OF_EXP, _TERMS_OF_SINE = 9, 10, 17
-"""|x| <= ln 2 / 2^10 to the 11th power is below 1e-39, and (pi / 4)^35 / 35! below 1e-43."""
+"""The first omitted terms, over the sums: |r|^10 / 11! < 1e-39 for |r| <= ln 2 / 2^10, (pi / 4)^36 / 36! < 1e-45."""
 _LARGEST, _LARGEST_LOGARITHM = 700.0, 665.5
 """Doubles end at e^709.8. The low parts of e^-x leave the range of doubles from x = 675 on: its error is 6e-29 at 680
 and 3e-20 at 700."""

@@ -56,7 +56,7 @@ def sincos_half_turns(high: float, low: float) -> tuple[float, float]:
     rest = high - 0.5 * (shifted - _ROUND)
     f = rest + low
     low -= f - rest
-    c = _SPLIT * f  # pi f exactly (Dekker), the parts of pi known
+    c = _SPLIT * f  # pi f exactly (Dekker), with the parts of pi computed before
     f_1 = c - (c - f)
     f_2 = f - f_1
     r = _PI * f
