@@ -28,10 +28,10 @@ _MODULES = (
     "rotations.rotation_vector", "mechanics.kinematics", "mechanics.inertia", "mechanics.newton_euler",
     "numerics.elementary", "types", "rotations.rodrigues", "mechanics.spatial", "exact.free_rotation",
 )  # fmt: skip
-"""Those with public names, which their `__all__` lists; what is seldom needed, and takes long to load, stands last."""
+"""The modules with public names, listed in their `__all__`; those seldom needed and slow to load are last."""
 
 
-if not TYPE_CHECKING:  # to type checkers any name would be one of these
+if not TYPE_CHECKING:  # otherwise a type checker would accept any name as the module's
 
     def __getattr__(name: str) -> Any:
         """Load modules until one has the name; `__all__` is that of all."""

@@ -18,7 +18,7 @@ class Layout(NamedTuple):
 
     @property
     def at(self) -> Any:
-        """Where each block begins, in their order and by their names as attributes: constants of compiled code."""
+        """Where each block begins: a named tuple with the blocks' names, in their order; constants in compiled code."""
         return namedtuple("At", self.blocks)(*(block.start for block in self.blocks.values()))
 
 
@@ -33,7 +33,7 @@ def places(sizes: dict[str, int], first: int = 0) -> Layout:
 
 
 def with_work_space(sizes: dict[str, int], size: int) -> Layout:
-    """Return places of blocks and of a work space behind them, which begins at a cache line if the buffer does."""
+    """Return the places of blocks and of a work space after them, which begins at a cache line if the buffer does."""
     return places(sizes | {"pad_3": -places(sizes).size % 8, "work": size})
 
 
@@ -41,20 +41,21 @@ OK, STEP_REJECTED, PAST_STOP = 0, 1, 2
 """Values of the variable `status`; `step` returns OK or STEP_REJECTED."""
 
 MAX_SUBSTEPS = 1e7
-"""Substeps in one communication step (seconds of work) above which a step is refused rather than hang the host."""
+"""The largest number of substeps in one communication step (seconds of work): with more, a step is refused rather than
+hang the host."""
 MOST_LISTED = 4096
-"""Events of a communication step that are listed, beyond which a step is refused: what chatters comes to no end."""
+"""The largest number of events in one communication step: with more, a step is refused, as chatter would never end."""
 
 
 NO_MASS, TWO_ZERO_MOMENTS, NO_ATTITUDE, NOT_FINITE, BEAM_TURNS, NO_OUTPUTS = 1, 6, 7, 8, 9, 10
 """Faults at the start; those from 2 to 5 are one more than what `mechanics.inertia.check_inertia` returns."""
 CHANGED = "*"
-"""As the block of a fault: whatever was changed from what the model was planned for."""
+"""The block of a fault that is in no single block: some number is no longer what the model was planned for."""
 
 (
     TORQUE_ACTS, NO_TOP, RESONANT, TURNS, UNSTEADY, UNSYMMETRIC, MORE_AXES, NO_PENDULUM, NO_SPIN_UP, MORE_THAN_MOMENTUM,
 ) = range(11, 21)  # fmt: skip
-"""The faults of bodies that are not a model's."""
+"""Faults of bodies for which a model is not valid."""
 FAULTS: dict[int, tuple[str, str]] = {
     NO_MASS: ("mass", "expected a positive number (kg)"),
     2: ("inertia", "expected finite numbers (kg m2)"),
@@ -81,7 +82,7 @@ FAULTS: dict[int, tuple[str, str]] = {
                          "this model has the angular momentum alone"),
 }  # fmt: skip
 NEGATIVE = max(FAULTS) + 1
-"""The fault of a first load that must not be negative; those of others follow."""
+"""The fault of the first load that must not be negative; the faults of the others follow."""
 FAULTS |= {NEGATIVE + i: (load.name, f"expected no negative number ({load.unit})") for i, load in enumerate(BOUNDED)}
-"""What a model's `initialize` refuses, by its return value: the block of variables, or what has none, and what was
+"""What a model's `initialize` refuses, by its return value: the block (empty for any, or CHANGED), and what was
 expected."""

@@ -18,7 +18,7 @@ def copy_numbers(z: Buffer, source: int, target: int, n: int) -> None:
 
 @kernel
 def are_finite(z: Buffer, first: int, end: int) -> bool:
-    """Return whether all numbers from z[first] to before z[end] are finite: 0 x is 0 then, else NaN; one sum asks."""
+    """Return whether z[first], ..., z[end - 1] are finite, by the sum of 0 x: it is NaN if any x is not finite."""
     total = 0.0
     for i in range(first, end):
         total += 0.0 * z[i]
@@ -102,13 +102,13 @@ def record(kind: type[T], size: int = 0) -> Record[T]:
     source = [f"def put_{name}(z, i, value):", *stores]
     source += [f"def read_{name}(numbers):", f"    return {_expression(kind, count(), known)}"]
     source += [f"def flatten_{name}(value):", f"    return ({numbers},)"]
-    # as if it stood in the module that defines the named tuple, whose cache it shares
+    # as if the file that defines the named tuple defined them too, so that they share its cache
     exec(compile("\n".join(source), str(sys.modules[kind.__module__].__file__), "exec"), known)
     return Record(len(paths), *(kernel(known[f"{what}_{name}"]) for what in ("put", "read", "flatten")))
 
 
 def _fields(kind: Any) -> dict[str, Any]:
-    """Return the types of a tuple's fields, by what follows the tuple in an expression."""
+    """Return the types of a tuple's fields, by the text that selects a field, such as .x or [0]."""
     if hasattr(kind, "_fields"):
         return {f".{name}": part for name, part in get_type_hints(kind).items()}
     return {f"[{i}]": part for i, part in enumerate(get_args(kind))}
@@ -122,7 +122,7 @@ def _paths(kind: Any, value: str) -> list[str]:
 
 
 def _expression(kind: Any, places: Iterator[int], known: dict[str, Any]) -> str:
-    """Return the expression that makes a value of numbers[0], numbers[1], ..., and note what named tuples it makes."""
+    """Return the expression that makes a value of numbers[0], numbers[1], ...; add the named tuples used to `known`."""
     if kind is float:
         return f"numbers[{next(places)}]"
     parts = [_expression(part, places, known) for part in _fields(kind).values()]

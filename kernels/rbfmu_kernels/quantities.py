@@ -1,4 +1,4 @@
-"""One row for each parameter, load, initial value and output: what everything else about them follows from.
+"""One row for each parameter, load, initial value and output, from which all else about them follows.
 
 The layout of the models' buffers, the keys, units and checks of a scene, the variables of an FMU with their bounds and
 dependencies, the labels of plots and what planning must know of a quantity are made from these rows. A new quantity is
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 Bounds = tuple[tuple[float | None, float | None], ...]
 ANY: Bounds = ((None, None),)
-"""Bounds are given for all elements alike, or for each of them; these set none."""
+"""Bounds are given once for all elements, or for each of them; None sets no bound."""
 NOT_NEGATIVE: Bounds = ((0.0, None),)
 _UNIT_INTERVAL: Bounds = ((-1.0 - 2.0**-50, 1.0 + 2.0**-50),)
 """A normalised quaternion's component may pass 1 by round-off."""
@@ -22,7 +22,8 @@ _MATRIX: Bounds = NOT_NEGATIVE * 3 + ANY * 3
 class Unit(NamedTuple):
     """What a unit measures, its exponents of the SI base units, and units in which tools may show a number.
 
-    quantity: by Modelica's names (Modelica.Units.SI), empty of the unit 1; display: (name, factor), usual one first.
+    quantity: Modelica's name for it (Modelica.Units.SI), empty for the unit 1; display: (name, factor), usual one
+    first.
     """
 
     quantity: str
@@ -54,7 +55,7 @@ class Parameter(NamedTuple):
     """A constant of the body, or its state at the start.
 
     positive: zero is refused; grows: positions, velocities, accelerations and energy grow with it; elements: names of
-    the numbers where they are not counted from 1; own_block: its block in a buffer, where that has another name.
+    its numbers, if they are not counted from 1; own_block: the name of its block in a buffer, if it is another one.
     """
 
     name: str
@@ -74,14 +75,14 @@ class Parameter(NamedTuple):
 
 
 WEIGHT, FORCE, TORQUE = "weight", "force", "torque"
-"""Kinds of load: what acts at the centre of mass, at the body's origin, or turns the body wherever it acts."""
+"""Kinds of load: a force at the centre of mass, a force at the body's origin, or a torque."""
 
 
 class Load(NamedTuple):
-    """A load: a parameter, and where it is a port also an input.
+    """A load: a parameter, and an input too if it is a port.
 
     frame: a (fixed in space) or b (fixed in the body); dissipates: it takes energy from the motion, and is no input;
-    in_closed_forms: models with a closed form know it, while of others they serve no body on which it acts.
+    in_closed_forms: models with a closed form know it; those are not used for a body on which any other load acts.
     """
 
     name: str
@@ -124,12 +125,12 @@ RELATIVE, ANGLE = "relative", "angle"
 
 
 class Output(NamedTuple):
-    """What a body shows of its motion.
+    """A quantity of the motion that a body shows.
 
-    needs: of a model; initially: parameters on which it depends at the start; label, components: in plots. kinematic:
-    known from prescribed rates; port: may itself be prescribed; of_origin: a pivot keeps it; conserved: without torque;
-    cancels: a sum of terms that may cancel. error: how it is measured; floor: the size that it is relative to at least;
-    judged_by: the output whose error counts in its place.
+    needs: what it needs of a model; initially: parameters on which it depends at the start; label, components: names in
+    plots. kinematic: it follows from prescribed rates; port: it may itself be prescribed; of_origin: constant with a
+    pivot; conserved: constant without torque; cancels: a sum of terms that may cancel. error: how error is measured;
+    floor: the least size to which that is relative; judged_by: the output whose error counts in its place.
     """
 
     name: str
@@ -153,7 +154,7 @@ class Output(NamedTuple):
 
     @property
     def feedthrough(self) -> tuple[str, ...]:
-        """Return the inputs on which it depends at once."""
+        """Return the inputs whose change changes it at once."""
         return (*(_LOAD_PORTS if LOADS_NOW in self.needs else ()), *(_RATE_PORTS if RATE in self.needs else ()))
 
 
@@ -225,7 +226,7 @@ TIME = Parameter("time", 1, "s", "time")
 
 Quantity = Parameter | Load | Output
 BY_NAME: dict[str, Quantity] = {row.name: row for row in (*PARAMETERS, *LOADS, *INITIAL_VALUES, *OUTPUTS)}
-"""Every quantity by the name that scenes and FMUs have for it."""
+"""Every quantity by its name in scenes and FMUs."""
 OUTPUT: dict[str, Output] = {row.name: row for row in OUTPUTS}
 IN_BUFFER_ORDER: tuple[Parameter | Load, ...] = (
     *PARAMETERS,
@@ -245,14 +246,14 @@ def own_output(name: str, size: int, unit: str, meaning: str) -> Output:
 
 
 def indices(row: Quantity) -> tuple[str, ...]:
-    """Return what follows the name for each number of a quantity, by FMI's structured naming."""
+    """Return what follows the name of each number of a quantity, by FMI's structured naming, such as [1]."""
     if row.size == 1:
         return ("",)
     return tuple(f"[{element}]" for element in row.elements or range(1, row.size + 1))
 
 
 def elements(name: str, size: int) -> list[str]:
-    """Return the names of a vector's numbers, counted from 1; that of a scalar is its own."""
+    """Return the names of a vector's numbers, counted from 1; a scalar's name is unchanged."""
     return [name] if size == 1 else [f"{name}[{i + 1}]" for i in range(size)]
 
 
@@ -265,6 +266,6 @@ _NEEDING = [needing(need) for need in NEEDS]
 
 
 def active_flags(names: Collection[str]) -> list[float]:
-    """Return the block `active` of a buffer that computes the outputs named: a flag an output, then a flag a need."""
+    """Return the block `active` of a buffer that computes the named outputs: a flag for each output, then each need."""
     outputs = [float(row.name in names) for row in OUTPUTS]
     return outputs + [float(not known.isdisjoint(names)) for known in _NEEDING]

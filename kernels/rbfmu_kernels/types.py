@@ -14,17 +14,17 @@ Quaternion = tuple[float, float, float, float]
 Matrix = tuple[Vec3, Vec3, Vec3]
 """Rows: R[i][j] is row i, column j."""
 Transform = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
-"""Rows of a homogeneous transform, of four numbers each: they are no quaternions, but Numba sees no difference."""
+"""Rows of a homogeneous transform, of four numbers each: no quaternions, but the same type for Numba."""
 Vec6 = tuple[float, float, float, float, float, float]
 Matrix6 = tuple[Vec6, Vec6, Vec6, Vec6, Vec6, Vec6]
 FreeRotationNumbers = NewType("FreeRotationNumbers", tuple[float, ...])
-"""The constants of a free rotation, a flat tuple: one of its own, so that no other tuple of floats has their shape."""
+"""The constants of a free rotation, a flat tuple; a type of its own, so that no other tuple of floats has its shape."""
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
 Function = Callable[..., Any]
-"""A kernel, or what is made of one: its own annotations say of what."""
+"""A kernel, or a function made from one; its own annotations name its arguments and results."""
 
 
 def python_function(kernel: Function) -> Function:

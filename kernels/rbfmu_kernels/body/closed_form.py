@@ -1,4 +1,4 @@
-"""Shared by models with a closed form: a clock in double-double, the path of the centre of mass, the end of a step."""
+"""Common to models with a closed form: a clock in double-double, the path of the centre of mass, the end of a step."""
 
 from ..buffer import STEP_REJECTED, places
 from ..buffer_access import pair_at, put_pair_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
@@ -10,8 +10,8 @@ from ..types import Buffer, Quaternion, Vec3
 from . import memory, outputs
 
 CLOSED_FORM = memory.COMMON | {"elapsed": 2, "q_0": 4, "r_0": 3, "v_0": 3, "a_c": 3, "since_a_c": 2}
-"""The buffer of all bodies and, besides, the time since the start, the attitude then; position and velocity of the
-centre of mass when its acceleration last changed, that acceleration, and the time since then."""
+"""The blocks of all bodies, then: the time since the start, s, and the attitude there; position and velocity of the
+centre of mass when its acceleration last changed; the acceleration since then; and the time since then, s."""
 _AT = places(CLOSED_FORM).at
 
 
@@ -50,7 +50,10 @@ def later(z: Buffer, clock: int, h: float) -> DoubleDouble:
 
 @kernel
 def has_turning_torque(z: Buffer) -> bool:
-    """Return whether damping, torque_b, or a force fixed in b with an arm acts: torques that are not fixed in a."""
+    """Return whether damping, torque_b, a force with an arm, or an unknown load acts: torques that are not fixed in a.
+
+    Unknown loads are those that models with a closed form do not know.
+    """
     body, loads = memory.body_of(z), memory.loads_of(z)
     lever = is_nonzero(body.arm_b) and is_nonzero(loads.force_a)
     lever = lever or is_nonzero(cross(body.arm_b, loads.force_b))
@@ -59,13 +62,13 @@ def has_turning_torque(z: Buffer) -> bool:
 
 @kernel
 def has_torque(z: Buffer) -> bool:
-    """Return whether damping, a torque, or a force with an arm acts."""
+    """Return whether damping, a torque, a force with an arm, or an unknown load acts."""
     return has_turning_torque(z) or is_nonzero(memory.loads_of(z).torque_a)
 
 
 @kernel
 def is_driven(z: Buffer) -> bool:
-    """Return whether a torque acts, or a force that turns with the body on a path that an output shows."""
+    """Return whether a torque acts, or a force that turns with the body while an output shows the path."""
     return has_torque(z) or (is_nonzero(memory.loads_of(z).force_b) and memory.needs_translation(z))
 
 
@@ -103,7 +106,7 @@ def commit_step(z: Buffer, h: float, q: Quaternion, omega: Vec3) -> int:
 def _moved(z: Buffer, h: float) -> bool:
     """Move the centre of mass if it stays finite; return whether it did.
 
-    A force fixed in b keeps its first direction in a.
+    The acceleration is that at the first attitude: a force fixed in b keeps the direction in a that it has there.
     """
     since, low, r_0, v_0 = 0.0, 0.0, vec3_at(z, _AT.r_0), vec3_at(z, _AT.v_0)
     a = linear_acceleration(first_attitude(z), memory.body_of(z), memory.loads_of(z))

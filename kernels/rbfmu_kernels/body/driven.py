@@ -1,7 +1,7 @@
-"""Shared by models of a body under loads: inputs that change within a step, and steps that may be rejected.
+"""Common to models of a body under loads: inputs that change within a step, and steps that may be rejected.
 
-An input may change within a step as u + u_rate t + u_rate_2 t^2 / 2, where t counts from the step's begin. After the
-step the input keeps its last value, and its rates are 0 until they are set again.
+An input may change within a step as u + u_rate t + u_rate_2 t^2 / 2, with t from the step's beginning. After the step
+the input keeps its last value, and its rates are 0 until they are set again.
 """
 
 from ..buffer import OK, STEP_REJECTED, places
@@ -77,7 +77,7 @@ def restore(z: Buffer) -> None:
 
 @kernel
 def finish(z: Buffer, n: int, h: float, status: int, body: Body, loads: LoadPolynomial) -> int:
-    """Move the centre of mass where that is in closed form, set outputs; or return STEP_REJECTED and change nothing."""
+    """Add the centre of mass's motion in closed form and set outputs; or return STEP_REJECTED and change nothing."""
     return _finish(z, n, h, status, body, loads, inputs_change(z))
 
 
@@ -89,7 +89,7 @@ def finish_steadily(z: Buffer, n: int, h: float) -> int:
 
 @kernel
 def inputs_change(z: Buffer) -> bool:
-    """Return whether any input changes within the step, also a force at a pivot, which is not among the loads."""
+    """Return whether any input changes within the step, including a force at a pivot, which the loads leave out."""
     change = False
     for i in range(NUMBER_OF_INPUTS):
         change |= bool(z[RATES_START + i] != 0.0) | bool(z[RATES_2_START + i] != 0.0)

@@ -1,7 +1,7 @@
-"""Members of an ensemble side by side: each has a buffer, and goes on with its run until it waits for its lane.
+"""Runs members of an ensemble side by side: each has a buffer, and advances until it needs work that is done in lanes.
 
-These functions are templates, see `shell.bind`: a model's own functions are their globals. A member waits where its
-next piece of work is done for several buffers at once, by the model's own code for lanes.
+These functions are templates, see `shell.bind`: a model's own functions are their globals. A member waits until the
+model's code for lanes does the next piece of its work, for several buffers at once.
 """
 
 from typing import Any
@@ -14,20 +14,20 @@ from .shell import Entry, Step
 
 MARKS = 8
 MEMBER, POINT, PIECE, STATUS = range(4)
-"""The marks of a buffer: its member, or -1; the communication point and the piece of the run that it has come to; and
-the status of the step, `PENDING` while it waits."""
+"""The marks of a buffer: its member, or -1; the communication point and the piece of the run that it has reached; and
+the status of the step, which is `PENDING` while it waits."""
 PENDING = -1
 
 _missing: Any = None
 initialize: Entry = _missing
 go_on: Step = _missing
-"""Takes a buffer and a step h > 0 as far as it goes without its lane; returns a status."""
+"""Advances a buffer by a step h > 0, s, or as far as it can without lanes; returns a status."""
 WORK = 0
-"""The numbers of a buffer before its work space, which is written before it is read."""
+"""How many numbers a buffer has before its work space, which needs no copy: it is written before it is read."""
 
 
 def run_on(z: Buffer, state: Array, mark: Array, run: Run) -> bool:
-    """Go on with a run until a step is pending or the run is over; return whether one is pending."""
+    """Continue a run until a step is pending or the run is over; return whether a step is pending."""
     i, k, piece, status = int(mark[MEMBER]), int(mark[POINT]), int(mark[PIECE]), int(mark[STATUS])
     driving = run.driving
     while status == OK:
@@ -46,7 +46,10 @@ def run_on(z: Buffer, state: Array, mark: Array, run: Run) -> bool:
 
 
 def begin_next(z: Buffer, state: Array, mark: Array, i: int, run: Run) -> int:
-    """Begin the next member, from i on, that comes to wait, in a buffer; return the number of the member after it."""
+    """Begin members in a buffer, from number i on, until one has to wait; return the number of the member after it.
+
+    Members before it have run to their ends, or could not begin. If none has to wait, the buffer's member is -1.
+    """
     members = run.members
     while i < len(members.values):
         one.begin(z, state, i, WORK, run)

@@ -1,4 +1,4 @@
-"""Members of an ensemble in compiled code: their starts, the inputs of their ports, and the outputs that are kept."""
+"""Members of an ensemble in compiled code: how they start, the inputs at their ports, and the outputs that are kept."""
 
 import math
 from collections.abc import Callable
@@ -14,10 +14,10 @@ Control = Callable[[float, Array, Array, Array, Array], None]
 class Members(NamedTuple):
     """Members of an ensemble: the numbers that they share, and those of each.
 
-    base (SIZE,): a filled buffer, in which a member's values (m, p) are put to places (p,). kept (K,): places of the
-    outputs. rows (m, n + 1, K) or (m, 1, K): outputs at each point, or at the last. ends (m, 2): the value that
-    `initialize` returned, or -1 - j where the j-th port's input is not finite; and the number of steps done. noted
-    (m, E): the numbers at the places `after` (E,) at the end of a member's run.
+    base (SIZE,): a filled buffer. places (p,), values (m, p): where a member's own numbers are put in it, and these
+    numbers. kept (K,): places of the outputs. rows (m, n + 1, K) or (m, 1, K): outputs at each point, or at the last.
+    ends (m, 2): the value that `initialize` returned, or -1 - j if the j-th port's input is not finite; and the number
+    of steps done. noted (m, E): the numbers at the places `after` (E,) at the end of a member's run.
     """
 
     base: Array
@@ -31,12 +31,13 @@ class Members(NamedTuple):
 
 
 class Driving(NamedTuple):
-    """The inputs of members' ports: from tables, then from a controller.
+    """The inputs at members' ports: from tables, then from a controller.
 
-    ports (P,): their places. rates (P or 0,): those of their derivatives. time (n + 1,): the communication points, s.
-    lengths (L,): s, of pieces of the run in which inputs are held, or linear with slopes (L, P); given (L, P): those of
-    tables, NaN where there are none. counts (1 or m, n + 1): how many pieces lie before each point. start (k,): state
-    of the controller. noise (m, n, q).
+    ports (P,): their places. rates (P or 0,): places of their time derivatives. time (n + 1,): the communication
+    points, s. lengths (L,): of the pieces of the run, s, in which inputs are held, or linear with slopes (L, P).
+    given (L, P): inputs from tables at the beginning of each piece, NaN where no table gives one. counts (1 or m,
+    n + 1): how many pieces lie before each point. start (k,): the controller's state at the start. noise (m, n, q): the
+    controller's noise at each point but the last.
     """
 
     ports: Indices
@@ -51,14 +52,14 @@ class Driving(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room for what a controller takes of one member at a time: outputs (K,), inputs (P,)."""
+    """Work space for the controller's arguments, of one member at a time: outputs (K,), inputs (P,)."""
 
     outputs: Array
     inputs: Array
 
 
 class Run(NamedTuple):
-    """A run of an ensemble: what drives its members and what is kept of them."""
+    """A run of an ensemble: its controller, its members, their inputs, and work space."""
 
     control: Control
     members: Members
@@ -74,7 +75,7 @@ def pieces_before(driving: Driving, i: int, k: int) -> int:
 
 @kernel
 def begin(z: Buffer, state: Array, i: int, size: int, run: Run) -> None:
-    """Fill the first `size` numbers of a buffer as a member has them at `initialize`, and its controller's state."""
+    """Set the first `size` numbers of a buffer to a member's before `initialize`, and its controller's state."""
     members, driving = run.members, run.driving
     for j in range(size):
         z[j] = members.base[j]
@@ -102,7 +103,7 @@ def record(z: Buffer, i: int, k: int, run: Run) -> None:
 
 @kernel
 def note(z: Buffer, i: int, run: Run) -> None:
-    """Keep the numbers of a buffer that are noted at the end of a member's run."""
+    """Copy the numbers that are noted at the end of a member's run from its buffer."""
     members = run.members
     for j in range(len(members.after)):
         members.noted[i, j] = z[members.after[j]]
@@ -110,12 +111,15 @@ def note(z: Buffer, i: int, run: Run) -> None:
 
 @kernel
 def drive(z: Buffer, state: Array, i: int, k: int, piece: int, run: Run) -> bool:
-    """Set a member's ports for a piece of the step after point k; return whether all inputs are finite."""
+    """Set a member's ports for a piece of the step after point k; return whether all inputs are finite.
+
+    The controller is called for the first piece only, at the point itself.
+    """
     control, members, driving, room = run
     ports, inputs, at_point = driving.ports, room.inputs, piece == pieces_before(driving, i, k)
     for j in range(len(ports)):
         inputs[j] = driving.given[piece, j]
-        if math.isnan(inputs[j]):  # no table gives it: it stays as the last step has left it
+        if math.isnan(inputs[j]):  # no table gives it: it keeps its value after the last step
             inputs[j] = z[ports[j]]
     if len(ports) > 0 and at_point:
         for j in range(len(members.kept)):

@@ -1,4 +1,4 @@
-"""Shared by all models of a body: the layout of their buffers, their start, their state and their loads.
+"""Common to all models of a body: the layout of their buffers, their start, their state and their loads.
 
 A model's buffer begins with these blocks; the blocks of its method follow. For the state see
 `equations_of_motion`.
@@ -23,10 +23,10 @@ SETTINGS = {
     "pivot": 1, "tolerance": 1, "span": 1, "substep": 1, "skip_model_checks": 1,
     "ports": len(INPUTS), "active": len(OUTPUTS) + len(quantities.NEEDS),
 }  # fmt: skip
-"""span: s, 0 where `tolerance` is for a substep; else the tolerance is for all substeps of a run of that length
-together, and an error of the rate counts as what it turns the body by in that time; skip_model_checks: 1 where a plan
-has judged the model by the parameters' values, so that no model need ask whether it serves them; ports: 1 for each
-input that may come to act; active: 1 for each output that is computed and for each need of the outputs, see
+"""span: s; 0 if `tolerance` is for each substep. Otherwise the tolerance is for all substeps of a run of that length
+together, and an error of the rate counts as the angle by which it turns the body in that time. skip_model_checks: 1 if
+a plan has checked that the model is right for the parameters' values, so that the model need not check it. ports: 1 for
+each input that may act. active: 1 for each output that is computed and for each need of the outputs, see
 `quantities.active_flags`."""
 OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 """Time derivatives of the outputs, refreshed by `output_rates` alone."""
@@ -38,7 +38,7 @@ AT = LAYOUT.at
 
 _INPUT = places(INPUTS).at
 INPUTS_START, _CONSTANTS = (BLOCKS[f"{known}{next(iter(INPUTS))}"].start for known in ("", "constant_"))
-"""Known loads stand in the order of the inputs, which may supply more of each."""
+"""Where inputs and known loads begin. Both are in the same order; an input adds to the known load of its name."""
 _END = BLOCKS[next(reversed(PARAMETERS))].stop
 _NOT_NEGATIVE = tuple((BLOCKS[load.block].start, BLOCKS[load.block].stop) for load in quantities.BOUNDED)
 STATE_START = AT.q
@@ -94,7 +94,7 @@ def _fault_of_parameters(z: Buffer) -> int:
 
 @kernel
 def inertia_of(z: Buffer) -> Matrix:
-    """Return the inertia as a symmetric matrix of the block's (11, 22, 33, 12, 13, 23), kg m^2."""
+    """Return the inertia matrix, kg m^2, whose elements (11, 22, 33, 12, 13, 23) are in the block."""
     xx, yy, zz = vec3_at(z, AT.inertia)
     xy, xz, yz = vec3_at(z, AT.inertia + 3)
     return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
@@ -187,12 +187,12 @@ _UNKNOWN = tuple(
     if not load.in_closed_forms
     for name in ((load.block, load.name) if load.port else (load.block,))
 ) or ((0, 0),)
-"""The places of the loads that models with a closed form do not know."""
+"""The first place of each load that models with a closed form do not know, and the place after its last."""
 
 
 @kernel
 def is_set(z: Buffer, flag: int) -> bool:
-    """Return whether an input may come to act, or an output is computed; flag: one of PORTS or of SHOWN."""
+    """Return whether an input may act, or an output is computed; flag: one of PORTS or of SHOWN."""
     return bool(z[flag] != 0.0)
 
 
@@ -221,7 +221,7 @@ def needs_translation(z: Buffer) -> bool:
 
 @kernel
 def shows_loads(z: Buffer) -> bool:
-    """Return whether an output changes at once when a load does."""
+    """Return whether an output changes as soon as a load does."""
     return bool(z[_LOADS_NOW] != 0.0)
 
 

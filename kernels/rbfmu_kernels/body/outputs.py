@@ -102,10 +102,10 @@ def first_outputs(z: Buffer) -> int:
 
 @kernel(inline=False)
 def feedthrough(z: Buffer, change: Buffer) -> int:
-    """Set how much each output changes at once when the inputs change; z stays as it is.
+    """Set how much each output changes as soon as the inputs change; z is not changed.
 
-    change: numbers in the places that they have in z, up to the outputs' end: the inputs' are those of the change, the
-    outputs' must be 0 and are set. It is the derivative of `outputs` along the inputs' change, in closed form.
+    change: the same places as in z, up to the end of the outputs. Its inputs are the change of the inputs; its outputs
+    must be 0, and are set to the derivative of `outputs` in the direction of that change, in closed form.
     """
     loads = memory.loads_at(change, memory.INPUTS_START, memory.has_pivot(z))
     _put_accelerations(change, z, memory.rotation_of(z).q_ab, ZERO, loads)

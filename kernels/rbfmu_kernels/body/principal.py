@@ -1,7 +1,7 @@
 """Principal moments, axes and rates of a body; a body that turns about one of these axes alone.
 
-They are double-double numbers, for exact motions whose phase is a rate times a long time: moments in doubles, accurate
-to eps of the trace, would make such a motion wrong by eps times its angle.
+They are double-double, for exact motions whose phase is a rate times a long time: moments in doubles, accurate to eps
+of the trace, would cause an error of eps times the angle turned.
 """
 
 import math
@@ -36,7 +36,7 @@ def exact_frame(z: Buffer) -> tuple[Vector, Axes]:
     """Return (moments, axes) about the centre of mass or the pivot; the moments in some power of two of kg m^2.
 
     The axes are the body's own where these are principal. Else moments and axes belong to a matrix within 1e-31 of the
-    given one, and a least moment of at most 1e-12 of the trace is taken as a slender beam's, which is zero.
+    given one, and a least moment of at most 1e-12 of the trace counts as zero (a slender beam).
     """
     M = _about_reference(z)
     if M[3][0] == 0.0 and M[4][0] == 0.0 and M[5][0] == 0.0:
@@ -66,7 +66,7 @@ def axes_as_floats(axes: Axes) -> Matrix:
 
 @kernel(inline=False)
 def keeps_its_rate(z: Buffer, omega: Vec3) -> bool:
-    """Return whether omega x M omega is zero to twice the digits, so that without torque the rate stays."""
+    """Return whether omega x M omega is zero in double-double, so that the rate stays constant without torque."""
     a, b, c, d, e, f = _scaled(_about_reference(z))
     rate = dd.vector(omega)
     x, y, w = dd.scale_vector(power_for(rate), rate)
@@ -109,7 +109,7 @@ def _scaled(M: Inertia) -> Inertia:
 
 @kernel(inline=False)
 def _orthonormal(R: Matrix) -> Axes:
-    """Return the columns of R, orthonormal to round-off, to twice the digits, by one step of Newton's method."""
+    """Return the columns of R, nearly orthonormal, made so in double-double by one step of Newton's method."""
     x, y, w = invert_matrix(R)
     xy, xw, yw = _half_dot(x, y)[0], _half_dot(x, w)[0], _half_dot(y, w)[0]
     return _corrected(x, xy, y, xw, w), _corrected(y, xy, x, yw, w), _corrected(w, xw, x, yw, y)
@@ -131,8 +131,8 @@ def _half_dot(a: Vec3, b: Vec3) -> DoubleDouble:
 def _refined(M: Inertia, axes: Axes) -> tuple[Vector, Axes]:
     """Return moments and axes of M by Jacobi's rotations, from axes that are principal to round-off.
 
-    A sweep squares what is off the diagonal, once that is small beside the gaps between the moments (Golub & Van Loan,
-    Matrix Computations, 8.5): from round-off of doubles it gets to that of double-double at once.
+    A sweep squares the elements off the diagonal, once they are small beside the gaps between the moments (Golub & Van
+    Loan, Matrix Computations, 8.5): one sweep reduces them from round-off of doubles to that of double-double.
     """
     x, y, w = axes
     m_x, m_y, m_w = _times(M, x), _times(M, y), _times(M, w)
@@ -162,7 +162,10 @@ def _times(M: Inertia, v: Vector) -> Vector:
 
 @kernel(inline=False)
 def _jacobi(p: DoubleDouble, q: DoubleDouble, o: DoubleDouble, least: float) -> dd.Three:
-    """Return (cos, sin, tan times o) of the rotation that annihilates o of ((p, o), (o, q)); none below `least`."""
+    """Return (cos, sin, tan times o) of the rotation that annihilates o of ((p, o), (o, q)); none if o is negligible.
+
+    least: the size of o that counts as zero in the end; 2^-8 of it is negligible.
+    """
     if not abs(o[0]) > 2.0**-8 * least:
         return _ONE, _ZERO, _ZERO
     x = dd.divide(dd.subtract(q, p), dd.scale(2.0, o))
@@ -211,7 +214,7 @@ def symmetric_frame(M: Matrix) -> tuple[float, float, Matrix]:
 
 @kernel
 def exact_symmetric_frame(z: Buffer) -> tuple[DoubleDouble, DoubleDouble, Axes]:
-    """Return `symmetric_frame` of the buffer's body to twice the digits; the moments in some power of two of kg m^2."""
+    """Return `symmetric_frame` of the buffer's body in double-double; the moments in some power of two of kg m^2."""
     moments, axes = exact_frame(z)
     s = _odd_one((moments[0][0], moments[1][0], moments[2][0]))
     t, u = (s + 1) % 3, (s + 2) % 3
@@ -235,7 +238,7 @@ def is_sphere(M: Matrix) -> bool:
     return M[0][0] == M[1][1] and M[1][1] == M[2][2] and is_diagonal(M)
 
 
-# A body that turns about one principal axis, fixed in space: which axis, whether anything turns it off, what drives it
+# A body that turns about one principal axis, fixed in space: which axis, whether anything tilts it, what drives it
 
 _PARALLEL = 8.0 * 2.0**-52
 """The part of a vector's length that may lie across an axis by round-off.
@@ -248,7 +251,8 @@ Of 20,000 vectors along an axis, turned by an attitude and back, the worst had 2
 def main_axis(z: Buffer) -> Vec3:
     """Return the principal axis along which most of the rate is, or about which a body at rest begins to turn.
 
-    In equilibrium it is the axis about which the arm would swing. A sphere's axis may be oblique, as each is principal.
+    In equilibrium it is the axis about which the arm would swing. A sphere's axis may have any direction, as every axis
+    is principal.
     """
     (q, omega), body, loads = memory.rotation_of(z), memory.body_of(z), memory.loads_of(z)
     v = omega if is_nonzero(omega) else angular_acceleration(q, omega, body, loads)
@@ -306,13 +310,16 @@ def turns_path(z: Buffer, axis: Vec3) -> bool:
 
 @kernel
 def _is_across(axis: Vec3, v: Vec3, slack: float) -> bool:
-    """Return whether more than a part of v lies across an axis of any size."""
+    """Return whether the part of v across the axis, which may have any length, is more than `slack` of |v|."""
     return norm(cross(axis, v)) > slack * norm(axis) * norm(v)
 
 
 @kernel(inline=False)
 def swing(z: Buffer, axis: Vec3) -> dd.Two:
-    """Return (A, B), rad/s2: forces fixed in space accelerate the angle from quaternion_0 by A cos + B sin of it."""
+    """Return (A, B), rad/s^2: forces fixed in space cause the angular acceleration A cos phi + B sin phi.
+
+    phi: the angle about the axis from quaternion_0 on.
+    """
     arm, loads = memory.body_of(z).arm_b, memory.loads_of(z)
     q, moment = quaternion_at(z, memory.AT.quaternion_0), _moment(z, axis)
     q = scale_quaternion(elementary.power_of_two_for(largest_of(q)), q)
@@ -325,7 +332,10 @@ def swing(z: Buffer, axis: Vec3) -> dd.Two:
 
 @kernel
 def drive_and_damping_rate(z: Buffer, axis: Vec3) -> tuple[float, float]:
-    """Return (P, d), rad/s2 and 1/s: torques, forces that turn with the body, and damping add P - d rate."""
+    """Return (P, d), rad/s^2 and 1/s: torques, forces that turn with the body, and damping cause P - d rate.
+
+    P - d rate is the angular acceleration about the axis.
+    """
     q_ba, body, loads = invert_quaternion(memory.rotation_of(z).q_ab), memory.body_of(z), memory.loads_of(z)
     torque = add(rotate(q_ba, loads.torque_a), add(loads.torque_b, cross(body.arm_b, loads.force_b)))
     moment = _moment(z, axis)[0]

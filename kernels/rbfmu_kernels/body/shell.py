@@ -21,7 +21,7 @@ Step = Callable[[Buffer, float], int]
 class Lanes(NamedTuple):
     """The function that runs members of an ensemble (`body.members`) side by side, `simd.WIDEST` at a time.
 
-    SCRATCH: the numbers of work space that it needs, from a cache line on.
+    SCRATCH: how many numbers of work space it needs, which begins at a cache line.
     """
 
     run: Callable[..., None]
@@ -35,8 +35,8 @@ class Model:
     name: module and constant, as `models.model_named` takes it. BLOCKS, SIZE: the places of the buffer's blocks, and
     its size. initialize: returns 0, or a key of `buffer.FAULTS`. step: takes the buffer and h, s; returns `buffer.OK`
     or `buffer.STEP_REJECTED`. outputs, output_rates: refresh the outputs, or their time derivatives. feedthrough: see
-    `outputs.feedthrough`. ORDERS: those that a plan may set, if any. lanes: what finds those that run many bodies at
-    once, where there are any.
+    `outputs.feedthrough`. ORDERS: the orders that a plan may set, if any. lanes: a function that returns the functions
+    for many bodies at once, if there are any.
     """
 
     name: str
@@ -70,9 +70,9 @@ def step(z: Buffer, h: float) -> int:
 def make_model(constant: str, layout: Layout, own_set_up: Entry, own_advance: Step, **fields: Any) -> Model:
     """Return a model of a body.
 
-    constant: its name in the module that has it and its functions. own_set_up: sets the model's own blocks, once the
-    body has been taken, and returns 0 or a key of `buffer.FAULTS`. own_advance: takes a step h > 0 and refreshes the
-    outputs, or returns STEP_REJECTED. fields: further ones of `Model`.
+    constant: the model's name in the module of its functions. own_set_up: sets the model's own blocks after
+    `initialize_body`, and returns 0 or a key of `buffer.FAULTS`. own_advance: takes a step h > 0 and refreshes the
+    outputs, or returns STEP_REJECTED. fields: further fields of `Model`.
     """
     module = python_function(own_advance).__module__
     return Model(
@@ -98,8 +98,8 @@ def commit_motion(z: Buffer, motion: State) -> int:
 def bind(template: Any, module: str, constant: str, inline: bool = False, **own: Any) -> Any:
     """Compile a template with a model's functions as its globals.
 
-    The result is not a closure, as Numba's cache on disk would not know one again in another process. The cache tells
-    functions of one file apart by their qualified names.
+    The result is no closure, because Numba's cache on disk does not recognise a closure in another process. The cache
+    distinguishes functions of one file by their qualified names.
     """
     function = FunctionType(template.__code__, template.__globals__ | own, template.__name__)
     function.__doc__, function.__annotations__ = template.__doc__, template.__annotations__

@@ -1,4 +1,4 @@
-"""Compiled code on disk, with a stamp of all sources, as Numba's own sees a function's file but not what it calls."""
+"""Compiled code on disk, stamped with a hash of all sources: Numba's own stamp ignores the files of called kernels."""
 
 import hashlib
 import os
@@ -25,7 +25,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 def hash_of_sources(package: Path) -> str:
-    """Return a hash of all modules below a folder."""
+    """Return a hash of all Python modules below a folder, 16 hexadecimal digits."""
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         digest.update(path.read_bytes())
@@ -37,7 +37,7 @@ SOURCES = hash_of_sources(_PACKAGE)
 
 
 def reached(function: Any) -> set[FunctionType]:
-    """Return a function and those of all kernels that it calls, at any depth."""
+    """Return the function and those of all kernels that it calls, directly or indirectly."""
     found, waiting = set[FunctionType](), [function]
     while waiting:
         one = waiting.pop()
@@ -53,14 +53,14 @@ def reached(function: Any) -> set[FunctionType]:
 
 
 def named(template: Function, name: str, **names: object) -> Function:
-    """Return a function in which names stand for others: its code can be kept, where that of a closure cannot."""
+    """Return a copy of the template with other values of some globals; unlike a closure, it can be cached on disk."""
     function = FunctionType(template.__code__, {**template.__globals__, **names}, name)
     function.__qualname__ = "".join(c if c.isalnum() else "_" for c in name)
     return function
 
 
 def stamp_of(function: Function) -> str:
-    """Return the stamp of a function's code: the hash of all kernels, and of the files of what else it calls."""
+    """Return the stamp of a function's code: the hash of this package, and one of other files whose code it uses."""
     if Path(function.__code__.co_filename).is_relative_to(_PACKAGE):
         return SOURCES
     files = sorted({Path(one.__code__.co_filename) for one in reached(function)})
@@ -69,7 +69,10 @@ def stamp_of(function: Function) -> str:
 
 
 def kept_on_disk(compiled: Callable[[bool], T]) -> T:
-    """Compile with a cache in a folder of these sources, as Numba's stamp does not see what a function calls."""
+    """Return compiled(True), with Numba's cache in a folder named by `SOURCES`; compiled(False) if none can be written.
+
+    The folder's name is needed, as Numba's own stamp ignores the files of called kernels.
+    """
     folder = config.CACHE_DIR
     config.CACHE_DIR = str(Path(folder or _PACKAGE / "__pycache__") / SOURCES)
     try:
@@ -81,14 +84,14 @@ def kept_on_disk(compiled: Callable[[bool], T]) -> T:
 
 
 GENERATED = "<formulas "
-"""How the file of a text that was generated begins, whose module has a digest of the text in its name."""
+"""The beginning of the file name of generated code, whose module has a digest of the text in its name."""
 
 
 def _in_a_file(function: Function) -> Function:
-    """Return a function as Numba's cache takes it: one of a generated text stands in this file, by its module's name.
+    """Return the function as Numba's cache accepts it: generated code gets this file, and its module in its name.
 
-    If it were not kept, each process would compile it anew for callers that are not kept yet, beside what is merged
-    into those that are: an FMU's code would hang on which process compiled what.
+    Without a cache each process would compile it again for callers that are not cached yet, while cached callers
+    contain an earlier copy: the bytes of an FMU's code would depend on which process compiled what.
     """
     code = function.__code__
     if not code.co_filename.startswith(GENERATED):
@@ -97,23 +100,23 @@ def _in_a_file(function: Function) -> Function:
 
 
 class DiskCache:
-    """The cache of one function; none where no folder for it can be written, or where Numba's cannot be used.
+    """The cache of one function; it stays empty where no folder can be written or Numba's cache cannot be used.
 
-    It is looked for at the first use, and read without loading Numba's compiler, which costs 0.2 s and is not needed.
+    It is opened at the first use. Reading it does not load Numba's compiler, which would take 0.2 s.
     """
 
     def __init__(self, function: Function, kind: type | None = None) -> None:
-        """kind: CalleeCache; without, it is Numba's own."""
+        """kind: the class of the cache, `CalleeCache`, or None for Numba's own."""
         self._function, self._kind = function, kind
 
     def load_overload(self, signature: tuple[types.Type, ...], context: Context) -> "inside.CompileResult":
-        """Return stored code, or None where there is none."""
+        """Return the stored code, or None if there is none."""
         try:
             if not os.path.exists(self._cache._cache_file._index_path):
-                return None  # before what follows, which takes 25 ms the first time
-            inside.rtsys.initialize(context)  # object code names its functions, and must find all that it names
+                return None  # without the next line, which takes 25 ms the first time
+            inside.rtsys.initialize(context)  # the object code refers to functions of Numba's runtime
             return self._cache._load_overload(signature, context)
-        except Exception:  # Numba's internals behave otherwise than where they were tried
+        except Exception:  # Numba's internals differ from those of the versions tried
             return None
 
     def __getattr__(self, name: str) -> Any:
@@ -132,10 +135,11 @@ class DiskCache:
 
 @contextmanager
 def made_once(kept: "DiskCache") -> Iterator[None]:
-    """Let one process at a time compile what a cache keeps, so that those which wait find what the first has made.
+    """Let one process at a time compile a cached function; the others wait, and then find its code in the cache.
 
-    Where files cannot be locked, each compiles. Threads wait at Numba's own lock, which comes first: one that had the
-    file's lock and waited for Numba's would be waited for by the one that has Numba's and compiles a caller.
+    Where files cannot be locked, each process compiles. Numba's own lock, between threads, is taken first. In the other
+    order, a thread with the file's lock would wait for Numba's lock, while the thread that has it, compiling a caller,
+    would wait for the file's: a deadlock.
     """
     with inside.global_compiler_lock:
         handle, path = None, ""
@@ -149,5 +153,5 @@ def made_once(kept: "DiskCache") -> Iterator[None]:
         finally:
             if handle is not None:
                 with suppress(OSError):
-                    os.unlink(path)  # who waits gets the lock still; who comes now makes a new file, and finds code
+                    os.unlink(path)  # waiting processes still get the lock; later ones make a new file and find code
                 os.close(handle)

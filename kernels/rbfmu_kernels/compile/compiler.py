@@ -1,7 +1,7 @@
-"""Numba's compiler with no more to do than kernels need, which takes half of the time of a first call.
+"""Numba's compiler reduced to what kernels need, which halves the time of a first call.
 
-Numba makes machine code of a function and, once more, of all that it calls, so that Python can call that too. What a
-kernel calls is called by compiled code only, into which it is merged, so that LLVM's intermediate code is enough.
+Numba makes machine code of a function, and also of each function that it calls, so that Python can call those too. The
+kernels that a kernel calls are merged into its code: for them LLVM's intermediate code is enough.
 """
 
 import gc
@@ -23,14 +23,14 @@ Serialized = tuple[str, str, bytes]
 
 
 class _Remembering(inside.Context):  # type: ignore[misc]
-    """A typing context that remembers: Numba tries some ten templates at each sum of two numbers, this one once."""
+    """A typing context that remembers signatures of operations on numbers, for which Numba tries some ten templates."""
 
     _answers: ClassVar[dict[tuple[types.Type, tuple[types.Type, ...]], Signature]] = {}
     _numbers = (types.Number, types.Boolean, types.Literal)
 
     @classmethod
     def beside(cls, context: inside.Context) -> "_Remembering":
-        """Return another view of Numba's own context: they share all that they know."""
+        """Return a view of Numba's own context; both share all their data."""
         view = object.__new__(cls)
         view.__dict__ = context.__dict__
         return view
@@ -47,10 +47,11 @@ class _Remembering(inside.Context):  # type: ignore[misc]
 
 
 def _flags_for_all() -> inside.ConfigStack:
-    """Return flags under which Numba's own functions, such as min, are the same code whoever calls them first.
+    """Return flags with which Numba's own functions, such as min, have the same code whichever kernel calls them first.
 
-    They are merged into who calls them: each process has names of its own for them, and a caller of two kernels that
-    were kept by different processes would have two of each, so that its bytes would hang on what was compiled before.
+    They are merged into their callers. As separate functions they would have a different name in each process: a caller
+    of two kernels that different processes have cached would contain two copies of each, and its bytes would depend on
+    what was compiled before.
     """
     flags = inside.ConfigStack().top().copy()
     flags.forceinline = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
@@ -59,7 +60,7 @@ def _flags_for_all() -> inside.ConfigStack:
 
 class _Lower(inside.Lower):  # type: ignore[misc]
     def lower_binop(self, resty: types.Type, expr: inside.ir.Expr, op: Function) -> Value:
-        """Lower an operation by the signature that type inference has found; Numba would look for it anew."""
+        """Generate an operation's code by the signature of type inference, for which Numba would search again."""
         signature, context = self.fndesc.calltypes[expr], self.context
         known = (context.typing_context.resolve_value_type(op), signature.args)
         fixed = expr.static_lhs is not inside.ir.UNDEFINED or expr.static_rhs is not inside.ir.UNDEFINED
@@ -81,9 +82,9 @@ def _no_processor() -> binding.TargetMachine:
 
 @contextmanager
 def _for_no_processor(codegen: inside.CPUCodegen) -> Iterator[None]:
-    """Keep this machine's processor from LLVM: what is called gets into FMUs too, whose bytes must not hang on it.
+    """Hide this machine's processor from LLVM: callees' code is also used in FMUs, whose bytes must not depend on it.
 
-    Nothing is lost: LLVM optimises what is called once more for this processor, in the caller that it is merged into.
+    No speed is lost: LLVM optimises a callee again, for this processor, in the caller into which it is merged.
     """
     own = codegen._tm
     codegen._tm = _no_processor()
@@ -95,7 +96,7 @@ def _for_no_processor(codegen: inside.CPUCodegen) -> Iterator[None]:
 
 @inside.register_pass(mutates_CFG=True, analysis_only=False)
 class _TypeInference(inside.NopythonTypeInference):  # type: ignore[misc]
-    """Finds types, for which it compiles all that is called, also functions of Numba's own."""
+    """Infers types, for which it compiles all callees, including Numba's own functions."""
 
     def run_pass(self, state: State) -> object:
         with _for_no_processor(state.targetctx.codegen()):
@@ -114,7 +115,7 @@ _PASSES = (
 
 
 class _Passes(inside.PassManager):  # type: ignore[misc]
-    """Passes one after another, without Numba's timers, events and checks, which take as long as some passes."""
+    """Runs passes without Numba's timers, events and checks, which take as long as some passes."""
 
     def _runPass(self, index: int, stage: inside.NativeLowering, state: State) -> None:
         stage.analysis = self._analysis
@@ -129,7 +130,7 @@ class KernelCompiler(inside.CompilerBase):  # type: ignore[misc]
         self.state.typingctx = _Remembering.beside(typingctx)
 
     def compile_extra(self, function: Function) -> inside.CompileResult:
-        """Compile without looking for garbage: that takes a tenth of the time, and there is little."""
+        """Compile without garbage collection, which takes a tenth of the time and finds little."""
         collecting = gc.isenabled()
         gc.disable()
         try:
@@ -149,24 +150,24 @@ class KernelCompiler(inside.CompilerBase):  # type: ignore[misc]
 
 
 _FROZEN_BY_PYTHON = 1000
-"""CPython 3.12 begins with some 400 frozen objects of its own; a user who freezes has many more."""
+"""CPython 3.12 begins with some 400 frozen objects of its own; with more than this, the user has called `gc.freeze`."""
 
 
 def _count_as_old() -> None:
-    """Put what lives now among what is looked through last: the next search would take a quarter of a second else."""
+    """Move all live objects to the oldest generation; otherwise the next collection takes a quarter of a second."""
     if gc.get_freeze_count() < _FROZEN_BY_PYTHON:
         gc.freeze()
         gc.unfreeze()
 
 
 class CalleeCompiler(KernelCompiler):
-    """A compiler of what only compiled code calls."""
+    """A compiler of functions that only compiled code calls."""
 
     def __init__(self, typingctx: inside.Context, targetctx: Context, library: object, *rest: object) -> None:
         super().__init__(typingctx, targetctx, _IntermediateCode(targetctx.codegen(), "callee"), *rest)
 
     def compile_extra(self, function: Function) -> inside.CompileResult:
-        """Compile for no processor."""
+        """Compile for no particular processor."""
         with _for_no_processor(self.state.targetctx.codegen()):
             return super().compile_extra(function)
 
@@ -183,11 +184,11 @@ def _few_passes() -> binding.FunctionPassManager:
 class _IntermediateCode(inside.JITCodeLibrary):  # type: ignore[misc]
     @property
     def codegen(self) -> "_IntermediateCode":
-        """Return itself, as Numba asks for `set_env` only."""
+        """Return this object, of which Numba only calls `set_env`."""
         return self
 
     def set_env(self, name: str, environment: object) -> None:
-        """Do nothing, as exceptions and Python objects need an environment, but kernels do not."""
+        """Do nothing: exceptions and Python objects need an environment, kernels do not."""
 
     def get_pointer_to_function(self, name: str) -> int:
         self._ensure_finalized()
@@ -197,8 +198,8 @@ class _IntermediateCode(inside.JITCodeLibrary):  # type: ignore[misc]
         return self.serialize_using_bitcode()
 
     def _optimize_functions(self, module: binding.ModuleRef) -> None:
-        """Take variables from memory into registers; the rest is done once, in the caller."""
-        if not hasattr(self._codegen, "_pass_builder"):  # Numba 0.61, whose LLVM knows no such pass by itself
+        """Move variables from memory into registers; other optimisations are done once, in the caller."""
+        if not hasattr(self._codegen, "_pass_builder"):  # Numba 0.61, whose LLVM cannot run such passes alone
             super()._optimize_functions(module)
             return
         module.data_layout = self._codegen._data_layout
@@ -207,13 +208,13 @@ class _IntermediateCode(inside.JITCodeLibrary):  # type: ignore[misc]
                 _few_passes().run(function, self._codegen._pass_builder())
 
     def _optimize_final_module(self) -> None:
-        """Merge what is called; the rest is done once, in the caller."""
+        """Merge callees into this code; other optimisations are done once, in the caller."""
         options = {"loop_vectorize": False, "slp_vectorize": False, "opt": 0, "cost": "cheap"}
         made = self._codegen._module_pass_manager(**options)
         if isinstance(made, tuple):
             passes, builder = made
             passes.run(self._final_module, builder)
-        else:  # Numba 0.61, whose LLVM keeps unused globals: addresses of functions, for which nothing would be cached
+        else:  # Numba 0.61, whose LLVM keeps unused globals: function addresses, with which code would not be cached
             made.add_aggressive_dead_code_elimination_pass()
             made.add_global_dce_pass()
             made.run(self._final_module)
@@ -233,7 +234,7 @@ class _IntermediateCode(inside.JITCodeLibrary):  # type: ignore[misc]
 
 class _CalleeCacheImplementation(inside.CompileResultCacheImpl):  # type: ignore[misc]
     def rebuild(self, target_context: Context, payload: tuple[Any, ...]) -> inside.CompileResult:
-        """Return what CalleeCompiler made, as if compiled now; making machine code of it would change it."""
+        """Return cached code of `CalleeCompiler` as if compiled now; making machine code of it would change it."""
         state, description, environment, signature, *_ = payload
         library = _IntermediateCode._unserialize(target_context.codegen(), state)
         entry_point = target_context.get_executable(library, description, environment)
@@ -244,7 +245,7 @@ class _CalleeCacheImplementation(inside.CompileResultCacheImpl):  # type: ignore
 
 
 class CalleeCache(inside.FunctionCache):  # type: ignore[misc]
-    """A cache of what CalleeCompiler makes."""
+    """A cache of code that `CalleeCompiler` has made."""
 
     _impl_class = _CalleeCacheImplementation
 
@@ -262,7 +263,7 @@ def reduced_kernel(function: Function, *, inline: bool) -> inside.Dispatcher:
 
 
 def loop(function: Function, signature: object) -> Any:
-    """Return a function compiled at once, for one signature, which may allocate; kept until any kernel changes."""
+    """Return the function compiled now for one signature, cached until a kernel changes; it may allocate memory."""
     compiled = njit(error_model="numpy", nogil=True)(function)
     if hasattr(compiled, "_cache"):
         _keep_on_disk(compiled, DiskCache(function))
@@ -287,7 +288,7 @@ def _keep_on_disk(dispatcher: inside.Dispatcher, kept: DiskCache) -> None:
 
 
 def _compile_callees_bare(compiled: inside.Dispatcher, inline: bool) -> None:
-    """Let compiled callers have the function without machine code of its own and what Python needs to call it."""
+    """Give compiled callers a version of the function without machine code of its own and without Python's wrapper."""
     as_numba_does = compiled.get_call_template, compiled.get_overload
 
     @cache
@@ -295,7 +296,7 @@ def _compile_callees_bare(compiled: inside.Dispatcher, inline: bool) -> None:
         if not internals_serve():
             return as_numba_does
         callee = _bare(compiled.py_func, inline)
-        if not inline:  # what is merged into its caller is sooner compiled than stored
+        if not inline:  # to compile a function that is merged into its caller is faster than to store it
             _keep_on_disk(callee, DiskCache(compiled.py_func, CalleeCache))
         return callee.get_call_template, callee.get_overload
 
@@ -307,7 +308,7 @@ def _compile_callees_bare(compiled: inside.Dispatcher, inline: bool) -> None:
         args = tuple(map(types.unliteral, args))
         return template_and_overload()[0](args, kws) if kws else template(args)
 
-    # a number that is known at compile time is no type of its own: one function serves all, and LLVM merges numbers
+    # A literal number gets no type of its own: one function is compiled for all, and LLVM propagates the constants.
     compiled.get_call_template = template_of
     compiled.get_overload = lambda sig: template_and_overload()[1](sig)
 
@@ -317,22 +318,19 @@ def _bare(function: Function, inline: bool) -> inside.Dispatcher:
 
 
 def code_for_callers(function: Function, signature: Signature) -> inside.Dispatcher:
-    """Return what Numba compiles of a function that is called by compiled code only: the same on every processor."""
+    """Return the function compiled for one signature, for compiled callers only: the same code on every processor."""
     compiler = CalleeCompiler if internals_serve() else inside.Compiler
     return njit(signature, pipeline_class=compiler, **inside.CALLED_BY_CODE)(function)
 
 
 def pipeline(*state: object) -> inside.CompilerBase:
-    """Return the compiler of a function: that of kernels, or Numba's own where the internals behave otherwise."""
+    """Return a function's compiler: that of kernels, or Numba's own if its internals do not behave as expected."""
     return (KernelCompiler if internals_serve() else inside.Compiler)(*state)
 
 
 @cache
 def internals_serve() -> bool:
-    """Tell whether Numba's internals make right code of a small kernel and of one that it calls.
-
-    This is asked before anything is compiled.
-    """
+    """Return whether Numba's internals compile a small kernel and its callee correctly; tried before all else."""
     callee = _bare(lambda x: x + 1.0, False)
     try:
         return bool(_njit(False)(pipeline_class=KernelCompiler)(lambda x: 2.0 * callee(x))(2.0) == 6.0)

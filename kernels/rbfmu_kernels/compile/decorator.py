@@ -1,6 +1,6 @@
 """`@kernel`: compiles a scalar function on floats and tuples, callable from anyone's `@njit` code.
 
-Where Numba's internals do not serve, its documented `njit` does: the first call is slower, and the bits are the same.
+Where Numba's internals cannot be used, its documented `njit` compiles: the first call is slower, the bits are the same.
 """
 
 from collections.abc import Callable
@@ -22,8 +22,8 @@ R = TypeVar("R")
 def _plain_kernel(function: Function, *, inline: bool) -> Any:
     """Return the kernel of a function.
 
-    Compiled callers have a twin without what Python needs to call it, and without counts of references to buffers: half
-    of the time of a first call. Where Numba has no such thing, they have the kernel itself.
+    Compiled callers use a twin without a wrapper for Python and without reference counts of buffers, which halves the
+    time of a first call. Where Numba lacks these options, they use the kernel itself.
     """
     compiled = kept_on_disk(
         lambda cache: njit(error_model="numpy", nogil=True, forceinline=inline, cache=cache)(function)
@@ -35,7 +35,7 @@ def _plain_kernel(function: Function, *, inline: bool) -> Any:
 
 
 def _plain_code_for_callers(function: Function, signature: Signature) -> object:
-    """Return what Numba compiles of a function that is called by compiled code only."""
+    """Return the function compiled for one signature, for compiled callers only."""
     return njit(signature, **numba_private.CALLED_BY_CODE)(function)
 
 
@@ -57,8 +57,8 @@ def kernel(function: Callable[P, R], /) -> Callable[P, R]: ...
 @overload
 def kernel(*, inline: bool) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
 def kernel(function: Any = None, /, *, inline: bool = True) -> Any:
-    """Compile at the first call, by strict IEEE rules (no fastmath), and cache on disk where that can be written.
+    """Return a kernel that compiles at its first call, by strict IEEE rules (no fastmath), cached on disk if possible.
 
-    inline: whether to merge the kernel into its caller's code, for cores of up to some 30 lines; others stay calls.
+    inline: whether the kernel is merged into its callers' code, for up to some 30 lines; longer kernels stay calls.
     """
     return partial(_compile, inline=inline) if function is None else _compile(function, inline=inline)

@@ -1,9 +1,9 @@
-"""NumPy gufuncs with fixed core sizes, made of one definition of a scalar kernel.
+"""NumPy gufuncs with fixed core sizes, made from the definition of a scalar kernel.
 
-Their loop is generated as source, and compiled as a C callback. It takes sixteen items at a time to a tile, where LLVM
-vectorises: by transposing vectors where items are packed in memory (or are one item, broadcast), number by number where
-they are not (slices, transposes). Large results go past the caches. Where Numba's internals do not serve, the loop is
-`guvectorize`'s; where nothing is compiled, Python's.
+Their loop is generated as source, and compiled as a C callback. It moves sixteen items at a time to a tile, where LLVM
+vectorises. Items packed in memory are transposed in vectors, an item broadcast to all is moved once, others (slices,
+transposes) are moved number by number. Large results bypass the caches. Where Numba's internals cannot be used,
+`guvectorize` makes the loop; without compiling, it is a loop in Python.
 """
 
 import inspect
@@ -27,16 +27,16 @@ if not inside.MISSING:
     from . import compiler, tile
 
 STREAMED = 20 << 20
-"""Bytes: results of this size or more go past the caches.
+"""The size, in bytes, from which results bypass the caches.
 
-Below some 16 to 28 MB, where caches hold them and the arguments, that is 3 to 15 % slower; at 70 MB 1.1 to 1.4 times as
-fast where others use the memory too.
+Below some 16 to 28 MB, where caches hold results and arguments, that is 3 to 15 % slower; at 70 MB it is 1.1 to 1.4
+times as fast where other programs use the memory too.
 """
 
 
 @cache
 def core_shapes(kernel: Function) -> tuple[dict[str, Shape], list[Shape]]:
-    """Return argument names with core shapes, and result shapes (arguments that are int are left out)."""
+    """Return the arguments' core shapes by name, and the results' core shapes; arguments that are int are left out."""
     signature = inspect.signature(python_function(kernel))
     result, taken = signature.return_annotation, signature.parameters.items()
     results = [result] if result in SHAPES else get_args(result)
@@ -44,7 +44,7 @@ def core_shapes(kernel: Function) -> tuple[dict[str, Shape], list[Shape]]:
 
 
 class Item(NamedTuple):
-    """What is done for an item: `kernel(*constants, ...)`, after a look by `singular` at the first few arguments."""
+    """The computation for an item: `kernel(*constants, ...)`, after `singular` has tested the first few arguments."""
 
     kernel: Function
     constants: tuple[int, ...] = ()
@@ -52,12 +52,12 @@ class Item(NamedTuple):
 
     @property
     def checked(self) -> int:
-        """Return how many arguments `singular` looks at, 0 where there is no such."""
+        """Return how many arguments `singular` tests; 0 if there is no such function."""
         return len(core_shapes(self.singular)[0]) if self.singular else 0
 
     @property
     def inputs(self) -> list[Shape]:
-        """Return the core shapes of arguments, after that of the mark, where there is one."""
+        """Return the core shapes of the arguments, the first of which is the mark if there is one (see `gufuncs`)."""
         return [()] * bool(self.singular) + [*core_shapes(self.kernel)[0].values()]
 
     @property
@@ -66,7 +66,7 @@ class Item(NamedTuple):
         return core_shapes(self.kernel)[1]
 
     def layout(self, size: str = "") -> str:
-        """Return the core shapes as NumPy takes them; size: what stands before each number."""
+        """Return the core shapes as NumPy writes them, such as (3,3),(3)->(3); size: a prefix of each number."""
         before, after = (
             ",".join(f"({','.join(f'{size}{n}' for n in shape)})" for shape in shapes)
             for shapes in (self.inputs, self.results)
@@ -74,14 +74,14 @@ class Item(NamedTuple):
         return f"{before}->{after}"
 
     def lines(self, items: Sequence[str], found: str) -> list[str]:
-        """Return source that sets r0, r1, ... to the results; items: source of arguments; found: done if singular."""
+        """Return source that sets r0, r1, ... to the results; items: the arguments; found: a statement if singular."""
         given = [*map(str, self.constants), *items]
         check = [f"if singular({', '.join(given[: len(self.constants) + self.checked])}): {found}"]
         names = ", ".join(f"r{k}" for k in range(len(self.results)))
         return check * bool(self.singular) + [f"{names} = kernel({', '.join(given)})"]
 
     def function(self, kind: str, head: str, lines: Sequence[str], names: dict[str, Any]) -> Function:
-        """Return the function of source, as if it stood beside the kernel, where its code is cached then."""
+        """Return the function of this source as if the kernel's file defined it, beside which its code is cached."""
         function = python_function(self.kernel)
         name = "_".join([function.__name__, kind, *map(str, self.constants)])
         scope = {"__name__": function.__module__, "kernel": self.kernel, "singular": self.singular, **names}
@@ -91,24 +91,24 @@ class Item(NamedTuple):
 
 
 def gufuncs(item: Item) -> Sequence[Function]:
-    """Return two gufuncs that do for all items along leading axes what is done for one.
+    """Return two gufuncs that compute an item's results for all items along leading axes.
 
-    The first is for whole arrays; the second for the pieces of a large one, which go past the caches however small.
-    Where an item may be singular, they take a mark before the arguments: an array of shape (), zero, which becomes 1
-    where one is.
+    The first is for whole arrays; the second is for pieces of a large one, and its results always bypass the caches.
+    If items may be singular, a mark comes before the arguments: an array of shape () that is 0, and is set to 1 if any
+    item is singular.
     """
     if config.DISABLE_JIT:
         return [interpreted(item)] * 2
     if not inside.MISSING:
         try:
             return tiled_gufuncs(item, STREAMED, 0)
-        except Exception:  # Numba's internals behave otherwise than where they were tried
+        except Exception:  # Numba's internals differ from those of the versions tried
             pass
     return [plain_gufunc(item)] * 2
 
 
 def interpreted(item: Item) -> Function:
-    """Return such a gufunc, item by item, without compilation (for NUMBA_DISABLE_JIT=1)."""
+    """Return a function like such a gufunc, which loops over the items in Python (for NUMBA_DISABLE_JIT=1)."""
     shapes, results = item.inputs, item.results
 
     def call(*args: Any, out: Any = None) -> Any:
@@ -121,7 +121,7 @@ def interpreted(item: Item) -> Function:
             raise ValueError("wrong trailing shape")
         leading = np.broadcast_shapes(*(a.shape[: a.ndim - len(s)] for a, s in zip(arrays, shapes, strict=True)))
         given = out if isinstance(out, tuple) else (out,) * len(results)
-        outs = [np.empty(leading + s) for s in results]  # not over an argument that is still to be read
+        outs = [np.empty(leading + s) for s in results]  # `out` may overlap an argument that is still to be read
         rows = [np.broadcast_to(a, leading + s) for a, s in zip(arrays, shapes, strict=True)]
         for index in np.ndindex(*leading):
             items = [*item.constants, *(_as_tuple(a[index]) for a in rows[bool(item.singular) :])]
@@ -144,9 +144,9 @@ def _as_tuple(array: Any) -> Any:
 
 
 def plain_gufunc(item: Item) -> Function:
-    """Return what `gufuncs` returns one of, with a loop that takes one item after the other.
+    """Return such a gufunc whose loop is `guvectorize`'s, one item after the other.
 
-    `guvectorize` knows core sizes by name only: the first arguments are arrays of these sizes.
+    `guvectorize` knows core sizes by name only, so arrays of these sizes are passed as the first arguments.
     """
     shapes = item.inputs + item.results
     sizes, names = sorted({n for shape in shapes for n in shape}), [f"a{k}" for k in range(len(shapes))]
@@ -214,14 +214,14 @@ while start < n:
     start += ITEMS
 clear_float_flags(FLAGS)
 MARK"""
-"""The loop over items, whole tiles of packed ones first. Branch-free code evaluates what it does not select, and its
-flags would become NumPy warnings."""
+"""The loop over items: whole tiles of packed items first, then the rest. It clears the floating-point flags, of which
+NumPy would make warnings: branch-free code also evaluates values that it does not select."""
 
 
 def tiled_gufuncs(item: Item, *least: int) -> list[np.ufunc]:
     """Return gufuncs with a loop over tiles that is compiled now, or loaded from the cache.
 
-    least: of each, the bytes from which on its results go past the caches.
+    least: for each gufunc, the size in bytes from which its results bypass the caches.
     """
     moves = {f.__name__: f for f in (tile.to_tile, tile.from_tile, tile.stream_tile, tile.end_stream)}
     if platform.machine() not in ("x86_64", "AMD64"):
@@ -277,10 +277,11 @@ def _loop_source(item: Item) -> list[str]:
 
 
 class _Operand(NamedTuple):
-    """An argument or result, number k of a loop, as source text; size: the numbers of an item.
+    """An argument or result, the k-th of a loop, as source text; size: how many numbers an item has.
 
-    in_tile: the address of item i, its shape and strides; in_memory: the same of the item that goes there, anywhere in
-    memory; packed: the tile, the address of items that are packed in memory, their first row and the size of one.
+    strides: those of its core axes; in_tile: the address of item i in the tile, its shape and strides; in_memory: the
+    same for this item in memory; is_packed: the condition that items are packed in memory; packed: the tile, the
+    address of packed items, their first row in the tile and their size.
     """
 
     k: int
@@ -293,7 +294,7 @@ class _Operand(NamedTuple):
 
 
 def _operand(k: int, shape: Shape, axis: int, row: int) -> _Operand:
-    """Return an operand; axis: where in `steps` the strides of its core axes begin; row: its first in the tile."""
+    """Return an operand; axis: the index in `steps` of its first core axis's stride; row: its first row in the tile."""
     size, in_row = math.prod(shape), 8 * tile.ITEMS
     apart = [math.prod(shape[n + 1 :]) for n in range(len(shape))]  # numbers between neighbours along each axis
     return _Operand(
@@ -308,6 +309,6 @@ def _operand(k: int, shape: Shape, axis: int, row: int) -> _Operand:
 
 
 def _operands(shapes: list[Shape]) -> list[_Operand]:
-    axes = accumulate(map(len, shapes), initial=len(shapes))  # the core strides follow one outer stride for each
+    axes = accumulate(map(len, shapes), initial=len(shapes))  # core strides come after the operands' outer strides
     rows = accumulate(map(math.prod, shapes), initial=0)
     return [*map(_operand, range(len(shapes)), shapes, axes, rows)]

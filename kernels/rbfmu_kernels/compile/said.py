@@ -1,4 +1,4 @@
-"""Lines on stderr for those who wait, as where compiling takes long; `RBFMU_QUIET` silences them."""
+"""Messages on stderr to a user who waits, for example while code compiles; `RBFMU_QUIET` silences them."""
 
 import os
 import sys
@@ -10,10 +10,10 @@ from typing import Any
 from . import numba_private
 
 PATIENCE = 2.0
-"""The time, s, after which work other than compiling says what it is."""
+"""The time, s, after which work other than compiling is announced."""
 
 NAME = "rbfmu: a line for those who wait"
-"""The thread's."""
+"""The name of the thread that waits."""
 
 
 def say(text: str) -> None:
@@ -24,7 +24,7 @@ def say(text: str) -> None:
 
 @contextmanager
 def said_after(patience: float, text: Callable[[], str]) -> Iterator[None]:
-    """Print a line once the body has run for `patience` s on end without compiling, which is announced by itself."""
+    """Print `text()` once the body has run for `patience` s without compiling, which has its own announcement."""
     done = Event()
 
     def wait() -> None:
@@ -44,15 +44,16 @@ def said_after(patience: float, text: Callable[[], str]) -> Iterator[None]:
 
 
 COMPILING_PATIENCE = 1.0
-"""The time, s, after which compiling says so."""
+"""The time, s, after which compiling is announced."""
 TEXT = "rbfmu: compiling for the first time takes some seconds; where the code can be kept, it happens once"
 _Listener: Any = getattr(numba_private, "Listener", object)  # where Numba has none, nothing is announced
 
 
 class Announcer(_Listener):  # type: ignore[misc]
-    """A listener that waits from the outermost start of a compilation of ours to its end, and speaks once.
+    """A listener to Numba's events that announces, once, a compilation of our functions that takes long.
 
-    begun, ended: how many compilations did so in this process, as far as such listeners hear of them.
+    It measures the time from the beginning of the outermost compilation to its end. begun, ended: how many compilations
+    listeners have seen begin and end in this process.
     """
 
     begun = ended = 0
@@ -62,7 +63,7 @@ class Announcer(_Listener):  # type: ignore[misc]
         self._timer = Timer(COMPILING_PATIENCE, self._say)
 
     def on_start(self, event: Any) -> None:
-        """Begin to wait."""
+        """Start the timer at an outermost compilation of ours."""
         if Announcer.begun == Announcer.ended and not self._spoken and _is_ours(event):
             self._timer = Timer(COMPILING_PATIENCE, self._say)
             self._timer.daemon = True
@@ -70,7 +71,7 @@ class Announcer(_Listener):  # type: ignore[misc]
         Announcer.begun += 1
 
     def on_end(self, event: Any) -> None:
-        """Wait no longer."""
+        """Stop the timer at the end of an outermost compilation."""
         Announcer.ended += 1
         if Announcer.begun == Announcer.ended:
             self._timer.cancel()

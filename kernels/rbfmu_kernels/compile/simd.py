@@ -1,7 +1,8 @@
-"""Four numbers side by side, on which the same is done at once: a vector of the machine, or a tuple in Python.
+"""Four numbers side by side, which are added and multiplied at once: a vector in compiled code, a tuple in Python.
 
-A lane's arithmetic is that of plain numbers, so that no bit depends on how wide the machine's vectors are. What stands
-here is for Python; Numba puts instructions on vectors in its place. Four wide numbers, see `wide`, are as many vectors.
+Each lane has the arithmetic of plain numbers, so no bit depends on the width of the machine's vectors. The functions
+below run in Python; in compiled code Numba replaces them by vector instructions. Four wide numbers (see `wide`) are
+four vectors.
 """
 
 import operator
@@ -22,12 +23,12 @@ _four_from = cast(Callable[[Buffer, int], Lanes], Struct("4d").unpack_from)
 
 
 def lanes(a: float, b: float, c: float, d: float) -> Lanes:
-    """Return four numbers side by side."""
+    """Return four numbers as the lanes of a vector."""
     return (a, b, c, d)
 
 
 def numbers(a: Lanes) -> Lanes:
-    """Return the four numbers."""
+    """Return the four lanes as a tuple of numbers."""
     return a
 
 
@@ -42,12 +43,15 @@ def put_lanes(z: Buffer, i: int, a: Lanes) -> None:
 
 
 def cyclic_at(z: Buffer, i: int, j: int) -> Lanes:
-    """Return (y, z, x, w) of the numbers (x, y, z, w) at z[i]; these stand at z[j] where four are one vector."""
+    """Return (y, z, x, w) of the numbers (x, y, z, w) from z[i] on.
+
+    Four plain numbers are read in this order from z[j] on, where `put_cyclic` has stored them; wide ones from z[i] on.
+    """
     return lanes_at(z, j)
 
 
 def put_cyclic(z: Buffer, j: int, a: Lanes) -> None:
-    """Store what `cyclic_at` reads at z[j], where it does."""
+    """Store four plain numbers from z[j] on, for `cyclic_at`; does nothing for wide ones, which it reads elsewhere."""
     put_lanes(z, j, a)
 
 
@@ -62,16 +66,16 @@ def multiply_lanes(a: Lanes, b: Lanes) -> Lanes:
 
 
 _INSTRUCTIONS = binding.get_host_cpu_features().flatten() if config.CPU_FEATURES is None else config.CPU_FEATURES
-"""Those that Numba compiles for, by which it tells kept code apart as well."""
+"""The features of the processor that Numba compiles for; its cache distinguishes code by them too."""
 WIDEST = 8 if "+avx512f" in _INSTRUCTIONS else 4
-"""How many lanes serve best with them; no bit depends on it."""
+"""The best number of lanes with these features; no bit depends on it."""
 
 
 # Wide numbers in a buffer
 
 
 class WideArrayType(types.Type):  # type: ignore[misc]
-    """The type of a buffer with a number of each of `width` lanes in each place."""
+    """The type of a buffer whose every place has a wide number, of `width` lanes."""
 
     def __init__(self, width: int) -> None:
         self.width = width
@@ -85,7 +89,7 @@ class _Pointer(models.PrimitiveModel):  # type: ignore[misc]
 
 
 def _place(context: Context, builder: Builder, kind: types.Type, z: Value, i: Value) -> Value:
-    """Return the address of the number in a buffer's place i, or of those of all lanes."""
+    """Return the address of a buffer's place i: of its number, or of the first lane of its wide number."""
     if isinstance(kind, WideArrayType):
         return builder.gep(z, [builder.mul(i, i.type(kind.width))])
     return builder.gep(context.make_array(kind)(context, builder, z).data, [i])
@@ -93,7 +97,7 @@ def _place(context: Context, builder: Builder, kind: types.Type, z: Value, i: Va
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
 def wide_at(typingctx: Context, z: types.Array, i: types.Type, width: types.IntegerLiteral) -> Intrinsic:
-    """Return the buffer of numbers of so many lanes that stand from z[i] on, place by place; width: a constant."""
+    """Return the numbers from z[i] on as a buffer of wide numbers; width: how many lanes each has, a constant."""
     kind = WideArrayType(width.literal_value)
     return kind(z, intp, width), lambda context, builder, signature, args: _place(context, builder, z, *args[:2])
 
@@ -154,7 +158,7 @@ _FOUR = WideType(4)
 
 
 def _four_in(z: types.Type) -> types.Type | None:
-    """Return the type of four numbers of a buffer."""
+    """Return the type of four numbers that are read from a buffer; None if z is no buffer."""
     if isinstance(z, WideArrayType):
         return types.UniTuple(WideType(z.width), 4)
     return _FOUR if isinstance(z, types.Array) else None

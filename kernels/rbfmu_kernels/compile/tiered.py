@@ -1,10 +1,10 @@
-"""Kernels as the plain Python functions that they are written as, until compiling them pays: the bits are the same.
+"""Runs kernels as plain Python functions, as they are written, until compiling them pays; the bits are the same.
 
-Compiling a model's step takes seconds, and a thousand steps in plain Python take a tenth of that. A kernel is compiled
-once its calls have taken the time that compiling takes, those of earlier processes too, or after its first where those
-to come will take it: so at most twice what is needed is spent (ski rental; Karlin, Manasse, Rudolph and Sleator 1988).
-A call that alone takes longer is given up, and done again by compiled code.
-Code that is kept on disk from an earlier run serves from the first call.
+Compiling a model's step takes seconds; a thousand steps in plain Python take a tenth of that. A kernel is compiled once
+its calls, including those of earlier processes, have taken as long as compiling takes; or earlier, if the known further
+calls would. So at most twice the necessary time is spent (ski rental; Karlin, Manasse, Rudolph and Sleator 1988).
+A single call that takes longer is given up, and done again by compiled code.
+Code that an earlier run has cached on disk is used from the first call on.
 """
 
 import math
@@ -28,9 +28,9 @@ R = TypeVar("R")
 
 
 def interpreted(kernel: Callable[P, R]) -> Callable[P, R]:
-    """Return the kernel as a Python function that calls other kernels as such too.
+    """Return the kernel as a Python function, which calls other kernels as Python functions too.
 
-    Numbers that are to be divided by zero must be NumPy's, as those of a buffer are: Python's own raise an error.
+    Numbers that may be divided by zero must be NumPy's, as a buffer's are: Python's own raise ZeroDivisionError.
     """
     function: Callable[P, R] = _plain(kernel)
 
@@ -42,18 +42,18 @@ def interpreted(kernel: Callable[P, R]) -> Callable[P, R]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a kernel as a Python function, a module as one whose kernels are such, and most else as it is."""
+    """Return a kernel as a Python function, a module with its kernels as such, and most other values unchanged."""
     if isinstance(value, ModuleType):
         return _PlainModule(value)
     if isinstance(value, np.ndarray) and value.dtype == np.float64:
-        return memoryview(value.data)  # whose numbers are Python's
-    if value is math.sqrt:  # which raises an error below zero, where compiled code has NaN
+        return memoryview(value.data)  # its items are Python's numbers
+    if value is math.sqrt:  # raises an error below zero, where compiled code returns NaN
         return lambda x: math.nan if x < 0.0 else math.sqrt(x)
     return _plain_function(value) if hasattr(value, "py_func") else value
 
 
 def _kept_with(kernel: Any, name: str, make: Callable[[], R]) -> R:
-    """Return what is made of a kernel once, and goes when the kernel goes."""
+    """Return the result of `make`, called once for a kernel, which stores it: it is freed with the kernel."""
     known = vars(kernel)
     return known[name] if name in known else known.setdefault(name, make())  # type: ignore[no-any-return]
 
@@ -67,7 +67,7 @@ def _made_plain(value: Any) -> Any:
     names, used = dict(function.__globals__), function.__code__.co_names
     names |= {name: _plain(names[name]) for name in used if name in names}
     plain = FunctionType(function.__code__, names, function.__name__, function.__defaults__)
-    merged = getattr(value, "targetoptions", {}).get("forceinline", True)  # into its caller: there are many such calls
+    merged = getattr(value, "targetoptions", {}).get("forceinline", True)  # called too often to check the time
     return plain if merged else _given_up_in_time(plain)
 
 
@@ -76,7 +76,7 @@ class _TooLongError(Exception):
 
 
 class _Limit(local):
-    """The CPU time of the process, s, at which this thread's call is given up."""
+    """The process's CPU time, s, at which this thread's call is given up."""
 
     at = math.inf
 
@@ -94,10 +94,11 @@ def _given_up_in_time(function: Function) -> Function:
 
 
 def on_buffer(function: Callable[P, R], kernel: Callable[P, R]) -> Callable[P, R]:
-    """Return a kernel as a Python function that takes its buffers' numbers for Python's: twice as fast as NumPy's.
+    """Return a function that runs `function` on Python's numbers in its buffers: twice as fast as on NumPy's.
 
-    Where these are divided by zero, what was done is undone, and done again with NumPy's; where a number that is no
-    buffer's is, as one of `where`, and where it takes too long, by the kernel itself. What Ctrl-C stops is undone.
+    If such a number is divided by zero, the buffers are restored and `function` runs again, on NumPy's numbers. If a
+    number outside the buffers is divided by zero, as one of `where`, or if the call takes too long, the compiled kernel
+    runs instead. Any other error, and Ctrl-C, also restores the buffers.
     """
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -122,7 +123,7 @@ def is_buffer(value: object) -> TypeGuard[Array]:
 
 
 def size_of_code(kernel: Function) -> int:
-    """Return the number of bytes of a kernel and of all that it calls, as Python's code."""
+    """Return the size, in bytes, of Python's bytecode of a kernel and of all kernels that it calls."""
     return sum(len(function.__code__.co_code) for function in reached(python_function(kernel)))
 
 
@@ -136,20 +137,20 @@ class _PlainModule:
 
 
 PATIENCE, PATIENCE_PER_BYTE = 0.2, 8e-5
-"""The CPU time, s, that calls in plain Python may take before a kernel is compiled, and more per byte of its code:
-measured, what compiling takes where what many kernels call is kept."""
+"""The CPU time, s, that calls in plain Python may take before a kernel is compiled: a constant, and a part per byte of
+its bytecode. They are the measured time of compiling where the kernels that many others call are cached."""
 TYPICAL = 0.1
-"""The part of that time after which calls to come are taken to last as long as those before on average: the first ones
-prepare what later ones use."""
+"""The part of that time after which further calls are expected to take as long as the calls so far did on average.
+Before that the average is too high: the first calls prepare what later ones use."""
 
 HASTE = 0.1
-"""The part of the time that calls in plain Python may take `in_haste`."""
+"""The factor on the time that calls in plain Python may take, within `in_haste`."""
 
 
 def tiered(kernel: Function, calls: int = 1) -> Function:
-    """Return a kernel that is compiled where its calls in plain Python take longer.
+    """Return the kernel as one that runs in plain Python and is compiled once that pays.
 
-    calls: how many are known to come.
+    calls: how many calls are known to come.
     """
     if python_function(kernel) is kernel:  # the JIT is disabled
         return kernel
@@ -160,7 +161,7 @@ def tiered(kernel: Function, calls: int = 1) -> Function:
 
 @contextmanager
 def in_haste() -> Iterator[None]:
-    """Compile kernels sooner: for processes to come, which find their code, though they may be slower or run longer."""
+    """Compile kernels sooner, for later processes, which find the code but may be slower or run longer."""
     Tiered.share = HASTE
     try:
         yield
@@ -169,30 +170,30 @@ def in_haste() -> Iterator[None]:
 
 
 def evaluated(kernel: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-    """Return what a kernel makes of Python's numbers and tuples, in such; it is compiled if that pays."""
+    """Return a kernel's result for Python's numbers and tuples, as such; the kernel is compiled if that pays."""
     found: R = _each(tiered(kernel)(*(_each(value, float, np.float64) for value in args)), np.generic, np.generic.item)
-    return found  # inside the kernel they are NumPy's, which can be divided by zero
+    return found  # inside the kernel the numbers are NumPy's, which can be divided by zero
 
 
 def _each(value: Any, kind: type, convert: Function) -> Any:
-    """Return numbers in nested tuples, those of a kind converted."""
+    """Return numbers in nested tuples, with those of type `kind` converted."""
     if isinstance(value, tuple | list):
         return tuple(_each(one, kind, convert) for one in value)
     return convert(value) if isinstance(value, kind) else value
 
 
 def is_kept(kernel: Any, *args: object) -> bool:
-    """Return whether a kernel's code for such arguments is compiled already, or is kept on disk; it is loaded then."""
-    # To ask Numba about an array loads numpy.ma, which takes 10 ms.
+    """Return whether a kernel is compiled for such arguments, or its code is on disk, which is then loaded."""
+    # `typeof` of an array would load numpy.ma, which takes 10 ms.
     return has_code(kernel, tuple(float64[::1] if is_buffer(x) and x.flags.carray else typeof(x) for x in args))
 
 
 _LOADING = Lock()
-"""Of two threads that load the same code one waits: Numba takes code that is there twice for two that both serve."""
+"""Held by the one thread that loads code: to Numba, code that is loaded twice would be two ambiguous overloads."""
 
 
 def has_code(kernel: Any, signature: tuple[types.Type, ...]) -> bool:
-    """Return the same for arguments of these types."""
+    """Return what `is_kept` does, for arguments of these types."""
     try:
         if signature in kernel.overloads:
             return True
@@ -201,32 +202,32 @@ def has_code(kernel: Any, signature: tuple[types.Type, ...]) -> bool:
             if kept is not None and signature not in kernel.overloads:
                 kernel.add_overload(kept)
         return signature in kernel.overloads
-    except Exception:  # Numba's internals behave otherwise than where they were tried
+    except Exception:  # Numba's internals differ from those of the versions tried
         return False
 
 
 def _file_of_time(kernel: Any) -> Path:
-    """Return where it is kept, beside a kernel's code, what its calls in plain Python have taken, s."""
+    """Return the file, beside a kernel's cached code, with the time, s, that its calls in plain Python have taken."""
     return Path(f"{kernel._cache._cache_file._index_path}.time")
 
 
 class _Taken:
-    """What calls of a kernel in plain Python have taken, s: of this process, and of those before."""
+    """The time, s, of a kernel's calls in plain Python: `now` is in this process, `before` in earlier ones."""
 
     now, before = 0.0, 0.0
 
     def keep(self, file: Path, least: float) -> None:
-        """Keep it for later processes, so that who runs scene after scene compiles at last; not what is little."""
+        """Write the sum for later processes, if `now` is above `least`: many short runs then compile in the end."""
         if self.now > least:
             with suppress(OSError):
                 file.write_text(str(self.before + self.now), encoding="utf-8")
 
 
 class Tiered:
-    """A kernel that is called in plain Python first, and compiled later; calls: how many are known to come."""
+    """A kernel that is called in plain Python first, and compiled later; calls: how many calls are known to come."""
 
     share = 1.0
-    """The part of their patience that all have, see `in_haste`."""
+    """The factor on the patience of all kernels; see `in_haste`."""
 
     def __init__(self, kernel: Any, plain: Function) -> None:
         self._kernel, self._plain, self.calls = kernel, plain, 1
@@ -240,7 +241,7 @@ class Tiered:
 
     @property
     def is_compiled(self) -> bool:
-        """Return whether the next call is one of compiled code."""
+        """Return whether the next call runs compiled code."""
         return self._call is self._kernel
 
     @property
@@ -253,7 +254,7 @@ class Tiered:
         if not self.is_compiled:
             with suppress(OSError, AttributeError, ValueError):  # there is no such file, or no cache at all
                 file = _file_of_time(self._kernel)
-                finalize(self, self._taken.keep, file, TYPICAL * self._patience)  # when it goes, or the process ends
+                finalize(self, self._taken.keep, file, TYPICAL * self._patience)  # when it is freed, or at exit
                 self._taken.before = float(file.read_text(encoding="utf-8"))
                 self._call = self._kernel if self._taken.before > self._bound else self._interpreted
         return self._call(*args)
@@ -270,5 +271,5 @@ class Tiered:
         now = self._taken.now
         to_come = self.calls * now / self._done if now > TYPICAL * self._bound else 0.0
         if self._taken.before + now + to_come > self._bound or self._kernel.overloads:  # others may have compiled it
-            self._call, self._taken.now = self._kernel, 0.0  # which nobody has to know any more
+            self._call, self._taken.now = self._kernel, 0.0  # later processes will find the code, and need no time
         return found

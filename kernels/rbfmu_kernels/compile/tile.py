@@ -1,8 +1,7 @@
-"""A tile: numbers of sixteen items on the stack, a number's values for successive items side by side.
+"""A tile has the numbers of sixteen items on the stack; the values of one number for successive items are neighbours.
 
-These are Numba intrinsics behind the loops of `gufunc`: moves between memory and tile, and hints to LLVM. Items
-of a few numbers each get from rows in memory to columns in vectors, and back, by shuffles in registers, eight at
-a time.
+The loops of `gufunc` use these Numba intrinsics: they move items between memory and tile, and give hints to LLVM. Eight
+items at a time are transposed, from rows in memory to columns in vectors and back, by shuffles in registers.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -18,8 +17,8 @@ from .numba_private import cgutils
 
 LANES = 8  # items that are transposed at a time
 ITEMS = 16
-"""Two vectors of the widest machines, whose chains of dependent operations then overlap (see `in_vectors`)."""
-_AHEAD = 2048  # bytes: how far ahead of the tile memory is asked for
+"""Two vectors of the widest machines, so that their chains of dependent operations overlap (see `in_vectors`)."""
+_AHEAD = 2048  # bytes: how far ahead of the tile memory is prefetched
 _POINTER = types.CPointer(float64)
 _double, _int32, _int64 = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
 _byte_pointer = ir.IntType(8).as_pointer()
@@ -34,7 +33,7 @@ def _shuffled(builder: Builder, a: Value, b: Value, places: list[int]) -> Value:
 
 
 def columns_of(builder: Builder, items: Value, index: int, width: int) -> list[Value]:
-    """Return the columns of eight items of `width` numbers, packed from items[index] on."""
+    """Return the `width` columns of eight items, which are packed from items[index] on with `width` numbers each."""
     if width in (1, 2, 4):
         return _unzipped(builder, [load(builder, _at(builder, items, index + LANES * n), LANES) for n in range(width)])
     if width < LANES:
@@ -54,7 +53,7 @@ def columns_of(builder: Builder, items: Value, index: int, width: int) -> list[V
 
 
 def store_items(builder: Builder, columns: list[Value], items: Value, index: int) -> None:
-    """Store the columns of eight items where `columns_of` finds them."""
+    """Store the columns of eight items in memory, as `columns_of` reads them."""
     width = len(columns)
     if width in (1, 2, 4):
         for i, row in enumerate(_zipped(builder, columns)):
@@ -78,7 +77,7 @@ def store_items(builder: Builder, columns: list[Value], items: Value, index: int
 
 
 def _unzipped(builder: Builder, vectors: list[Value]) -> list[Value]:
-    """Gather every w-th number of w vectors in a row, w = 1, 2, 4 or 8: part even from odd places, log2(w) times."""
+    """Return w vectors, each with every w-th number of the w given ones, by log2(w) even-odd splits; w: 1, 2, 4, 8."""
     even, odd = [*range(0, 2 * LANES, 2)], [*range(1, 2 * LANES, 2)]
     for _ in range(len(vectors).bit_length() - 1):
         pairs = [*zip(vectors[::2], vectors[1::2], strict=True)]
@@ -87,7 +86,7 @@ def _unzipped(builder: Builder, vectors: list[Value]) -> list[Value]:
 
 
 def _zipped(builder: Builder, vectors: list[Value]) -> list[Value]:
-    """Undo `_unzipped`: put the first half of the numbers between those of the second, log2(w) times."""
+    """Return the inverse of `_unzipped`: interleave the first half of the vectors with the second, log2(w) times."""
     both = [place for i in range(LANES) for place in (i, i + LANES)]
     for _ in range(len(vectors).bit_length() - 1):
         half = len(vectors) // 2
@@ -97,7 +96,7 @@ def _zipped(builder: Builder, vectors: list[Value]) -> list[Value]:
 
 
 def _doing(signature: Signature, do: Callable[..., None]) -> Intrinsic:
-    """Return an intrinsic without a result; do: of LLVM's builder and the arguments."""
+    """Return an intrinsic without a result; do(builder, *arguments) makes its instructions."""
 
     def generate(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
         do(builder, *args)
@@ -114,7 +113,7 @@ def address(typingctx: Context, pointer: types.Type, offset: types.Type) -> Intr
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
 def tile_of(typingctx: Context, rows: types.Literal) -> Intrinsic:
-    """Return a tile of `rows` numbers an item; its function may use the widest vectors there are."""
+    """Return a tile with `rows` numbers per item; the function around it may use vectors of 512 bits."""
 
     def generate(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:
         set.add(builder.function.attributes, '"prefer-vector-width"="512"')  # not among those that llvmlite checks for
@@ -126,7 +125,7 @@ def tile_of(typingctx: Context, rows: types.Literal) -> Intrinsic:
 def _move(move: Callable[..., None]) -> Callable[..., None]:
     """Return the intrinsic `(tile, items, row, size)` that moves sixteen items of `size` numbers, packed at `items`.
 
-    In the tile they have the rows from `row` on; both numbers are literals.
+    In the tile they have the rows from `row` on; row and size are literals.
     """
 
     @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
@@ -163,12 +162,12 @@ def from_tile(builder: Builder, tile: Value, items: Value, row: int, size: int) 
 def stream_tile(builder: Builder, tile: Value, items: Value, row: int, size: int) -> None:
     """Move items as `from_tile` does, but past the caches, in whole cache lines.
 
-    Memory that is written only need not be read first.
+    Then the processor need not read the memory before it overwrites it.
     """
     lines, count = _stack(builder, ITEMS * size), _int64(ITEMS * size)
     for half in range(0, ITEMS, LANES):
         _store_rows(builder, tile, row, size, lines, half)
-    builder.asm(ir.FunctionType(ir.VoidType(), [lines.type]), "", "r,~{memory}", [lines], True)  # all in place
+    builder.asm(ir.FunctionType(ir.VoidType(), [lines.type]), "", "r,~{memory}", [lines], True)  # stored by here
     before = _before_line(builder, items, count)
     behind = builder.add(before, builder.and_(builder.sub(count, before), _int64(-LANES)))
     for start, stop, step in ((_int64(0), before, 1), (before, behind, LANES), (behind, count, 1)):
@@ -177,28 +176,28 @@ def stream_tile(builder: Builder, tile: Value, items: Value, row: int, size: int
 
 
 def _hint(put: Callable[[Builder], None]) -> Callable[[], None]:
-    """Return the intrinsic without arguments that puts an instruction in its place."""
+    """Return an intrinsic without arguments or result; put(builder) makes its instruction."""
     return intrinsic(wraps(put)(lambda typingctx: _doing(types.void(), put)))  # type: ignore[no-any-return]
 
 
 @_hint
 def end_stream(builder: Builder) -> None:
-    """Let other threads see what was streamed before they see that the call is over."""
+    """Make streamed results visible to other threads before they can see the end of the call."""
     kind = ir.FunctionType(ir.VoidType(), [])
     builder.call(builder.module.declare_intrinsic("llvm.x86.sse.sfence", (), kind), [])
 
 
 @_hint
 def in_turn(builder: Builder) -> None:
-    """Put an empty instruction that keeps LLVM from vectorising a copying loop, whose gathers and scatters are slow."""
+    """Keep LLVM from vectorising a copying loop, as gathers and scatters are slow, by an empty instruction."""
     builder.asm(ir.FunctionType(ir.VoidType(), []), "", "~{memory}", [], True)
 
 
 @_hint
 def in_vectors(builder: Builder) -> None:
-    """End a loop's body so that LLVM does not unroll it before vectorising, but interleaves two vectors' instructions.
+    """At the end of a loop's body: tell LLVM to interleave two vectors, and not to unroll before it vectorises.
 
-    A chain of dependent operations alone would leave the processor idle half of the time.
+    A single chain of dependent operations would leave the processor idle half of the time.
     """
     module, branch = builder.module, builder.branch
 
@@ -211,14 +210,14 @@ def in_vectors(builder: Builder) -> None:
         jump.set_metadata("llvm.loop", loop)
         return jump
 
-    builder.branch = branch_with_hints  # the next one, from which the loop starts over
+    builder.branch = branch_with_hints  # used for the next branch, which goes back to the loop's start
 
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
 def read(typingctx: Context, item: types.Type, shape: types.BaseTuple, strides: types.BaseTuple) -> Intrinsic:
     """Return an item in the tile, or anywhere in memory, as a number or a (nested) tuple.
 
-    item: its address; shape: such as (3, 3); strides: in bytes.
+    item: its address; shape: its core shape, such as (3, 3); strides: in bytes, one per axis.
     """
     lengths, kind = [n.literal_value for n in shape.types], float64
     for length in reversed(lengths):
@@ -261,12 +260,12 @@ def _places(builder: Builder, item: Value, strides: Value, lengths: list[int]) -
 
 def _moved(builder: Builder, pointer: Value, offset: Value) -> Value:
     """Return the pointer moved by `offset` bytes."""
-    place = builder.gep(builder.bitcast(pointer, _byte_pointer), [offset])  # as integers, vectors would be lost
+    place = builder.gep(builder.bitcast(pointer, _byte_pointer), [offset])  # integer addresses prevent vectorising
     return builder.bitcast(place, pointer.type)
 
 
 def _stack(builder: Builder, count: int) -> Value:
-    """Return room for numbers on the stack, from the beginning of a cache line on."""
+    """Return the address of room for `count` numbers on the stack, at the beginning of a cache line."""
     with builder.goto_entry_block():
         array = builder.alloca(ir.ArrayType(_double, count))
     array.align = 8 * LANES
@@ -274,7 +273,7 @@ def _stack(builder: Builder, count: int) -> Value:
 
 
 def _before_line(builder: Builder, pointer: Value, count: Value) -> Value:
-    """Return how many numbers there are before a cache line begins; `count` where none ever does at a number."""
+    """Return how many numbers lie before the next cache line; `count` if the address is no multiple of 8 bytes."""
     place = builder.ptrtoint(pointer, _int64)
     numbers = builder.and_(builder.neg(builder.lshr(place, _int64(3))), _int64(LANES - 1))
     aligned = builder.icmp_unsigned("==", builder.and_(place, _int64(7)), _int64(0))
@@ -282,7 +281,7 @@ def _before_line(builder: Builder, pointer: Value, count: Value) -> Value:
 
 
 def _stream(builder: Builder, source: Value, target: Value, count: int) -> None:
-    """Store one number, or a line of them to where one begins, without a place in the caches."""
+    """Store one number, or a whole cache line at the beginning of one, past the caches."""
     kind = ir.VectorType(_double, count) if count > 1 else _int64
     value = builder.load(builder.bitcast(source, kind.as_pointer()), align=8)
     stored = builder.store(value, builder.bitcast(target, kind.as_pointer()), align=8 * count)
@@ -290,7 +289,7 @@ def _stream(builder: Builder, source: Value, target: Value, count: int) -> None:
 
 
 def _ask_for(builder: Builder, pointer: Value, index: int, lines: int, *, writing: bool) -> None:
-    """Prefetch `lines` cache lines (8 numbers each) some way ahead; beyond an array's end this does nothing."""
+    """Prefetch `lines` cache lines (8 numbers each), `_AHEAD` bytes ahead; beyond an array's end this does nothing."""
     kind = ir.FunctionType(ir.VoidType(), [_byte_pointer, _int32, _int32, _int32])
     prefetch = builder.module.declare_intrinsic("llvm.prefetch.p0", (), kind)
     for line in range(lines):
@@ -299,6 +298,6 @@ def _ask_for(builder: Builder, pointer: Value, index: int, lines: int, *, writin
 
 
 def _store_rows(builder: Builder, tile: Value, first: int, width: int, items: Value, half: int) -> None:
-    """Store half a tile's items from so many rows, packed at `items`."""
+    """Store half of a tile's items, eight from `half` on, from `width` rows of the tile, packed at `items`."""
     columns = [load(builder, _at(builder, tile, (first + n) * ITEMS + half), LANES) for n in range(width)]
     store_items(builder, columns, items, half * width)

@@ -1,10 +1,10 @@
-"""A number of each of several bodies side by side, in the lanes of a vector: kernels take it where they take a number.
+"""A wide number has a number of each of several bodies, in the lanes of a vector; kernels accept it like a number.
 
-A lane's arithmetic is that of plain numbers, so that a body's bits depend neither on its neighbours nor on how wide the
-machine's vectors are. What stands here is for Numba; where nothing is compiled, bodies go one after the other.
+Each lane has the arithmetic of plain numbers, so a body's bits depend neither on its neighbours nor on the width of the
+machine's vectors. These types are for Numba; without compiling, bodies are computed one after the other.
 
-Where a kernel for both decides by a number, it asks `choose`, whose answer may differ from lane to lane. Numba refuses
-to branch on a condition that may: it is asked `any_of` and `all_of`.
+A condition on wide numbers may differ from lane to lane, and Numba refuses to branch on it. A kernel for plain and wide
+numbers selects values by `choose`, and branches on `any_of` or `all_of` of the condition.
 """
 
 import math
@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 
 def choose(condition: bool, a: T, b: T) -> T:
-    """Return a where the condition holds, else b; both are known."""
+    """Return a in the lanes where the condition holds, b in the others; both are evaluated."""
     return a if condition else b
 
 
@@ -39,7 +39,7 @@ def all_of(condition: bool) -> bool:
 
 
 def alike(x: float, value: float) -> float:
-    """Return a value in as many lanes as x has."""
+    """Return the value in each lane of x; as a plain number if x is plain."""
     return value
 
 
@@ -49,17 +49,17 @@ def bits_of(x: float) -> np.int64:
 
 
 def number_of(bits: np.int64) -> float:
-    """Return the number that an integer has the bits of."""
+    """Return the double whose bits are those of an integer."""
     return float(np.int64(bits).view(np.float64))
 
 
-# Types of what there is one of in each lane
+# Types with one value in each lane
 
 
 class InLanes(types.Type):  # type: ignore[misc]
     """The type of a vector of `width` lanes.
 
-    lane: the type in one of them; plain: types of what is one for all lanes.
+    lane: the type of one lane's value; plain: types of values that are the same for all lanes.
     """
 
     lane, plain = types.float64, types.Number
@@ -69,7 +69,7 @@ class InLanes(types.Type):  # type: ignore[misc]
         super().__init__(f"{type(self).__name__}({width})")
 
     def unify(self, typingctx: object, other: types.Type) -> types.Type | None:
-        """Return itself as the type of a variable that is sometimes one for all lanes."""
+        """Return this type for a variable that elsewhere has a plain value, which is then that of all lanes."""
         return self if isinstance(other, self.plain) else None
 
 
@@ -77,7 +77,7 @@ class WideType(InLanes):
     """The type of a number in each lane."""
 
     def unify(self, typingctx: object, other: types.Type) -> types.Type | None:
-        """Return also the type of four wide numbers, see `simd`, for a variable that is sometimes four plain ones."""
+        """Return also the type of four wide numbers (see `simd`), for a variable that elsewhere has four plain ones."""
         return other if is_four_wide(other) else super().unify(typingctx, other)
 
 
@@ -122,7 +122,7 @@ def _register_unary(function: Callable[..., object], make: Make) -> None:
 
 
 def _register_binary(function: Callable[..., object], kind: type[InLanes], result: type[InLanes], make: Make) -> None:
-    """Let Numba know an operation on two; one of them may be plain, which is that of all lanes."""
+    """Register a binary operation with Numba; one operand may be plain, which is then that of all lanes."""
 
     def typer(a: types.Type, b: types.Type) -> types.Type | None:
         widths = [x.width for x in (a, b) if isinstance(x, kind)]
@@ -165,7 +165,7 @@ _BINARY: list[tuple[type[InLanes], type[InLanes], dict[Callable[..., object], Ma
     }),
     (WideIntType, MaskType, {operator.ne: lambda builder, a, b: builder.icmp_unsigned("!=", a, b)}),
 ]  # fmt: skip
-"""What operations on two give: the type of one of them at least, that of the result, and instructions of each."""
+"""Binary operations: the type of at least one operand, the type of the result, the instructions of each operation."""
 for _kind, _result, _functions in _BINARY:
     for _function, _make in _functions.items():
         _register_binary(_function, _kind, _result, _make)
@@ -176,7 +176,7 @@ _register_unary(math.ceil, _intrinsic("llvm.ceil"))
 
 
 def _register_summary(function: Callable[..., object], sign: str, bits_of: Callable[[int], int]) -> None:
-    """Let a function compare a mask's bits with a number; a condition that is one for all lanes is itself."""
+    """Register a function that compares a mask's bits with a number; it returns a plain condition unchanged."""
 
     @register(function, lambda a: types.boolean if isinstance(a, MaskType | types.Boolean) else None)
     def _(context: Context, builder: Builder, signature: Signature, args: Sequence[Value]) -> Value:

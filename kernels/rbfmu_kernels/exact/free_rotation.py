@@ -1,17 +1,17 @@
 """Exact torque-free motion of one rigid body: any inertia, any time, any state.
 
-In axes (p, r, s), r that of the middle moment and s the one about which the body precesses, with signs that make
-m_p, m_s >= 0, the angular momentum is m = (A_p cn u, A_r sn u, A_s dn u), u = u_0 + lambda t
-(Celledoni, Fasso, Saefstroem & Zanna, SIAM J. Sci. Comput. 30, 2008, section 2).  Corrections to that paper: amplitudes
+In principal axes (p, r, s) the angular momentum is m = (A_p cn u, A_r sn u, A_s dn u), u = u_0 + lambda t
+(Celledoni, Fasso, Saefstroem & Zanna, SIAM J. Sci. Comput. 30, 2008, section 2): r is the axis of the middle moment, s
+the axis about which the body precesses, and their signs make m_p, m_s >= 0.  Corrections to that paper: amplitudes
 and modulus come from sums of terms of one sign, never from G^2 - 2 T I_r, and the axis of dn is chosen by the sign of
 that difference, so that k <= 1 (P. Leroy, "On an article by Celledoni et al.", Principia).
 
-With kappa = I_s (I_r - I_p) / (I_p (I_s - I_r)) and rho = (A_p / A_s)^2, kappa rho = k^2, all is a sum of terms of one
-sign, for any inertia: nothing cancels, nothing has a pole.
+With kappa = I_s (I_r - I_p) / (I_p (I_s - I_r)) and rho = (A_p / A_s)^2, kappa rho = k^2, each number is a sum of terms
+of one sign, for any inertia: nothing cancels, and nothing has a pole.
 
-The attitude is q = q_0 S^-1 Q(u_0)^-1 Z(psi) Q(u) S: S takes the body's axes to (p, r, s), Z turns about the angular
-momentum, steadily, Q is periodic in u (see free_rotation_series.py).  What grows with t is double-double, the rest is
-bounded: the error does not grow.
+The attitude is q = q_0 S^-1 Q(u_0)^-1 Z(psi) Q(u) S. S takes the body's axes to (p, r, s), Z is a steady turn about the
+angular momentum, and Q is periodic in u (see free_rotation_series.py).  Numbers that grow with t are double-double, the
+others are bounded: the error does not grow.
 """
 
 import math
@@ -32,8 +32,8 @@ from .free_rotation_setup import FreeRotation, in_body_axes, read_free_rotation
 
 __all__ = ["free_rotation", "free_rotation_at", "free_rotation_setup"]
 
-_LAST_TURN = 1e28  # of psi / (4 pi): double-double has no digit left there
-_LAST_X = 0.4334246564202994  # u = 600 on the separatrix: from there on the body rests at the middle axis, to 1e-260
+_LAST_TURN = 1e28  # psi / (4 pi) from which on double-double has no digit left
+_LAST_X = 0.4334246564202994  # x at u = 600 on the separatrix: from there on the rate is along r alone, to 1e-260
 
 
 @kernel(inline=False)
@@ -50,7 +50,7 @@ def free_rotation_setup(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3) -> Free
 
 @kernel
 def free_rotation_of(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> FreeRotation:
-    """Return the constants from numbers known to more digits: see `free_rotation_setup`."""
+    """Return the constants of `free_rotation_setup`, from moments and a rate in double-double."""
     (i_1, _), (i_2, _), (i_3, _) = moments
     valid = 0.0 <= i_1 < math.inf and 0.0 <= i_2 < math.inf and 0.0 <= i_3 < math.inf
     (j_1, j_2, j_3), q, omega, unit = scaled_for_setup(moments, q_0, omega_b_0)
@@ -68,7 +68,7 @@ def free_rotation_of(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> Fre
 
 @kernel
 def scaled_for_setup(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> tuple[Vector, Quaternion, Vector, float]:
-    """Return moments, attitude and rate scaled to about 1, and what undoes that of the rate."""
+    """Return moments, attitude and rate scaled by powers of two to about 1, and the inverse of the rate's factor."""
     q, up = scale_quaternion(elementary.power_of_two_for(largest_of(q_0)), q_0), uniform_rotation.power_for(omega_b_0)
     return dd.scale_vector(uniform_rotation.power_for(moments), moments), q, dd.scale_vector(up, omega_b_0), 1.0 / up
 
@@ -77,11 +77,12 @@ def scaled_for_setup(moments: Vector, q_0: Quaternion, omega_b_0: Vector) -> tup
 def free_rotation_at(setup: FreeRotationNumbers, t: float) -> tuple[Quaternion, Vec3]:
     """Return (q_ab, omega_ab_b) at time t after the state of `setup`; q_ab of unit length and without jumps of sign.
 
-    t: s, of either sign.  Error for exact inputs, of the attitude's angle and of omega relative to |omega|: 1 eps, at
-    most 6 eps, for any body and state to |omega t| = 1e9, and away from the separatrix to 1e13. Beyond that 5e-29
-    |omega t| comes on top; within 1e-3 of the separatrix, where differences in double-double lose up to 8 digits,
-    5e-26 |omega t|. NaN beyond some 1e29.
-    Of omega 30 eps where a moment is above the sum of the others, as no body's is, and flips are far faster than omega.
+    t: s, of either sign.  Error for exact inputs, of the attitude's angle in rad and of omega relative to |omega|:
+    1 eps, at most 6 eps, for any body and state to |omega t| = 1e9, and away from the separatrix to 1e13. Beyond that
+    5e-29 |omega t| is added; within 1e-3 of the separatrix, where differences in double-double lose up to 8 digits,
+    5e-26 |omega t|. NaN beyond |omega t| of some 1e29.
+    If a moment is above the sum of the others, as no body's is, and flips are far faster than omega, the error of omega
+    is up to 30 eps.
     """
     motion = read_free_rotation(setup)
     time = scaled_time(motion, (t, 0.0))
@@ -97,8 +98,8 @@ def free_rotation(moments: Vec3, q_0: Quaternion, omega_b_0: Vec3, t: float) -> 
     Frames: the axes of b are the principal ones; omega_b_0 in b, q_0 from b to a.
     Error <= 1 eps, at most 6 eps, to |omega t| = 1e9 and mostly to 1e13: in rad from the exact attitude at t, and of
     omega relative to |omega|; see `free_rotation_at`.
-    Singular: where no motion exists, which gives NaN; see `free_rotation_setup`.  Both serve many times of one body.
-    Source: Celledoni, Fasso, Saefstroem & Zanna 2008.
+    Singular: where no motion exists, which gives NaN; see `free_rotation_setup`. For many times of one body, call that
+    once and `free_rotation_at` for each time.  Source: Celledoni, Fasso, Saefstroem & Zanna 2008.
     """
     return free_rotation_at(free_rotation_setup(moments, q_0, omega_b_0), t)
 
@@ -113,7 +114,7 @@ def free_rotation_is_singular(moments: Vec3) -> bool:
 
 @kernel
 def with_axes_turned(motion: FreeRotation, q: Quaternion) -> FreeRotation:
-    """Return the motion whose attitude is that of `motion` followed by q; its rates stay in the axes before."""
+    """Return the motion with q appended to its attitude, q_ab o q; its rates are in the same axes as before."""
     a, b, c, d = motion.columns
     columns = (
         compose_quaternions(a, q), compose_quaternions(b, q), compose_quaternions(c, q), compose_quaternions(d, q),
@@ -127,7 +128,7 @@ def with_axes_turned(motion: FreeRotation, q: Quaternion) -> FreeRotation:
 
 @kernel
 def scaled_time(motion: FreeRotation, t: DoubleDouble) -> DoubleDouble:
-    """Return t in the unit of the constants; NaN where no digit is left."""
+    """Return the time t, s, in the unit of the constants; NaN where no digit of the attitude is left."""
     high, low = dd.scale(motion.unit, t)
     return (choose(abs(motion.precession[0] * high) < _LAST_TURN, high, math.nan), low)
 
@@ -179,14 +180,14 @@ def free_rate_at(motion: FreeRotation, place: elliptic.Place) -> Vec3:
 _MOMENTS, _Q, _OMEGA, _TIME, _BODY, _RESULT = 0, 3, 7, 10, 11, 12
 _ROWS = 20
 SCRATCH = 2 * WIDEST * _ROWS
-"""The numbers of work space, at a cache line: of a vector of bodies of each kind."""
+"""How many numbers the work space has, which begins at a cache line: a vector of bodies for each of two kinds."""
 _ALONE = -1.0
 _MARGIN = 1e-3
-"""Of kc^2: far above what plain doubles lose of it, so that no body shares a vector with those of another kind."""
+"""How far kc^2 must be from the limit between kinds: far more than its round-off in plain doubles."""
 _LEAST_KC_SQUARED = 1e-6
-"""So near to the separatrix plain doubles have too few digits of kc^2 to tell one kind from the other."""
+"""Below this, near the separatrix, kc^2 in plain doubles has too few digits to decide the kind."""
 _LEAST, _LARGEST = 1e-60, 1e60
-"""Sizes of moments and rates between which products of five, as the screen has them, stay within 1e-300 and 1e300."""
+"""Bounds of moments and rates: products of five of them, as in `_kind_of`, stay between 1e-300 and 1e300."""
 
 
 class Bodies(NamedTuple):
@@ -211,8 +212,8 @@ def free_rotations(
 ) -> bool:
     """Set q (m, n, 4) and omega (m, n, 3) to the motions of m bodies at n times, several bodies side by side.
 
-    moments (m, 3), q_0 (m, 4), omega_b_0 (m, 3): see `free_rotation`. t (m, n), or (1, n) of all bodies. Returns
-    whether any of the moments are singular.
+    moments (m, 3), q_0 (m, 4), omega_b_0 (m, 3): see `free_rotation`. t: s, (m, n), or (1, n) for all bodies. scratch:
+    `SCRATCH` numbers. Returns whether any body has singular moments (see `free_rotation_is_singular`).
     """
     bodies, found = Bodies(moments, q_0, omega_b_0), Motions(t, q, omega)
     return in_lanes(bodies, found, wide_at(scratch, 0, WIDEST), wide_at(scratch, WIDEST * _ROWS, WIDEST))
@@ -220,7 +221,7 @@ def free_rotations(
 
 @kernel
 def in_lanes(bodies: Bodies, found: Motions, tumbling: Buffer, near: Buffer) -> bool:
-    """Do what `free_rotations` does; tumbling, near: lanes for bodies of each kind, all others are taken alone."""
+    """Do the work of `free_rotations`; tumbling, near: lanes for bodies of these kinds. Others are done one by one."""
     tumblers, nearers, singular = 0, 0, False
     for i in range(len(bodies.moments)):
         moments = vec3_at(bodies.moments[i], 0)
@@ -241,7 +242,7 @@ def in_lanes(bodies: Bodies, found: Motions, tumbling: Buffer, near: Buffer) -> 
 
 @kernel
 def _join(c: Buffer, count: int, body: int, bodies: Bodies, found: Motions) -> int:
-    """Give a body the next lane, and move all bodies once each lane has one; return how many wait."""
+    """Put a body into the next lane, and do all lanes once they are full; return how many bodies then wait."""
     _load(c, count, body, bodies)
     if count + 1 < width_of(c):
         return count + 1
@@ -251,9 +252,9 @@ def _join(c: Buffer, count: int, body: int, bodies: Bodies, found: Motions) -> i
 
 @kernel
 def _kind_of(moments: Vec3, omega: Vec3) -> float:
-    """Return the kind of a motion where plain doubles leave no doubt about it, or that it is to be taken alone.
+    """Return the kind of a motion, or `_ALONE` where plain doubles leave doubt about it.
 
-    A screen: d, kappa and kc^2 as of `polhode_axes`, `kappa_of` and `tumbling_setup`.
+    d, kappa and kc^2 are those of `polhode_axes`, `kappa_of` and `tumbling_setup`, in plain doubles.
     """
     (a, b, c), (x, y, z) = moments, omega
     for moment in moments:
@@ -303,7 +304,7 @@ def _alone(body: int, bodies: Bodies, found: Motions) -> None:
 
 @kernel(inline=False)
 def _together(c: Buffer, count: int, bodies: Bodies, found: Motions) -> None:
-    """Move the bodies in the first `count` lanes; the others have copies of the first."""
+    """Set the motions of the bodies in the first `count` lanes; the other lanes compute a copy of the first."""
     for lane in range(count, width_of(c)):
         _load(c, lane, int(lane_at(c, _BODY, 0)), bodies)
     attitude: Quaternion = quaternion_at(c, _Q)

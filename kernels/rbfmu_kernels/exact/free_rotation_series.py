@@ -1,15 +1,18 @@
 """A free body's attitude, and its sn, cn, dn, at a place on the polhode: short series of Jacobi's theta functions.
 
-At u, phase v = pi u / 2K, and with a' = pi a / 2K, sn(a, k') = 1 / sqrt(1 + kappa) (notation: free_rotation.py),
+Let v = pi u / 2K be the phase at u, and a' = pi a / 2K with sn(a, k') = 1 / sqrt(1 + kappa) (notation:
+free_rotation.py). Then
     alpha = theta_4(v + i a' | q^2), beta = theta_1(v + i a' | q^2)
-are, but for signs and their common length, e + i z and x + i y of the quaternion that turns the angular momentum's axes
-to the body's, less its steady turn about the momentum.  For by the addition theorem |alpha|^2 +- |beta|^2 are
-(theta_4^2 +- theta_1^2)(v), each times a constant, by Landen's transformation dn is the quotient of these, and so
-(|alpha|^2 - |beta|^2) / (|alpha|^2 + |beta|^2) = A_s dn / G.  Direction cosines as such quotients are Jacobi's.
+are e + i z and x + i y, but for signs and a common factor, of the quaternion (e, x, y, z) that turns the angular
+momentum's axes to the body's, without its steady turn about the momentum.  Reason: by the addition theorem
+|alpha|^2 +- |beta|^2 are (theta_4^2 +- theta_1^2)(v), each times a constant; by Landen's transformation dn is the
+quotient of these; so (|alpha|^2 - |beta|^2) / (|alpha|^2 + |beta|^2) = A_s dn / G.  Direction cosines as such quotients
+are due to Jacobi.
 Sources: Whittaker & Watson, ch. 21; DLMF 20.2, 20.7, 22.7.
 
-`NEAR` the separatrix by Jacobi's imaginary transformation: theta_2 and i theta_1 of b - i y, b = pi a / 4K',
-y = pi u / 4K', of nome exp(-pi K / 2K'), as series in e = exp(-2 |y|) and p = nome / e, and exp(-2 i b v / pi) besides.
+`NEAR` the separatrix Jacobi's imaginary transformation gives theta_2 and i theta_1 of b - i y, times
+exp(-2 i b v / pi), with b = pi a / 4K', y = pi u / 4K' and the nome exp(-pi K / 2K'). They are series in
+e = exp(-2 |y|) and p = nome / e.
 """
 
 import math
@@ -27,7 +30,7 @@ Series = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float, float,
     float, float, float, float, float, float, float, float, float, float, float, float,
 ]  # fmt: skip
-"""The numbers of a `TumblingSeries`, a `NearSeries` or a `SteadyTurn`; what the last two do not need is 0."""
+"""The numbers of a `TumblingSeries`, a `NearSeries` or a `SteadyTurn`; the last two are filled up with zeros."""
 
 
 class TumblingSeries(NamedTuple):
@@ -81,7 +84,7 @@ def attitude(sin_v: float, cos_v: float, series: TumblingSeries) -> tuple[float,
 
 @kernel
 def place_of(kind: float, x: dd.DoubleDouble, width: dd.DoubleDouble) -> elliptic.Place:
-    """Return sine and cosine of the phase x, in half turns, or, NEAR, what `place_near` says."""
+    """Return (sine, cosine, 0, 0) of the phase x, in half turns; NEAR the separatrix, the result of `place_near`."""
     if kind == TUMBLING:
         s, c = elementary.sincos_half_turns(x[0], x[1])
         return (s, c, alike(s, 0.0), alike(s, 0.0))
@@ -90,9 +93,10 @@ def place_of(kind: float, x: dd.DoubleDouble, width: dd.DoubleDouble) -> ellipti
 
 @kernel
 def turn_of(kind: float, place: elliptic.Place, psi: dd.DoubleDouble, shift: float, series: Series) -> Quaternion:
-    """Return the quaternion, of any length.
+    """Return the quaternion Z(psi) Q(u), of any length.
 
-    psi is the steady turn, shift x what NEAR adds; half angles are in half turns.
+    psi: the steady turn. shift x, with the phase x, is a further turn NEAR the separatrix. Both are half angles, in
+    half turns.
     """
     if kind == TUMBLING:
         sin_v, cos_v, _, _ = place
@@ -109,7 +113,7 @@ def turn_of(kind: float, place: elliptic.Place, psi: dd.DoubleDouble, shift: flo
 
 @kernel
 def jacobi_of(kind: float, place: elliptic.Place, series: Series) -> tuple[float, float, float]:
-    """Return (sn, cn, dn)."""
+    """Return (sn, cn, dn) at a place on the polhode."""
     if kind == TUMBLING:
         sin_v, cos_v, _, _ = place
         return elliptic.jacobi_from_theta(sin_v, cos_v, read_tumbling(series).jacobi)
@@ -135,12 +139,12 @@ def attitude_near(e: float, side: float, series: NearSeries) -> tuple[float, flo
 
 
 _LEVELS = 12
-"""Of Landen's descent, at most."""
+"""The largest number of levels of Landen's descent."""
 
 
 @kernel(inline=False)
 def series_of(kappa: float, tilt: float, k2: float, kc: float, sign: float) -> TumblingSeries:
-    """Return the series of kc >= NEAREST_KC, k2 = 1 - kc^2; tilt: A_p / (A_s + G); sign of I_s - I_p."""
+    """Return the series for kc >= NEAREST_KC, k2 = 1 - kc^2; tilt: A_p / (A_s + G); sign: that of I_s - I_p."""
     q = elliptic.nome(k2 / (1.0 + kc), kc)
     q2 = q * q
     b_0, d_0, f, h = _exponentials(kappa, tilt, k2, kc, q)
@@ -168,7 +172,8 @@ def series_of(kappa: float, tilt: float, k2: float, kc: float, sign: float) -> T
 def _exponentials(kappa: float, tilt: float, k2: float, kc: float, q: float) -> tuple[float, float, float, float]:
     """Return (sqrt(q / f), sqrt(q f), f, q^2 / f), f = exp(-2 a') = exp(-pi a / K), q / f <= 1.
 
-    By that of f, from kappa, and q / f, from rho, which has the larger start: the same function of both.
+    Landen's descent gives f from kappa, or q / f from rho by the same function. The one with the larger start is
+    computed, and the other follows from it.
     """
     below, k = 2.0 * math.sqrt(kc) / (1.0 + kc), k2 / ((1.0 + kc) * (1.0 + kc))
     root = 1.0 + math.sqrt(1.0 + kappa)
@@ -187,7 +192,7 @@ def _exponentials(kappa: float, tilt: float, k2: float, kc: float, q: float) -> 
 
 @kernel(inline=False)
 def _root_of_shift(y: float, k: float, kc: float) -> float:
-    """Return sqrt(f / y), where Landen's descent y' = y (y + k) / (1 + k y) ends at f^(2^n); kc is that of k.
+    """Return sqrt(f / y), where Landen's descent y' = y (y + k) / (1 + k y) ends at f^(2^n); kc: complement of k.
 
     With s = cn(a, k'_0), y is (1 - s) / (1 + s), f = exp(-pi a / K), and k of the level below k_0 is at most 6 y.
     """
@@ -220,7 +225,7 @@ def near_series_of(
 ) -> tuple[NearSeries, dd.DoubleDouble, float]:
     """Return (series, W, shift): 2 y = W x ln 2 at the phase v = pi x; the angle 2 b v / pi is shift x half turns.
 
-    root_kappa: sqrt(kappa); agm: AGM(1, kc), kc < NEAREST_KC; sign of I_s - I_p.
+    root_kappa: sqrt(kappa); agm: AGM(1, kc), kc < NEAREST_KC; sign: that of I_s - I_p.
     """
     width, phase = elliptic.near_scale(kc, agm, (1.0, 0.0), root_kappa)
     near = elliptic.near_series(kc[0])

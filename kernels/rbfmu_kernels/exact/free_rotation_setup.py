@@ -1,4 +1,4 @@
-"""Sets up the constants of a free body's motion (notation: free_rotation.py); double-double where time multiplies."""
+"""Computes the constants of a free body's motion (notation: free_rotation.py), in double-double where t multiplies."""
 
 import math
 from typing import NamedTuple
@@ -16,10 +16,11 @@ from .uniform_rotation import ONE_OVER_4PI, turning_about
 
 
 class Polhode(NamedTuple):
-    """What the moments and the state make of it.
+    """The constants of a polhode, which follow from the moments and the state.
 
     a_s: A_s. g: G. rate_s: A_s / I_s. precession: the rate of psi / (4 pi). phase_rate and phase: rate and start of the
-    phase x / pi. half_turn: psi / (4 pi) besides in half a turn of the phase. k2: k^2. agm: AGM(1, kc).
+    phase x / pi. half_turn: the further increase of psi / (4 pi) in half a turn of the phase. k2: k^2.
+    agm: AGM(1, kc).
     """
 
     a_s: DoubleDouble
@@ -89,16 +90,16 @@ def kappa_of(i_p: DoubleDouble, i_r: DoubleDouble, i_s: DoubleDouble) -> dd.Two:
 
 @kernel
 def gap(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """Return |a - b|, of floats exactly."""
+    """Return |a - b|, which is exact for floats."""
     below = dd.less(a, b)
     return dd.subtract(dd.choose(below, b, a), dd.choose(below, a, b))
 
 
 @kernel
 def polhode_axes(moments: Vector, omega: Vector) -> tuple[float, float, float, DoubleDouble, float]:
-    """Return (p, r, s, d, unit), the axes by the numbers 0, 1, 2; d is 0 on the separatrix.
+    """Return (p, r, s, d, unit), the axes as numbers 0, 1, 2; d is 0 on the separatrix.
 
-    d unit^2 = |w_hi^2 I_hi (I_hi - I_r) - w_lo^2 I_lo (I_r - I_lo)|.
+    d unit^2 = |w_hi^2 I_hi (I_hi - I_r) - w_lo^2 I_lo (I_r - I_lo)|; hi, lo: axes of the largest and least moment.
     """
     a, b, c = moments
     lo = choose(_at_most(a, b) & _at_most(a, c), 0.0, choose(_at_most(b, c), 1.0, 2.0))
@@ -113,7 +114,7 @@ def polhode_axes(moments: Vector, omega: Vector) -> tuple[float, float, float, D
     d = dd.subtract(upper, lower)
     rest = abs(w_hi[1]) + abs(w_lo[1]) + abs(a[1]) + abs(b[1]) + abs(c[1])
     too_few = (abs(d[0]) < 1e-8 * upper[0]) & (rest == 0.0)
-    # Eight or more of 32 digits cancel, and too few are left; of plain floats the terms can be added exactly.
+    # Eight or more of 32 digits cancel, and too few are left. If all numbers are floats, the sum can be exact.
     if any_of(too_few):
         zero = alike(d[0], 0.0)
         sums = _add_exactly((zero, zero, zero, zero), w_hi[0], i_hi[0], above)
@@ -127,7 +128,7 @@ def polhode_axes(moments: Vector, omega: Vector) -> tuple[float, float, float, D
 
 @kernel
 def component(v: Vector, k: float) -> DoubleDouble:
-    """Return the component of number k, 0, 1 or 2."""
+    """Return component k, 0, 1 or 2, of a vector."""
     return dd.choose(k == 0.0, v[0], dd.choose(k == 1.0, v[1], v[2]))
 
 
@@ -162,9 +163,10 @@ class FreeRotation(NamedTuple):
 
     kind: TUMBLING, STEADY, NEAR the separatrix or on it (SEPARATRIX). unit: the unit of all rates, 1/s.
     precession: the rate of psi / (4 pi). phase_rate and phase: rate and start of the polhode's phase in half turns, the
-    rate halved. rates and rates_low: the largest about p, r, s, with their body axes' signs, and their low parts.
-    kc_squared: of the complementary modulus. width and shift: what `place_near` and `turn_of` need NEAR the separatrix.
-    columns: what 1, i_p, i_r, i_s are after q_0, in body axes. p and r: the numbers 1, 2, 3 of these body axes.
+    rate halved. rates and rates_low: the largest rates about p, r, s, signed as along the body axes, and their low
+    parts. kc_squared: the complementary modulus squared. width and shift: arguments of `place_near` and `turn_of` NEAR
+    the separatrix. columns: the products of the attitude's constant first factor with 1, i_p, i_r, i_s, in body axes.
+    p and r: which body axes these are, as numbers 1, 2, 3.
     """
 
     kind: float
@@ -187,7 +189,7 @@ FREE_ROTATION_SIZE, put_free_rotation, read_free_rotation, flatten_free_rotation
 SHAPES[FreeRotationNumbers] = (FREE_ROTATION_SIZE,)
 
 _LEAST_KC = 1e-300
-"""Below, a motion is on the separatrix: K(k) = ln(4 / kc), so that a turn takes 690 of its time scales or more."""
+"""Below this a motion counts as on the separatrix: K(k) = ln(4 / kc), so a turn takes 690 time scales or more."""
 _NONE: DoubleDouble = (0.0, 0.0)
 
 
@@ -226,7 +228,7 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
 
     kappa, one_kappa = kappa_of(i_p, i_r, i_s)
     root_kappa = dd.root(one_kappa)
-    # m_p and m_r, which may both be tiny, scaled by a power of two.
+    # m_p and m_r may both be tiny, and are scaled by a power of two.
     up = elementary.power_of_two_for(max(w_p[0], abs(w_r[0])))
     m_p_up, m_r_up = dd.multiply(i_p, dd.scale(up, w_p)), dd.multiply(i_r, dd.scale(up, w_r))
     m_r2_up = dd.divide(dd.multiply(m_r_up, m_r_up), one_kappa)
@@ -285,13 +287,13 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
 
 @kernel
 def _at(q: Quaternion, k: float) -> float:
-    """Return the component of a quaternion's vector part of number k, 0, 1 or 2."""
+    """Return component k, 0, 1 or 2, of a quaternion's vector part."""
     return choose(k == 0.0, q[1], choose(k == 1.0, q[2], q[3]))
 
 
 @kernel(inline=False)
 def _columns(q: Quaternion, signs: Vec3, p: float, r: float) -> Columns:
-    """Return what 1, i_p, i_r, i_s are after q, in body axes."""
+    """Return the products q o (1, i_p, i_r, i_s) in body axes; signs: those of p, r, s along the body axes."""
     (a, x, y, z), (on_p, on_r, on_s) = q, signs
     return (
         (a, *in_body_axes((on_p * x, on_r * y, on_s * z), p, r)),
@@ -303,7 +305,7 @@ def _columns(q: Quaternion, signs: Vec3, p: float, r: float) -> Columns:
 
 @kernel
 def in_body_axes(v: Vec3, p: float, r: float) -> Vec3:
-    """Return v, given along p, r and s, in body axes; p, r: the numbers 1, 2, 3 of the body axes."""
+    """Return v, given along p, r and s, in body axes; p, r: which body axes these are, as numbers 1, 2, 3."""
     return (
         choose(p == 1.0, v[0], choose(r == 1.0, v[1], v[2])),
         choose(p == 2.0, v[0], choose(r == 2.0, v[1], v[2])),

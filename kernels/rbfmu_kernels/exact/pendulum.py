@@ -1,10 +1,10 @@
-"""Exact motion of an undamped plane pendulum, phi'' = -w_0^2 sin phi: swings, turns over, rests, creeps to the top.
+"""Exact motion of an undamped plane pendulum, phi'' = -w_0^2 sin phi: it swings, turns over, rests or nears the top.
 
 With W^2 = (w_0 sin(phi / 2))^2 + (phi' / 2)^2, constant, and Jacobi's functions of modulus k at u (DLMF 22.19(i)):
 swinging, W < w_0: u' = w_0, k = W / w_0, (sin, cos)(phi / 2) = (k sn, dn), phi' = 2 W cn;
 turning over, W >= w_0: u' = W, k = w_0 / W, (sin, cos)(phi / 2) = (sn, cn), phi' = 2 W dn, or both mirrored.
-What grows with time is double-double, so the error does not grow, but near the separatrix; tiny swings keep all their
-digits.
+Numbers that grow with time are double-double, so the error does not grow, except near the separatrix. Tiny swings keep
+all their digits.
 """
 
 import math
@@ -50,14 +50,14 @@ _read_theta, _flatten_theta = _theta[2:]
 _read_near, _flatten_near = record(NearSeries, _theta.size)[2:]
 ORDINARY, NEAR, SEPARATRIX = 0.0, 1.0, 2.0
 _LEAST_KC = 1e-300
-"""Below, a motion is on the separatrix: K(k) = ln(4 / kc), so that a turn takes 690 of its time scales or more."""
-_MAX_TURNS = 1e28  # of the phase: double-double has no digit left there
+"""Below this a motion counts as on the separatrix: K(k) = ln(4 / kc), so a turn takes 690 time scales or more."""
+_MAX_TURNS = 1e28  # turns of the phase from which on double-double has no digit left
 _LAST_TURN = 0.2167123282101497  # u = 600 on the separatrix: from there on the body rests at the top, to 1e-260
 
 
 @kernel(inline=False)
 def pendulum_setup(x: DoubleDouble, y: DoubleDouble, z: DoubleDouble) -> Pendulum:
-    """Return the constants of the motion from w_0 (sin, cos)(phi / 2) = (x, z) and phi' / 2 = y on; 1/s, z >= 0."""
+    """Return the constants of the motion from (x, z) = w_0 (sin, cos)(phi / 2) and y = phi' / 2, in 1/s; z >= 0."""
     side, sign = math.copysign(1.0, x[0]), math.copysign(1.0, y[0])
     gap = dd.subtract(z, dd.scale(sign, y))
     swings = gap[0] > 0.0
@@ -81,9 +81,9 @@ def pendulum_setup(x: DoubleDouble, y: DoubleDouble, z: DoubleDouble) -> Pendulu
 
 @kernel(inline=False)
 def half_angle_rates(a: DoubleDouble, b: DoubleDouble) -> dd.Two:
-    """Return w_0 (sin, cos)(phi / 2), the second >= 0; 0 where half of w_0^2 is 0.
+    """Return w_0 (sin, cos)(phi / 2) at the start, 1/s, the second >= 0; both are 0 where half of w_0^2 is 0.
 
-    A turn by theta makes phi'' = a cos theta + b sin theta, 1/s2.
+    a, b: 1/s^2, such that phi'' = a cos theta + b sin theta after a turn by theta from the start.
     """
     large = dd.root(dd.scale(0.5, dd.add(_length(a, b), dd.scale(math.copysign(1.0, b[0]), b))))
     if large[0] == 0.0:
@@ -97,19 +97,19 @@ def half_angle_rates(a: DoubleDouble, b: DoubleDouble) -> dd.Two:
 
 @kernel
 def sincos_of_half_angle(x: DoubleDouble, z: DoubleDouble) -> tuple[float, float]:
-    """Return (sin, cos)(phi / 2) from w_0 times them; (0, 1) where w_0 = 0."""
+    """Return (sin, cos)(phi / 2) from (x, z) = w_0 (sin, cos)(phi / 2); (0, 1) where w_0 = 0."""
     w_0 = _length(x, z)
     return (0.0, 1.0) if w_0[0] == 0.0 else (dd.divide(x, w_0)[0], dd.divide(z, w_0)[0])
 
 
 @kernel
 def pendulum_at(setup: Pendulum, t: DoubleDouble) -> tuple[float, float, float]:
-    """Return (sin(phi / 2), cos(phi / 2), phi') at a time t after the start, s.
+    """Return (sin(phi / 2), cos(phi / 2), phi'), the last in rad/s, at a time t after the start, s.
 
-    Error <= 4 eps of their largest size; near the separatrix that of cos(phi / 2) and phi' / (2 w_0) is 4 eps of the
-    length of both, on it 4 (w_0 |t| + 1) eps. Near it the complementary modulus kc is small, and as differences in
-    double-double know kc^2 to some 1e-32, 1e-32 w_0 |t| / kc^2 comes on top. Beyond 1e14 turns plus 3e-31 a turn, and
-    NaN beyond 1e28.
+    Error <= 4 eps of the largest size of each. Near the separatrix the error of cos(phi / 2) and of phi' / (2 w_0) is
+    4 eps of the length of both together, and on it 4 (w_0 |t| + 1) eps. Near it the complementary modulus kc is small,
+    and differences in double-double give kc^2 only to some 1e-32, so 1e-32 w_0 |t| / kc^2 is added. Beyond 1e14 turns
+    3e-31 a turn is added; NaN beyond 1e28 turns.
     """
     kind, swings, amplitude, fastest, rate, start, series = setup
     if kind == ORDINARY:
@@ -171,7 +171,7 @@ def _complementary_modulus(gap: DoubleDouble, total: DoubleDouble, fastest: Doub
 
 @kernel
 def _climb(kc: DoubleDouble, s: DoubleDouble, c: DoubleDouble) -> dd.Two:
-    """Return AGM(1, kc), and the phase in half turns of tan am = s / c, s and c >= 0; 0 where both are."""
+    """Return AGM(1, kc), and the phase in half turns where tan am = s / c, s and c >= 0; it is 0 if both are 0."""
     up = elementary.power_of_two_for(max(s[0], c[0]))
     c = dd.scale(up, c) if max(s[0], c[0]) > 0.0 else (1.0, 0.0)
     agm, _, half_turns = elliptic.climb_scale(kc, (0.0, 0.0), dd.scale(up, s), c)

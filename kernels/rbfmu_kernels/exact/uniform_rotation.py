@@ -1,4 +1,4 @@
-"""Turns whose angle grows with time: whole turns are dropped in double-double, so that the error does not grow."""
+"""Turns at a constant rate about a fixed axis: whole turns are dropped in double-double, so the error does not grow."""
 
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ def turning_at(z: Buffer, i: int) -> Turning:
 
 @kernel
 def without_turns(a: dd.DoubleDouble, t: dd.DoubleDouble) -> dd.DoubleDouble:
-    """Return the product a t less an integer, within [-1, 1]."""
+    """Return the product a t minus an integer, within [-1, 1]."""
     high, low = dd.two_product(a[0], t[0])
     low += a[1] * t[0] + a[0] * t[1]
     high, low = dd.two_sum(high - elementary.round_to_integer(high), low)
@@ -66,7 +66,7 @@ def symmetric_turnings(i_t: dd.DoubleDouble, i_s: dd.DoubleDouble, omega: dd.Vec
     """Return (A, B) of a free body with moments i_t, i_t, i_s and rate omega: q(t) = q(0) A(t) B(t).
 
     A turns about the angular momentum by its size over i_t, B about the third axis by omega_3 (1 - i_s / i_t).
-    i_t > 0, kg m^2, rad/s, of any size.
+    i_t > 0. Moments in kg m^2 and omega in rad/s may have any size.
     """
     up = power_for(omega)
     shrink = elementary.power_of_two_for(max(i_t[0], i_s[0]))

@@ -4,8 +4,8 @@ Series follow one another in steps of their own, whatever the communication step
 The body rate's series is that of `taylor_coefficients`. The attitude's begins at q_ab itself, as dq/dt = q o (0, omega)
 / 2 is linear, and is made to the order at which its terms are small enough.
 
-Works in a piece of a model's buffer, see `taylor_coefficients`; what is kept: `SERIES_BLOCKS`; states: see
-`equations_of_motion`.
+The series are in a piece of a model's buffer, see `taylor_coefficients`; `SERIES_BLOCKS` is kept from step to step. For
+states see `equations_of_motion`.
 """
 
 import math
@@ -54,7 +54,7 @@ def _turn_product(s: Buffer, products: int, j: int, i: int) -> Lanes:
 
 @kernel
 def _turn_rate(s: Buffer, products: int, k: int) -> Quaternion:
-    """Return the k-th coefficient of q o (0, omega); the newest term is added last, as sums wait for it."""
+    """Return the k-th coefficient of q o (0, omega); the newest term is added last, so that no sum waits for it."""
     even = odd = lanes(0.0, 0.0, 0.0, 0.0)
     for j in range(0, k - 1, 2):
         even = add_lanes(even, _turn_product(s, products, j, k - j))
@@ -109,7 +109,7 @@ def attitude_series(s: Buffer, products: int, q: Quaternion, order: int, reach: 
 
 @kernel
 def _value(s: Buffer, u: int, order: int, t: float) -> Lanes:
-    """Return a series at t, as four sums that do not wait for one another."""
+    """Return a series at t, by four sums that do not wait for one another."""
     t_2 = t * t
     t_4 = t_2 * t_2
     once, twice, steps = lanes(t, t, t, t), lanes(t_2, t_2, t_2, t_2), lanes(t_4, t_4, t_4, t_4)
@@ -148,17 +148,17 @@ displacement that a force which turns with the body has added since then."""
 _LAYOUT = places(SERIES_BLOCKS)
 SERIES_SIZE = _LAYOUT.size
 KEPT = _LAYOUT.at
-"""The place of each of these, from the first of them on."""
+"""The place of each of these blocks, counted from the first."""
 NONE, VALID, STALE = 0.0, 1.0, 2.0
 """The coefficients of a stale series have been overwritten: it is made again before it is used."""
 LEAST_REACH = 1.5
-"""The communication steps that a series must reach over at least: for fewer, a substep for each step costs less.
+"""The least number of communication steps that a series must reach over: for fewer, substeps cost less.
 
 Evaluated anywhere within its reach a series needs the attitude up to full order, while the two-point formula of a
 substep needs three eighths of it (`taylor.derivatives_of_attitude`).
 """
 COOL_DOWN_STEPS = 16.0
-"""The steps after a series that was too short until the next is tried, so that such series cost little."""
+"""The number of steps from a series that was too short to the next try, so that such series cost little."""
 _CAUTION = 1.0 / 64.0
 """The part of a whole run's tolerance that series may use: no pilot run has seen how inputs will magnify errors.
 
@@ -172,7 +172,7 @@ to a motion that is itself small. Without this a pendulum at 1e-4 rad/s, at a to
 that.
 """
 _TRIES = 256
-"""Enough reductions to come from the longest step down to any."""
+"""Enough reductions to get from the longest step down to any step."""
 _CLOCK = 1.0 + 1e-9
 """As in `substeps_in`: round-off in the importer's clock must not end a series one step early."""
 
@@ -330,13 +330,13 @@ def _make(
 
 @kernel
 def least_turn(fixed: SpaceFixedLoads) -> float:
-    """Return the turn, rad, of which an attitude loses digits at most: 1, or 0 where a load depends on it."""
+    """Return the least turn, rad, to which errors of the attitude are relative: 1, or 0 if a load depends on it."""
     return 0.0 if fixed.lever_force or fixed.torque else 1.0
 
 
 @kernel
 def first_reach(s: Buffer, method: Method, longest: float, least: float) -> tuple[float, float]:
-    """Return the reach of the rate's series, the attitude's longest one, and the bound of the latter's last terms.
+    """Return the reach of the rate's series, which limits the attitude's, and the bound of the attitude's last terms.
 
     longest: the step size; least: see `least_turn`.
     """
@@ -352,9 +352,9 @@ def first_reach(s: Buffer, method: Method, longest: float, least: float) -> tupl
 def begin_series(
     z: Buffer, room: Room, i: int, method: Method, m: int, speed: float, reach: float, least: float
 ) -> None:
-    """Set that the series in the work space begins at the state, and the step size likely for the next one.
+    """Note that the series in the work space begins at the state, and set the likely step size of the next one.
 
-    m: the attitude's order; speed: that of the centre, 1 m/s at least; reach, least: see `first_reach`.
+    m: the attitude's order; speed: the centre's, m/s, at least 1; reach, least: see `first_reach`.
     """
     y, w, size = room
     copy_numbers(z, y, i + KEPT.start, ROTATION)
@@ -366,14 +366,14 @@ def begin_series(
 
 @kernel
 def _turn_counted(square: float, h: float, least: float) -> float:
-    """Return the turn, at most 1, to which errors of the attitude are relative; square: of the largest rate."""
+    """Return the turn, rad, from `least` to 1, to which attitude errors are relative; square: (largest rate)^2."""
     turn = _SMALL_TURNS * math.sqrt(square) * h
     return max(choose(turn > 1.0, 1.0, turn), least)
 
 
 @kernel(inline=False)
 def reach_within(s: Buffer, method: Method, m: int, speed: float, reach: float, least: float) -> tuple[float, float]:
-    """Return a reach, at most the given one, at which the estimated error is within its share, and the next step size.
+    """Return a reach, at most the given one, at which the estimated error is allowed, and the next step size.
 
     m: the attitude's order, 0 while it is not known; least: see `least_turn`.
     """

@@ -39,12 +39,12 @@ search for it in steps as small.
 
 @kernel(inline=False)
 def risen_at(z: Buffer, i: int, row: int, n: int, h: float) -> float:
-    """Return the longest step, at most h, over which this exponent, a polynomial, rises as little as a series needs."""
+    """Return the longest step, at most h, over which an exponent (a polynomial) rises by no more than RISE allows."""
     begin = z[i]
     low = max(begin, min(LEAST_EXPONENT, OF_EXPONENT * begin))
     level = low + max(RISE, PART_OF_RISE * abs(low))
     size, _ = polynomials.bound_of(z, i, row, n, h)
-    if begin + (size - abs(begin)) <= level or not size < math.inf:  # an h that overflows is halved for its defect
+    if begin + (size - abs(begin)) <= level or not size < math.inf:  # where terms overflow, the defect cuts h
         return h
     h = polynomials.known_until(z, i, row, n, h, polynomials.ROUGHLY)
     size, _ = polynomials.bound_of(z, i, row, n, h)
@@ -59,8 +59,8 @@ def risen_at(z: Buffer, i: int, row: int, n: int, h: float) -> float:
 def begins_again(z: Buffer, i: int, row: int, begun: float, t: float) -> float:
     """Return how many series in a row, this one included, began at a corner; negative where this begins beside it.
 
-    begun: that number as the end of the last series gave it; 0: none. A series begins at the corner where the zero of
-    its polynomial z[i], z[i + row], ... is within round-off of t, the time passed since the start.
+    begun: this number at the end of the last series; 0: none. A series begins at the corner if the zero of its
+    polynomial z[i], z[i + row], ... is within round-off of t, the time passed since the start.
     """
     if 0.0 < begun <= MOST_AGAIN and abs(z[i]) > max(polynomials.AT_CORNER * abs(t * z[i + row]), polynomials.NOTHING):
         return -begun
@@ -102,7 +102,7 @@ def rest_roots(z: Buffer, at: int, row: int, sides: int, touching: int, to: int,
 
 @kernel
 def side_after(z: Buffer, i: int, row: int, n: int, begun: float, t: float) -> float:
-    """Return the sign that a polynomial has just after its beginning, 0 where it is zero; begun: of `begins_again`.
+    """Return a polynomial's sign just after its beginning, 0 if it stays zero; begun: the result of `begins_again`.
 
     At a corner the sign is taken a few round-offs of t later: until then -(t - 1)^2 may still rise towards its zero.
     """
@@ -114,7 +114,7 @@ def side_after(z: Buffer, i: int, row: int, n: int, begun: float, t: float) -> f
 
 @kernel
 def around_corner(z: Buffer, i: int, row: int, begun: float, h: float) -> float:
-    """Return h, cut to AROUND where the series begins beside its corner; begun: of `begins_again`."""
+    """Return h, cut as AROUND says if the series begins beside its corner; begun: the result of `begins_again`."""
     return min(h, AROUND * abs(z[i] / z[i + row])) if begun < 0.0 and z[i + row] != 0.0 else h
 
 
@@ -122,8 +122,9 @@ def around_corner(z: Buffer, i: int, row: int, begun: float, h: float) -> float:
 def ends_at_corner(z: Buffer, i: int, row: int, n: int, begun: float, t: float, h: float) -> bool:
     """Return whether a polynomial is zero at the end t of a series, to round-off, but not zero throughout.
 
-    begun: of `begins_again`; h: how far its zero was searched. If the series began at its corner, the first coefficient
-    is left out, as in the search for the next zero: a zero 2e-16 s after the beginning is known only to a part of h.
+    begun: the result of `begins_again`; h: how far its zero was searched. If the series began at its corner, the first
+    coefficient is left out, as in the search for the next zero: one 2e-16 s after the beginning is known only to a part
+    of h.
     """
     first = 1 if begun > 0.0 else 0
     at, n = i + first * row, n - first

@@ -42,7 +42,7 @@ def _sum_of_slopes(s: Array, a: int, b: int, k: int, last: int) -> dd.DoubleDoub
 
 @kernel(inline=False)
 def value_of(kind: int, i: int, a: int, b: int, c: int, s: Array) -> dd.DoubleDouble:
-    """Return an operation's value; i: where its own coefficients begin; a, b, c: where those of its arguments do."""
+    """Return an operation's value; i: where its own coefficients begin; a, b, c: where its arguments' begin."""
     x, y = dd.at(s, a), dd.at(s, b)
     if kind == _ADD:
         return dd.add(x, y)
@@ -79,7 +79,7 @@ def value_of(kind: int, i: int, a: int, b: int, c: int, s: Array) -> dd.DoubleDo
 
 @kernel(inline=False)
 def coefficient_of(kind: int, i: int, a: int, b: int, c: int, s: Array, k: int) -> dd.DoubleDouble:
-    """Return an operation's k-th coefficient, k > 0."""
+    """Return an operation's k-th coefficient, k > 0; i, a, b, c: as in `value_of`."""
     n = float(k)
     if kind == _ADD:
         return dd.add(dd.at(s, a + k), dd.at(s, b + k))

@@ -1,10 +1,10 @@
 """The steps of a motion by Taylor series in double-double arithmetic, by which plans are judged.
 
-A step walks a list of operations once for each order, so that one compiled function is right for every scene. The step
-size follows from the last two terms: A. Jorba & M. Zou, Experimental Mathematics 14 (2005). The recurrences are those
-of `rbfmu.formulas.program`. Each number has its coefficients side by side in the work space, high parts in s[0], low
-ones in s[1]. `rbfmu.planning.reference` takes step after step, and calls the functions for corners only where there are
-any, as compiling them takes seconds.
+A step evaluates a list of operations once for each order, so that one compiled function is enough for all scenes. The
+step size follows from the last two terms: A. Jorba & M. Zou, Experimental Mathematics 14 (2005). The recurrences are
+those of `rbfmu.formulas.program`. Each number has its coefficients side by side in the work space, high parts in s[0],
+low ones in s[1]. `rbfmu.planning.reference` takes step after step, and calls the functions for corners only where there
+are any, as compiling them takes seconds.
 """
 
 import math
@@ -207,7 +207,7 @@ def to_corner(equations: Equations, s: Array, longest: float, done: float) -> dd
 
 @kernel(inline=False)
 def _rest_of_root(s: Array, i: int, t: float) -> float:
-    """Return the zero of a series minus t, which is close to it, by a step of Newton's; 0 if t is not close."""
+    """Return the zero of a series minus t, a time close to it, by a step of Newton's method; 0 if t is not close."""
     value, slope = _value(s, i, (t, 0.0))[0], polynomials.slope_of(s[0], i, 1, ORDER, t)
     return -value / slope if abs(value) < NEAR * abs(slope * t) else 0.0
 
@@ -230,9 +230,9 @@ def _put_states(states: Indices, s: Array, at: dd.DoubleDouble, found: Array) ->
 
 @kernel(inline=False)
 def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float, here: Array) -> float:
-    """Return the largest error over its size by the defect at t: rates made anew minus slopes of the series.
+    """Return the largest relative error of a state by the defect at t: rates evaluated there minus the series' slopes.
 
-    So for numbers with corners, which must be known to ROUGHLY; inf if not. See `models.formula_errors`.
+    inf if a number with a corner is in error by more than ROUGHLY. See `models.formula_errors`.
     """
     operations, states, sides, least = equations.operations, equations.states, equations.sides, equations.least
     worst = 0.0
@@ -260,7 +260,7 @@ def _defect(equations: Equations, sizes: Array, s: Array, unit: float, t: float,
 
 @kernel(inline=False)
 def first_fault(equations: Equations, sizes: Array, s: Array, unit: float, t: float, here: Array, parts: int) -> float:
-    """Return the first end of so many equal parts of [0, t] at which the defect is too large, or 0."""
+    """Return the first end of one of `parts` equal parts of [0, t] at which the defect is too large, or 0."""
     for k in range(1, parts + 1):
         at = t * k / parts
         if at > 0.0 and not _defect(equations, sizes, s, unit, at, here) <= MOST_DEFECT:

@@ -60,7 +60,7 @@ def transverse_moment(M: Matrix) -> float:
 def is_symmetric_top(M: Matrix) -> bool:
     """Return whether two principal moments of M are equal, to 8 eps of the trace: (M - I_t) (M - I_s) = 0.
 
-    Each is then within 4 eps of what they share.  M: symmetric, kg m^2, any scale.
+    Each is then within 4 eps of the trace from their common value.  M: symmetric, kg m^2, any scale.
     """
     M = scale_matrix(power_of_two_for(trace(M)), M)
     total = trace(M)
@@ -73,7 +73,7 @@ def is_symmetric_top(M: Matrix) -> bool:
 
 @kernel
 def resonant_step(M: Matrix, omega_b: Vec3) -> float:
-    """Return 2 pi I_t / |M omega|, s: the step that equals a turn about the angular momentum.
+    """Return 2 pi I_t / |M omega|, s: the step in which the body makes one turn about the angular momentum.
 
     2 pi I_t / (I_s |omega_s|) for a fast top.  A torque fixed in the body resonates at 2 pi / |omega| as well.
     """
@@ -106,7 +106,7 @@ def _drift_and_kick(state: State, drift: float, kick: float, per_transverse: flo
 
 @kernel
 def _with_unit_attitude(state: State) -> State:
-    """Bring |q| back to 1 by one step of Newton's method: products of unit quaternions leave it within some eps."""
+    """Return the state with |q| = 1 by a step of Newton's method: products of unit quaternions are off by some eps."""
     r, v, q, omega = state
     s = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return State(r, v, scale_quaternion(s, q), omega)

@@ -21,7 +21,8 @@ class Method(NamedTuple):
     """What is integrated, and how accurately: n, how much of a state (`equations_of_motion`); order, of the series.
 
     tolerance: the largest estimated error of a substep; or, where span is not 0, of all substeps of a run of `span` s
-    together, as an error of the rate counts as what it turns the body by in that time; see `body.memory.SETTINGS`.
+    together, where an error of the rate counts as the angle that it turns the body by in that time; see
+    `body.memory.SETTINGS`.
     """
 
     n: int
@@ -31,7 +32,7 @@ class Method(NamedTuple):
 
 
 class Room(NamedTuple):
-    """The places in a buffer of the state, of the work space, and of the step size, next to which is the count."""
+    """The places in a buffer of the state, of the work space, and of the step size, beside which is the count."""
 
     state: int
     work: int
@@ -40,7 +41,7 @@ class Room(NamedTuple):
 
 @kernel
 def substeps_in(h: float, longest: float) -> int:
-    """Return the least number of equal parts of h, each at most `longest`; 0 where that is too many, or NaN.
+    """Return the least number of equal parts of h, each at most `longest`; 0 if that is too many, or not a number.
 
     Parts may be longer by 1e-9 of themselves, so that round-off in the importer's clock does not add one.
     """
@@ -51,7 +52,7 @@ def substeps_in(h: float, longest: float) -> int:
 
 @kernel
 def parts_in(h: float, longest: float) -> int:
-    """Return that number of parts without the check."""
+    """Return the number that `substeps_in` does, without its check."""
     return max(math.ceil(h / longest * (1.0 - 1e-9)), 1)
 
 
@@ -70,7 +71,7 @@ def nearer_size(h: float, order: int, excess: float) -> float:
     """Return the step whose error is that of h over `excess`: about h excess^(-1 / order), but without a power.
 
     The Pade approximant of the power agrees with it to second order near 1, where step sizes settle. Far from there,
-    where it flattens, a step grows or shrinks by about 2 at most, as an estimate from so far away is worth little.
+    where it flattens, a step changes by a factor of about 2 at most, as an estimate from so far away is inaccurate.
     """
     near = h * ((order + 1.0) + (order - 1.0) * excess) / ((order - 1.0) + (order + 1.0) * excess)
     near = choose(excess < 1e-4, choose(excess < 1e-8, 2.0 * h, 1.3 * h), near)

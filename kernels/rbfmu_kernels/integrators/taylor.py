@@ -28,7 +28,7 @@ from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE, PER, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 
 _MAX_DERIVATIVES = 9
-"""The most derivatives of the attitude, with rates of `MAX_ORDER`: see `derivatives_of_attitude`."""
+"""The largest number of derivatives of the attitude, that at `MAX_ORDER`: see `derivatives_of_attitude`."""
 _COUNTS = range(_MAX_DERIVATIVES + 1)
 
 
@@ -41,20 +41,19 @@ _WEIGHT = np.array([[_weight(m, k) for k in range(_MAX_DERIVATIVES + 2)] for m i
 _REMAINDER = np.array(
     [math.factorial(m) ** 2 / (math.factorial(2 * m) * math.factorial(2 * m + 1)) * 0.25**m for m in _COUNTS]
 )
-"""Its error: this times (2 h)^(2m+1) / 2 and the (2m+1)-th derivative."""
+"""The formula's error is this times (2 h)^(2m+1) / 2 times the (2m+1)-th derivative."""
 _RATE_PER_ACCELERATION = 4.0 / math.e * np.array(_COUNTS)
-"""This times an angular acceleration alpha is the square of the steady rate that gives the remainder as much.
+"""This times an angular acceleration alpha is the square of the steady rate with an equal remainder.
 
 A turn from rest is q = exp(alpha t^2 / 4), whose (2m)-th derivative is (2m)! / m! (alpha / 4)^m at rest; that of a
 steady turn is (omega / 2)^(2m). They are equal at omega^2 = ((2m)! / m!)^(1/m) alpha, by Stirling's formula some
-4 m / e alpha. Without this a body that starts from rest would be thought not to turn at all.
+4 m / e alpha. Without this a body that starts from rest would seem not to turn at all.
 """
 _FOUR = 4.0 ** np.array(_COUNTS)
-"""It undoes the 0.25^m of `_REMAINDER`, which is for the half angles of quaternions: a path turns by whole ones."""
+"""It cancels the 0.25^m of `_REMAINDER`, which is for the half angles of quaternions: a path turns by whole angles."""
 
 STEPS_OF_LOADS = 8
-"""The steps over which loads that turn in b are continued by their series, before they are turned by the attitude
-again.
+"""The number of steps over which loads that turn in b follow their series, before the attitude turns them again.
 
 Truncation errors of a load's series add up from step to step; to turn loads at each step would cost a rotation and the
 first terms of all series.
@@ -63,13 +62,16 @@ first terms of all series.
 
 @kernel
 def derivatives_of_attitude(order: int) -> int:
-    """Return the number of derivatives of the attitude for rates of an order: of least work, measured 1e-3 to 1e-12."""
+    """Return the number of derivatives of the attitude with the least work, as measured at tolerances 1e-3 to 1e-12.
+
+    order: that of the rate's series.
+    """
     return (3 * order + 7) // 8
 
 
 @kernel
 def _sum(s: Buffer, u: int, order: int, h: float) -> Vec3:
-    """Return the series at u, evaluated at h; even and odd powers apart, as half as many sums then wait for another."""
+    """Return the series at u, evaluated at h; even and odd powers are summed apart, so that fewer sums wait."""
     steps = lanes(h * h, h * h, h * h, h * h)
     even = odd = lanes(0.0, 0.0, 0.0, 0.0)
     for k in range(order - (order & 1), 0, -2):
@@ -160,7 +162,7 @@ def _put_sums(s: Buffer, order: int, h: float, fixed: SpaceFixedLoads) -> None:
 def turn(
     z: Buffer, y: int, s: Buffer, method: Method, h: float, body: Body, torques: series.Torques, fixed: SpaceFixedLoads
 ) -> None:
-    """Advance rate and attitude, and row 0 of the loads that turn in b, by h; torques: from then on.
+    """Advance rate and attitude, and row 0 of the loads that turn in b, by h; torques: those after h.
 
     Rows 0 to m of the series are then those at the step's end, from which the two-point formula makes the attitude.
     """
@@ -180,8 +182,8 @@ def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, 
     """Advance the state by h, with the estimated error of each substep within the tolerance.
 
     An infinite tolerance keeps the size of substeps. The next substep aims at the allowed error over 1.4, and at half
-    of it after a substep was refused, so that few are. Each is the rest of h divided by the number of substeps that the
-    kept size would need: the last one is then no small remainder, from which the next step would have to grow.
+    of it after a substep was refused, so that few are refused. Each is the rest of h divided by the number of substeps
+    that the kept size would need: then the last one is no small remainder, from which the next step would have to grow.
     STEP_REJECTED where the motion is not finite or needs too many steps; the caller then restores state and size.
     """
     (y, w, size), (n, order, tolerance, _) = room, method

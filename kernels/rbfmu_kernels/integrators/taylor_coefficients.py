@@ -23,7 +23,7 @@ from ..types import Buffer, Matrix, Quaternion, Vec3
 MAX_ORDER = 24
 """The order of least work at a tolerance eps is 1 - ln(eps) / 2 (Jorba & Zou 2005, 3.2): 19 at doubles' round-off.
 
-Series that serve many communication steps pay for some more, as what they cost is shared out.
+Series for many communication steps pay at somewhat higher orders, as these steps share their cost.
 """
 _IN_ROW, ROW = places({"first": 4, "second": 4})
 """A row holds a vector (x, y, z, 0) and the same as a second factor, (y, z, x, 0); or D and D o F_b."""
@@ -38,11 +38,11 @@ series' beginning; force_a and torque_a as b sees them, and their derivatives; D
 force that turns with the body."""
 RATE, TURN, FORCE, TORQUE, FORCE_RATE, TORQUE_RATE, FORCE_RATE_2, TORQUE_RATE_2, ACCELERATION = _LAYOUT.at
 TO_DERIVATIVE = FORCE_RATE - FORCE
-"""From a load's series to that of its derivative."""
+"""The distance from a load's series to that of its derivative."""
 ROWS = 31
 """k & ROWS is k for any row: an index that cannot be negative needs no check."""
 AT_ONCE = 4
-"""The terms that evaluation takes at once."""
+"""How many terms evaluation adds at once."""
 PER = 1.0 / np.arange(1.0, MAX_ORDER + 2.0)
 """1 / (k + 1)."""
 
@@ -74,7 +74,7 @@ def product(series: int, k: int) -> int:
 
 @kernel
 def put_factors(s: Buffer, i: int, v: Vec3) -> None:
-    """Store a vector as both factors of a product, in lanes: what is read as it was written need not be waited for."""
+    """Store a vector as both factors of a product, in lanes: a read of the same lanes need not wait for the write."""
     put_lanes(s, i, lanes(v[0], v[1], v[2], 0.0))
     put_cyclic(s, i + _SECOND, lanes(v[1], v[2], v[0], 0.0))
 
@@ -87,7 +87,7 @@ def _second_at(s: Buffer, i: int) -> Any:
 
 @kernel
 def _inner_products(s: Buffer, u: int, v: int, k: int) -> Vec3:
-    """Return the sum of u_j and v_(k-j) as second factor, but for its two ends: the newest are waited for least."""
+    """Return the sum of u_j v_(k-j), v as second factor, without its two ends, which need the newest coefficients."""
     low = high = lanes(0.0, 0.0, 0.0, 0.0)
     i, j = ROW * ((k + 1) >> 1), ROW * (k >> 1)
     if i == j and k > 0:
@@ -101,7 +101,7 @@ def _inner_products(s: Buffer, u: int, v: int, k: int) -> Vec3:
 
 @kernel
 def _outer_products(s: Buffer, u: int, v: int, k: int) -> Vec3:
-    """Return the sum of u_j x v_(k-j), as (z, x, y), but for its two ends."""
+    """Return the sum of u_j x v_(k-j), as (z, x, y), without its two ends."""
     low = high = low_back = high_back = lanes(0.0, 0.0, 0.0, 0.0)
     i, j = ROW * ((k + 1) >> 1), ROW * (k >> 1)
     if i == j and k > 0:
@@ -118,7 +118,7 @@ def _outer_products(s: Buffer, u: int, v: int, k: int) -> Vec3:
 
 @kernel
 def _products(s: Buffer, k: int, rate: Vec3, first: Vec3) -> Vec3:
-    """Return the k-th coefficients of w_2 w_3, w_3 w_1, w_1 w_2; of omega, the k-th and the first."""
+    """Return the k-th coefficients of w_2 w_3, w_3 w_1, w_1 w_2; rate, first: coefficients k and 0 of omega."""
     v, x, y = _inner_products(s, RATE, RATE, k)
     a, b, c = first
     if k == 0:
@@ -152,7 +152,7 @@ def _gyroscopic_term(s: Buffer, k: int, M: Matrix, products: Vec3) -> Vec3:
 
 @kernel
 def _cross_term(s: Buffer, u: int, k: int, newest: Vec3, rate: Vec3) -> Vec3:
-    """Return the k-th coefficient of u x omega, whose k-th coefficients are given."""
+    """Return the k-th coefficient of u x omega; newest, rate: the k-th coefficients of u and omega."""
     v, x, y = _outer_products(s, u, RATE, k)
     last = cross(vec3_at(s, u), rate)
     return last if k == 0 else add((x, y, v), add(last, cross(newest, vec3_at(s, RATE))))
@@ -160,7 +160,7 @@ def _cross_term(s: Buffer, u: int, k: int, newest: Vec3, rate: Vec3) -> Vec3:
 
 @kernel
 def _turn_term(s: Buffer, k: int, turn: Quaternion, rate: Vec3, start: Vec3) -> Quaternion:
-    """Return the k-th coefficient of D o (0, omega); of both, the k-th, and omega's first."""
+    """Return the k-th coefficient of D o (0, omega); turn, rate: both k-th coefficients; start: omega's 0-th."""
     e, x, y, v = 0.0, 0.0, 0.0, 0.0
     for j in range(1, k):
         a, b, c, d = quaternion_at(s, term(TURN, j))
@@ -199,7 +199,7 @@ def _acceleration_term(s: Buffer, k: int) -> Vec3:
 
 @kernel
 def end_series(s: Buffer, u: int, order: int) -> None:
-    """Set the terms behind `order` to zero, to the next multiple of those that evaluation takes at once."""
+    """Set the terms beyond `order` to zero, up to the next multiple of `AT_ONCE`, for evaluation."""
     for k in range(order + 1, (order + AT_ONCE - 1) // AT_ONCE * AT_ONCE + 1):
         put_lanes(s, term(u, k), lanes(0.0, 0.0, 0.0, 0.0))
 
@@ -221,7 +221,7 @@ def turned_loads(s: Buffer, q: Quaternion, loads: LoadPolynomial, fixed: SpaceFi
 
 @kernel
 def _next_load(s: Buffer, u: int, k: int, newest: Vec3, rate: Vec3, changes: bool) -> Vec3:
-    """Set and return coefficient k + 1 at u of du/dt = u x omega + the derivative, if it changes."""
+    """Set and return coefficient k + 1 of the load u, by du/dt = u x omega, plus its derivative in a if it changes."""
     change = _cross_term(s, u, k, newest, rate)
     if changes:
         change = add(change, vec3_at(s, term(u + TO_DERIVATIVE, k)))
@@ -244,14 +244,14 @@ def _torque_b(loads: Loads, body: Body) -> Vec3:
 
 @kernel
 def space_fixed_loads(body: Body, loads: LoadPolynomial) -> SpaceFixedLoads:
-    """Return which loads there are whose series are needed."""
+    """Return which loads fixed in a act, so that their series are needed, and whether any load changes."""
     acting = acting_loads(loads)
     return SpaceFixedLoads(acting.force_a and is_nonzero(body.arm_b), acting.torque_a, is_changing(loads))
 
 
 @kernel
 def known_torques(loads: LoadPolynomial, body: Body) -> Torques:
-    """Return coefficients 0, 1, 2 of the torque that is known in b."""
+    """Return coefficients 0, 1, 2, in time, of the torque that loads fixed in b cause."""
     return _torque_b(loads.value, body), _torque_b(loads.rate, body), scale(0.5, _torque_b(loads.rate_2, body))
 
 
@@ -259,7 +259,10 @@ def known_torques(loads: LoadPolynomial, body: Body) -> Torques:
 def motion_series(
     s: Buffer, first: int, last: int, m: int, body: Body, torques: Torques, fixed: SpaceFixedLoads
 ) -> None:
-    """Set the coefficients from `first` to `last` of omega and of the loads that turn in b, and up to m of D."""
+    """Set the coefficients after `first`, up to `last`, of omega and of the loads that turn in b; up to m, of D too.
+
+    Those up to `first` are known; torques: of `known_torques`.
+    """
     (a, d, e), (_, b, f), (_, _, c) = body.inertia
     (p, _, _), (_, q, _), (_, _, r) = body.inertia_inverse
     diagonal = all_of((d == 0.0) & (e == 0.0) & (f == 0.0))

@@ -1,8 +1,8 @@
 """Equations of motion of one body, free or turning about a pivot, under known and supplied loads; its state.
 
-In a flat buffer integrators hold a state as `STATE_BLOCKS`: q_ab, omega_b, r_c, v_c, in sizes that vectorise. No load
-depends on the position, so it is integrated only where a force turns with the body (`WHOLE_STATE`); else the first half
-suffices (`ROTATION`) and the position has a closed form.
+Integrators have a state in a flat buffer as `STATE_BLOCKS`: q_ab, omega_b, r_c, v_c, in sizes that vectorise. No load
+depends on the position, so it is integrated only if a force turns with the body (`WHOLE_STATE`). Otherwise the first
+half is integrated (`ROTATION`), and the position has a closed form.
 """
 
 import math
@@ -21,13 +21,13 @@ STATE_BLOCKS = {"q": 4, "omega": 3, "pad": 1, "r_c": 3, "v_c": 3, "pad_2": 2}
 _PLACES = places(STATE_BLOCKS)
 STATE_SIZE = _PLACES.size
 _, OMEGA, _, R_C, V_C, _ = _PLACES.at
-"""Where in a state its vectors begin; the attitude stands first."""
+"""Where in a state its vectors begin; the attitude is first."""
 RATE_ONLY, ROTATION, WHOLE_STATE = 3, R_C, STATE_SIZE
-"""How much of a state is integrated: the rate alone (by DOP853 with the attitude), rotation, all."""
+"""How much of a state is integrated: the rate alone (DOP853 adds the attitude), the rotation, all."""
 
 
 class State(NamedTuple):
-    """What the equations of motion change: position and velocity of the centre of mass in a, q_ab, omega_ab_b."""
+    """A state: position, m, and velocity, m/s, of the centre of mass in a; q_ab; omega_ab_b, rad/s."""
 
     r_c: Vec3
     v_c: Vec3
@@ -36,7 +36,7 @@ class State(NamedTuple):
 
 
 class Rotation(NamedTuple):
-    """Attitude and body rate omega_ab_b."""
+    """Attitude and body rate omega_ab_b, rad/s."""
 
     q_ab: Quaternion
     omega_b: Vec3
@@ -76,7 +76,7 @@ class Body(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """What acts on a body, each fixed in the frame that its name ends in.
+    """The loads on a body, in m/s^2, N and N m, each fixed in the frame that its name ends in.
 
     force_a and force_b are the forces at o of a free body. With a pivot, which takes the forces at o, force_a is the
     weight, which acts at c.
@@ -101,7 +101,7 @@ class LoadPolynomial(NamedTuple):
 
 
 class ActingLoads(NamedTuple):
-    """Whether each of the loads that decide on the method acts at any time of a step."""
+    """Whether each of the loads on which the method depends acts at any time of a step."""
 
     force_a: bool
     force_b: bool
@@ -110,9 +110,9 @@ class ActingLoads(NamedTuple):
 
 @kernel
 def angular_acceleration(q_ab: Quaternion, omega_b: Vec3, body: Body, loads: Loads) -> Vec3:
-    """Return alpha_b of Euler's equation about c (free) or o (pivot)."""
+    """Return alpha_b, rad/s^2, by Euler's equation about c (free) or o (pivot)."""
     torque = add(add(loads.torque_b, cross(body.arm_b, loads.force_b)), damping_torque(body.damping_b, omega_b))
-    if is_nonzero(loads.force_a) or is_nonzero(loads.torque_a):  # most have none, and turning them is half the cost
+    if is_nonzero(loads.force_a) or is_nonzero(loads.torque_a):  # often zero, and to turn them is half the cost
         q_ba = invert_quaternion(q_ab)
         torque_of_force = cross(body.arm_b, rotate(q_ba, loads.force_a))
         torque = add(torque, add(rotate(q_ba, loads.torque_a), torque_of_force))
@@ -121,7 +121,7 @@ def angular_acceleration(q_ab: Quaternion, omega_b: Vec3, body: Body, loads: Loa
 
 @kernel
 def angular_jerk(q_ab: Quaternion, omega_b: Vec3, alpha_b: Vec3, body: Body, loads: Loads) -> Vec3:
-    """Return d alpha_b / dt as seen in b, rad/s^3, of loads that are constant, each in its own frame."""
+    """Return d alpha_b / dt as seen in b, rad/s^3, under loads that are constant, each in its own frame."""
     M, q_ba = body.inertia, invert_quaternion(q_ab)
     torque_rate = cross(rotate(q_ba, loads.torque_a), omega_b)  # a vector fixed in a changes by -omega x itself
     torque_rate = add(torque_rate, cross(body.arm_b, cross(rotate(q_ba, loads.force_a), omega_b)))
@@ -139,7 +139,7 @@ def _act(loads: Loads) -> bool:
 
 @kernel
 def is_changing(polynomial: LoadPolynomial) -> bool:
-    """Return whether the loads do not stay as they are."""
+    """Return whether the loads change during the step."""
     return _act(polynomial.rate) or _act(polynomial.rate_2)
 
 
@@ -182,7 +182,7 @@ def polynomial_after(polynomial: LoadPolynomial, t: float) -> LoadPolynomial:
 
 @kernel
 def constant_loads(loads: Loads) -> LoadPolynomial:
-    """Return the polynomial of loads that stay as they are."""
+    """Return the polynomial of constant loads."""
     return LoadPolynomial(loads, NO_LOADS, NO_LOADS)
 
 

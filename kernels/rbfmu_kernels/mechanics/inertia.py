@@ -40,7 +40,7 @@ def scale_matrix(s: float, A: Matrix) -> Matrix:
 
 @kernel
 def is_diagonal(M: Matrix) -> bool:
-    """Return whether a symmetric matrix has nothing but zeros off its diagonal."""
+    """Return whether a symmetric matrix has only zeros off its diagonal."""
     return M[0][1] == 0.0 and M[0][2] == 0.0 and M[1][2] == 0.0
 
 
@@ -68,9 +68,9 @@ def inertia_of_points(masses: Sequence[float], positions: Sequence[Vec3]) -> tup
 
     masses are n numbers, positions n points from o: arrays (n) and (n, 3), or tuples.
     Units: masses in kg, together above 0, positions in m; M_c in kg m^2.  Frames: all in one frame.
-    Error <= 1 eps of the mass and of the largest position, 2 eps of the trace, for any n, where no mass is negative:
-    sums are compensated, and a cloud far away loses no digits but those of its positions. With negative masses, for
-    holes, that of M_c is 2 eps of the trace that their sizes have.
+    Error <= 1 eps of the mass and of the largest position, 2 eps of the trace, for any n, if no mass is negative: sums
+    are compensated, and a cloud far away loses only the digits of its positions. With negative masses, for holes, the
+    error of M_c is 2 eps of the trace for the masses' absolute values.
     Singular: where the masses' sum is 0, which gives NaN.  Source: E&G (7.30); lecture, "Inertia dyadic".
     """
     _, about = _centre_of_mass(masses, positions, ZERO)
@@ -84,7 +84,7 @@ def inertia_of_points(masses: Sequence[float], positions: Sequence[Vec3]) -> tup
 
 @kernel(inline=False)
 def _centre_of_mass(masses: Sequence[float], positions: Sequence[Vec3], about: Vec3) -> tuple[float, Vec3]:
-    """Return mass and centre of mass of particles, the latter from `about`."""
+    """Return mass and centre of mass of particles, the latter as a vector from `about`; without mass it is NaN."""
     mass, error = 0.0, 0.0
     total = (ZERO, ZERO)
     for n in range(len(masses)):
@@ -98,13 +98,13 @@ def _centre_of_mass(masses: Sequence[float], positions: Sequence[Vec3], about: V
 
 @kernel
 def _offset(positions: Sequence[Vec3], n: int, about: Vec3) -> Vec3:
-    """Return the position of the particle n from `about`."""
+    """Return the vector from `about` to particle n."""
     return (positions[n][0] - about[0], positions[n][1] - about[1], positions[n][2] - about[2])
 
 
 @kernel
 def _sum_with(total: tuple[Vec3, Vec3], term: Vec3) -> tuple[Vec3, Vec3]:
-    """Return a sum and its errors, each of three numbers, with a further term."""
+    """Return a compensated sum of vectors, as (sum, sum of errors), after a further term."""
     (a, b, c), errors = total
     a, p = dd.two_sum(a, term[0])
     b, q = dd.two_sum(b, term[1])
@@ -114,7 +114,10 @@ def _sum_with(total: tuple[Vec3, Vec3], term: Vec3) -> tuple[Vec3, Vec3]:
 
 @kernel(inline=False)
 def inertia_of_clouds(masses: Array, positions: Array, mass: Array, r_oc: Array, M_c: Array) -> None:
-    """Put `inertia_of_points` of each cloud of arrays (clouds, n) and (clouds, n, 3) into the last three arguments."""
+    """Set mass (clouds,), r_oc (clouds, 3), M_c (clouds, 3, 3) to `inertia_of_points` of each cloud.
+
+    masses: (clouds, n), kg; positions: (clouds, n, 3), m.
+    """
     for k in range(len(masses)):
         mass[k], centre, M = inertia_of_points(masses[k], positions[k])
         for i in range(3):
@@ -179,7 +182,7 @@ def inverse_inertia(M: Matrix) -> Matrix:
 def _jacobi(p: float, q: float, o: float) -> tuple[float, float, float]:
     """Return cosine, sine and tangent of the rotation that annihilates o of ((p, o), (o, q)).
 
-    Where o is negligible it is no rotation.
+    Where o is negligible, it is the identity.
     """
     if o == 0.0 or abs(o) <= 2.0**-55 * math.sqrt(abs(p)) * math.sqrt(abs(q)):
         return 1.0, 0.0, 0.0
@@ -193,11 +196,11 @@ def _jacobi(p: float, q: float, o: float) -> tuple[float, float, float]:
 def principal_axes(M: Matrix) -> tuple[Vec3, Matrix]:
     """Return (moments, R) with M = R diag(moments) R^T, the moments ascending, R a rotation.
 
-    The columns of R are the principal axes. A diagonal matrix gives its own numbers and a permutation.
-    Units: M symmetric, of which the upper triangle is read, any unit and scale, commonly kg m^2; the moments alike.
+    The columns of R are the principal axes. A diagonal matrix gives its own numbers and a signed permutation matrix.
+    Units: M symmetric (its upper triangle is read), any unit and scale, commonly kg m^2; the moments alike.
     Frames: M in b gives R_bp, from principal axes p to b.
-    Error: M is rebuilt to 2 eps of the trace, where a moment is negative to 6 eps of the largest; R is orthonormal to
-    2 eps.
+    Error: R diag(moments) R^T is M to 2 eps of the trace, or to 6 eps of the largest moment if one is negative; R is
+    orthonormal to 2 eps.
     Singular: equal moments give any axes of their plane.  Source: cyclic Jacobi, Golub & Van Loan 8.5.
     """
     (a, d, e), (_, b, f), (_, _, c) = M
@@ -234,7 +237,7 @@ def _turn(u: Vec3, v: Vec3, cos: float, sin: float) -> tuple[Vec3, Vec3]:
 
 @kernel
 def _orthonormal(x: Vec3, y: Vec3, z: Vec3) -> tuple[Vec3, Vec3, Vec3]:
-    """Return nearly orthonormal columns without the round-off of the rotations before: R (3 I - R^T R) / 2."""
+    """Return columns without the round-off of many rotations, by a Newton step to orthonormal: R (3 I - R^T R) / 2."""
     xy, xz, yz = -0.5 * dot(x, y), -0.5 * dot(x, z), -0.5 * dot(y, z)
     dx, dy, dz = 0.5 * (1.0 - dot(x, x)), 0.5 * (1.0 - dot(y, y)), 0.5 * (1.0 - dot(z, z))
     return (
@@ -248,7 +251,7 @@ def _orthonormal(x: Vec3, y: Vec3, z: Vec3) -> tuple[Vec3, Vec3, Vec3]:
 def check_inertia(M: Matrix) -> float:
     """Return 0 for a possible inertia matrix, else NOT_FINITE, NOT_SYMMETRIC, NEGATIVE or TRIANGLE.
 
-    Each is a violation beyond 1e-12 of the trace; one zero moment is a slender beam and allowed.
+    A violation counts beyond 1e-12 of the trace; one zero moment is a slender beam, and allowed.
     """
     t = trace(M)
     total = t + M[0][1] + M[0][2] + M[1][2] + M[1][0] + M[2][0] + M[2][1]

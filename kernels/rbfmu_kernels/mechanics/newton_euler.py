@@ -61,9 +61,9 @@ def angular_momentum_o(mass: float, M_c: Matrix, r_oc: Vec3, v_c: Vec3, omega: V
 
 @kernel
 def gyroscopic_torque(M: Matrix, omega: Vec3) -> Vec3:
-    """Return omega x (M omega), N m, computed with M less a multiple of I, the median of its diagonal.
+    """Return omega x (M omega), N m, computed from M minus I times the median of M's diagonal.
 
-    So nothing cancels with principal axes, and a ball or a symmetric body's own axis has exactly none.
+    So nothing cancels in principal axes, and the torque is exactly 0 for a ball and about a symmetric body's own axis.
     """
     a, b, c = M[0][0], M[1][1], M[2][2]
     middle = max(min(a, b), min(max(a, b), c))
@@ -94,7 +94,7 @@ def newton_euler_c(mass: float, M_c: Matrix, omega: Vec3, force: Vec3, torque_c:
     Error <= 1 eps of |a_c|, of alpha that of `euler_equation`.  Singular: at mass 0, and where `euler_equation` is.
     Source: E&G (7.52), (7.53).
     """
-    inverse = 1.0 / mass if mass != 0.0 else math.inf  # as compiled code has it, Python too
+    inverse = 1.0 / mass if mass != 0.0 else math.inf  # in Python as in compiled code
     return scale(inverse, force), euler_equation(M_c, omega, torque_c)
 
 
@@ -106,8 +106,8 @@ def newton_euler_o(mass: float, M_o: Matrix, r_oc: Vec3, omega: Vec3, force: Vec
     Units: mass in kg, M_o in kg m^2, r_oc in m, omega in rad/s, force in N, torque_o in N m;
     a_o in m/s^2, alpha in rad/s^2.
     Frames: all in one frame.
-    Error as of `newton_euler_c`, but digits are lost where m r_oc^2 is above the moments about c: of alpha 2 eps
-    m r_oc^2 / moment.  Singular: where `newton_euler_c` is.  Source: E&G (7.66), (7.67).
+    Error: that of `newton_euler_c`, but where m r_oc^2 is above the moments about c, digits are lost: the error of
+    alpha is 2 eps m r_oc^2 / moment.  Singular: where `newton_euler_c` is.  Source: E&G (7.66), (7.67).
     """
     M_c = add_scaled_matrix(M_o, -1.0, point_inertia(mass, r_oc))
     a_c, alpha = newton_euler_c(mass, M_c, omega, force, subtract(torque_o, cross(r_oc, force)))

@@ -34,7 +34,7 @@ def transform_from_matrix(R_ab: Matrix, r_ab_a: Vec3) -> Transform:
 
 @kernel
 def _parts(T: Transform) -> tuple[Matrix, Vec3]:
-    """Return rotation and translation; the last row is not looked at."""
+    """Return rotation and translation; the last row is not read."""
     a, b, c = T[0], T[1], T[2]
     return (a[:3], b[:3], c[:3]), (a[3], b[3], c[3])
 
@@ -45,7 +45,7 @@ def transform_compose(T_ab: Transform, T_bc: Transform) -> Transform:
 
     The last rows of T_ab and T_bc are not read.
     Units: rotations are dimensionless, last columns in m.  Frames: T_ab takes points from b to a, T_bc from c to b.
-    Error <= 2 eps of R_ac, and of r_ac by |r_ab| + |r_bc|.  Singular: nowhere.  Source: E&G 6.4.
+    Error <= 2 eps of R_ac, and of r_ac 2 eps (|r_ab| + |r_bc|).  Singular: nowhere.  Source: E&G 6.4.
     """
     (R_ab, _), (R_bc, r_bc_b) = _parts(T_ab), _parts(T_bc)
     return transform_from_matrix(compose_matrices(R_ab, R_bc), transform_point(T_ab, r_bc_b))
@@ -78,10 +78,10 @@ def transform_point(T_ab: Transform, p_b: Vec3) -> Vec3:
 
 @kernel
 def twist_at(twist_o: Vec6, r_op: Vec3) -> Vec6:
-    """Return the twist (omega, v_p) at a point p of the body, with v_p = v_o + omega x r_op, of that at o.
+    """Return the twist (omega, v_p) at a point p of the body from that at o: v_p = v_o + omega x r_op.
 
     Units: omega in rad/s, v in m/s, r_op in m.  Frames: all in one frame; r_op from o to p.
-    Error <= 1.5 eps (|v_o| + |omega| |r_op|) of v_p; omega stays.  Singular: nowhere.
+    Error <= 1.5 eps (|v_o| + |omega| |r_op|) of v_p; omega is unchanged.  Singular: nowhere.
     Source: K. M. Lynch, F. C. Park, Modern Robotics, 3.3.
     """
     omega, v_o = twist_o[:3], twist_o[3:]
@@ -90,10 +90,10 @@ def twist_at(twist_o: Vec6, r_op: Vec3) -> Vec6:
 
 @kernel
 def wrench_at(wrench_o: Vec6, r_op: Vec3) -> Vec6:
-    """Return the wrench (torque_p, force) about a point p, with torque_p = torque_o - r_op x force, of that about o.
+    """Return the wrench (torque_p, force) about a point p from that about o: torque_p = torque_o - r_op x force.
 
     Units: torque in N m, force in N, r_op in m.  Frames: all in one frame; r_op from o to p.
-    Error <= 1.5 eps (|torque_o| + |r_op| |force|) of torque_p; the force stays.  Singular: nowhere.
+    Error <= 1.5 eps (|torque_o| + |r_op| |force|) of torque_p; the force is unchanged.  Singular: nowhere.
     Source: Lynch and Park 3.4.
     """
     torque, force = wrench_o[:3], wrench_o[3:]
@@ -104,12 +104,12 @@ def wrench_at(wrench_o: Vec6, r_op: Vec3) -> Vec6:
 def spatial_inertia(mass: float, M_c: Matrix, r_oc: Vec3) -> Matrix6:
     """Return M = [M_o, m skew(r_oc); -m skew(r_oc), m I] of Newton-Euler about o as one system.
 
-    (T_o, F) = M (alpha, a_o) + b, where b = (omega x (M_o omega), m omega x (omega x r_oc)) is what
-    `inverse_newton_euler_o` gives of zero accelerations. With the twist V = (omega, v_o), M V is (h_o, p), about a
-    point in space where o is at the moment, and V . M V / 2 the kinetic energy.
+    (T_o, F) = M (alpha, a_o) + b, where b = (omega x (M_o omega), m omega x (omega x r_oc)) is the result of
+    `inverse_newton_euler_o` for zero accelerations. With the twist V = (omega, v_o), M V is (h_o, p), about the
+    point in space where o is at the moment, and V . M V / 2 is the kinetic energy.
     Units: mass in kg, M_c in kg m^2, r_oc in m; blocks in kg m^2, kg m and kg.
     Frames: all in one frame; r_oc from o to the centre of mass.
-    Error <= 2 eps, of M_o by |M_c| + m |r_oc|^2, of others by m |r_oc| and m.  Singular: nowhere.
+    Error <= 2 eps, of M_o relative to |M_c| + m |r_oc|^2, of the other blocks to m |r_oc| and m.  Singular: nowhere.
     Source: E&G (7.66), (7.67).
     """
     M_o, S = parallel_axis(M_c, mass, r_oc), skew(scale(mass, r_oc))

@@ -1,4 +1,4 @@
-"""The models, be it of the whole body or of what a scene needs of it; see `body.shell.Model`."""
+"""The models, of the whole body or of the part of its motion that a scene needs; see `body.shell.Model`."""
 
 from functools import cache
 from importlib import import_module

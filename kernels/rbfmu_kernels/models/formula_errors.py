@@ -17,10 +17,10 @@ from ..types import Buffer
 from .formula_events import excess_of_events, size_of_event
 
 MOST_DEFECT, OF_DOUBLES, OF_TERMS = 10.0, 2.0**-50, 1e-9
-"""A series is cut where its defect is more than MOST_DEFECT times what is allowed. That is at least OF_DOUBLES, as less
-is round-off, which a shorter series has as well. A watched number may be 1e6 times smaller than its terms, and has
-their round-off, as norm(position) - 6.9e6 of an orbit: for it at least OF_TERMS is allowed, else series would be cut to
-nothing. The defect of an overlooked corner is far larger.
+"""A series is cut where its defect is more than MOST_DEFECT times the allowed error. At least OF_DOUBLES is allowed:
+a smaller defect is round-off, which a shorter series has too. A watched number may be 1e6 times smaller than its terms,
+but has their round-off, as norm(position) - 6.9e6 of an orbit: for it at least OF_TERMS is allowed, as otherwise series
+would be cut to nothing. The defect of an overlooked corner is far larger.
 """
 
 # What templates are bound to, see `formulas`.
@@ -105,7 +105,7 @@ def excess_of_defect(z: Buffer, t: float) -> float:
 
 
 def first_fault_inside(z: Buffer, t: float) -> float:
-    """Return the first of some times before t at which the defect of the series is too large; 0 where there is none.
+    """Return the first of some times before t at which the defect of the series is too large; 0 if there is none.
 
     A pulse that is nearly zero at the series' beginning and end need not show in its terms.
     """

@@ -16,11 +16,11 @@ EVENTS = (
     "events.noted", "events.counts", "events.times", "events.times_before", "events.earliest", "events.touches",
     "events.last_touches", "events.largest", "events.away", "events.origins", "events.entries", "events.counted",
 )  # fmt: skip
-"""For each event: the side noted last; its count; its latest time, the one before, and the first; how long after the
-beginning of the series the number touches zero, and the time at which it did in the last one; its largest size so far,
-and since its last zero; the side from which it came there; that zero's place on the list, and whether it counted."""
+"""For each event: the side noted last; the count; the latest time, the one before it, and the first; the time from the
+series' beginning to a touch of zero, and the time of the touch in the last series; the number's largest size so far,
+and since its last zero; its side before that zero; that zero's place on the list, and whether it counted."""
 TOUCH, NOT_ASKED = 0.0, 2.0
-"""The kind of a zero: the number turns back there, or crosses in a direction that is not asked for; else 1 or -1."""
+"""Kinds of a zero: the number turns back there, or crosses in a direction that is not asked for. Others are 1 or -1."""
 FAR = 1e300
 """The distance from zero before the first zero: finite, as all numbers of a saved state are."""
 TOUCHED = 1e-15
@@ -30,8 +30,8 @@ AT_ONCE = 1e-9
 A touch is found as a zero of the slope, which round-off moves by far less.
 """
 TOGETHER = 0.01
-"""Two numbers were zero at one time if the times since their zeros differ by less than this part; and the longest such
-time, over a series' step: the last series' error. A number that jumps over zero has had none."""
+"""Two numbers were zero at the same time if the times since their zeros differ by less than this part. It is also the
+longest such time, over a series' step: an error of the last series. A number that jumps over zero has no such time."""
 
 # What templates are bound to, see `formulas`.
 OF_EVENT: tuple[int, ...] = ()
@@ -78,8 +78,7 @@ def excess_of_events(z: Buffer, h: float) -> float:
 def round_off_of(z: Buffer, e: int) -> float:
     """Return how far from zero round-off may take a watched number at its zero.
 
-    Just after a corner the time of the corner is uncertain as well: where |x| turns, x may have gone so far beyond
-    zero.
+    Just after a corner the error of the corner's time is added: where |x| turns, x may have passed zero by as much.
     """
     at, late = WATCHED + EVENT_SIDES[e], TOUCHED * abs(z[TIME])
     for i in range(NUMBER_OF_SIDES):
@@ -89,9 +88,9 @@ def round_off_of(z: Buffer, e: int) -> float:
 
 
 def turns_at_corner(z: Buffer, e: int) -> bool:
-    """Return whether a watched number was zero at the corner that has just been passed, and moves away from zero.
+    """Return whether a watched number was zero at the corner just passed, and moves away, as |x| at the zero of x.
 
-    So does |x| at the zero of x. By the error of the last series x may be a little beyond its zero already.
+    By the error of the last series x may already be a little beyond its zero.
     """
     at, turns = WATCHED + EVENT_SIDES[e], False
     for i in range(WATCHED, WATCHED + NUMBER_OF_SIDES):
@@ -131,9 +130,9 @@ def reach_to_touches(z: Buffer, h: float, reach: float) -> float:
 
 
 def list_event(z: Buffer, e: int, t: float, kind: float, anew: bool) -> None:
-    """Put a zero of event e on the step's list and count it; not anew: correct the kind of its last zero.
+    """List a zero of event e at time t and count it, if its kind counts; not anew: correct the kind of its last zero.
 
-    Its place may be beyond the end of the list, for which the step is refused.
+    A zero beyond the end of the list is counted but not stored; the step is then refused.
     """
     entry, was, counts = int(z[ENTRIES + e]), z[COUNTED + e] != 0.0 and not anew, abs(kind) == 1.0
     if anew or (entry < 0 and counts and not was):  # else it is on an earlier step's list

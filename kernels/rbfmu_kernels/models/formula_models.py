@@ -5,7 +5,7 @@ of the time goes into making series, the same operations for every body: they ar
 else (step sizes, corners, events, outputs) is done for each body in its own buffer by the code of single runs. Each
 lane follows its own body, whatever the times of the others, until that needs its next series.
 
-`initialize_over`, `step_over` and `outputs_over` are those of outputs of your own over a closed form, which are
+`initialize_over`, `step_over` and `outputs_over` are for outputs of your own over a closed form; such outputs are
 functions of its motion and of the time.
 """
 
@@ -66,7 +66,7 @@ def take_series_of_lane(z: Buffer, c: Buffer, lane: int) -> None:
 
 
 def make_series_of_lanes(c: Buffer, buffers: Array, marks: Array) -> None:
-    """Make the series of all lanes, again where sides change: those of other lanes get the same bits once more."""
+    """Make the series of all lanes, again where sides change; the series of other lanes then get the same bits."""
     n = 0
     for lane in range(width_of(c)):
         z = buffers[lane]
@@ -94,7 +94,7 @@ def make_series_of_lanes(c: Buffer, buffers: Array, marks: Array) -> None:
 
 
 def go_on(z: Buffer, h: float) -> int:
-    """Begin a step and go on as far as the present series reaches."""
+    """Begin a step and advance as far as the present series reaches; return a status, or PENDING."""
     return evaluate_at_end(z, h) if reaches_over(z, h) else begin_step(z, h)
 
 
@@ -104,7 +104,7 @@ def run_in_lanes(
 ) -> None:  # fmt: skip
     """Run members of an ensemble side by side: see `body.members`.
 
-    buffers (b, SIZE), states (b, k), marks (b, MARKS): room for as many members; scratch: for all lanes.
+    buffers (b, SIZE), states (b, k), marks (b, MARKS): one row for each lane; scratch: for all lanes.
     """
     run, c, i, busy = Run(control, members, driving, room), wide_at(scratch, 0, WIDEST), 0, 0
     for lane in range(width_of(c)):
@@ -123,7 +123,7 @@ def run_in_lanes(
 
 
 def begin_in_lane(z: Buffer, state: Array, mark: Array, c: Buffer, lane: int, i: int, run: Run) -> int:
-    """Begin the next member, from i on, that needs series, in a lane; return the number of the one after it."""
+    """Begin in a lane the next member, from number i on, that needs a series; return the number of the one after it."""
     i = begin_next(z, state, mark, i, run)
     if mark[MEMBER] >= 0.0:
         put_head_in_lane(z, c, lane)
@@ -195,7 +195,10 @@ def make_formulas(constant: str, layout: Layout, generated: Kernels, places: Map
 
 
 def make_over(constant: str, base: Model, layout: Layout, generated: Kernels, places: Mapping[str, Any]) -> Model:
-    """Return the model of own outputs over a closed form, with whose blocks the layout begins; else as above."""
+    """Return the model of own outputs over a closed form; further arguments: see `make_formulas`.
+
+    base: the closed form's model, with whose blocks the layout begins.
+    """
     own = {**places, **generated, "begin": base.initialize, "advance": base.step, "refresh": base.outputs}
     return Model(
         f"formulas.{constant}",
@@ -209,10 +212,10 @@ def make_over(constant: str, base: Model, layout: Layout, generated: Kernels, pl
 
 
 def make_lanes(model: Model, own: Mapping[str, Any], constant: str, wide: Mapping[str, Any]) -> Lanes:
-    """Return what runs many bodies of a model at once.
+    """Return the function that runs many bodies of a model at once, and its work space.
 
-    own: the kernels and places that `make_formulas` was given; constant: a name that no others have; wide: the kernels
-    of series over numbers of several bodies, by name, and WIDE_ROW, the length of a row there.
+    own: the kernels and places that `make_formulas` was given; constant: a name that no other kernels have; wide: the
+    kernels of series over wide numbers, by name, and WIDE_ROW, the length of a row of their coefficients.
     """
     found = {**own}
     _bound(formulas.advance_formulas, model.name.partition(".")[2], found)  # functions that lanes call as well

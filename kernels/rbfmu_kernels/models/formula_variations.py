@@ -32,7 +32,7 @@ ORDER = TOLERANCE = SPAN = REACH = ON = NEXT = WATCHED = NUMBER_OF_SIDES = ROWS 
 ONE_SHIFT, NO_JUMP = 1e-6, 1e-9
 """The relative differences from which on shifts of two corners, and rates before and after one, count as different."""
 BEGINNING = 4
-"""The last of the terms that set the size of errors: a path's errors by a torque begin to grow with t^4."""
+"""The order up to which terms set the size of errors: errors of a path that a torque causes begin with t^4."""
 
 
 def corner_at_end(z: Buffer) -> int:
@@ -44,9 +44,10 @@ def corner_at_end(z: Buffer) -> int:
 
 
 def shift_by(z: Buffer, side: int, d: int) -> float:
-    """Return by how much the errors of a column shift the time of this corner.
+    """Return by how much the errors of a column shift the time of this corner, s.
 
-    For (t - p)^9 both slopes are round-off at the series' end; a series that begins beside its corner has them there.
+    Slopes are those at the series' end; at its beginning where it begins beside its corner, as for (t - p)^9 both
+    slopes are round-off at the end.
     """
     n, at_corner, change = int(z[ORDER]), z[REACH] if z[ON + side] >= 0.0 else 0.0, 0.0
     for e in range(NUMBER_OF_SLOPES):
@@ -61,10 +62,9 @@ def shift_by(z: Buffer, side: int, d: int) -> float:
 
 
 def shift_of_corner(z: Buffer) -> None:
-    """Note by how much errors shift the time of the corner at the series' end, and the rates before it; or no shift.
+    """Store the shifts of the time of the corner at the series' end, s, and the rates before it; 0 if there is none.
 
-    NaN where several corners coincide that errors shift by different times, as it is unknown which of them rates jump
-    at.
+    A shift is NaN where several corners coincide whose shifts differ, as it is unknown at which of them rates jump.
     """
     n, reach, first = int(z[ORDER]), z[REACH], -1
     for d in range(COLUMNS):
@@ -83,7 +83,7 @@ def shift_of_corner(z: Buffer) -> None:
 
 
 def add_products_of(z: Buffer, to: int, term: int, of: int, last: int) -> None:
-    """Add the sum over j <= last of a series' coefficients times the columns of a row of errors, j orders before."""
+    """Add the sum over j <= last of a series' coefficient j times the columns of a row of errors, j orders lower."""
     for d in range(0, COLUMNS, 4):
         total = lanes_at(z, to + d)
         for j in range(last + 1):
@@ -93,7 +93,7 @@ def add_products_of(z: Buffer, to: int, term: int, of: int, last: int) -> None:
 
 
 def vary_series(z: Buffer, ended: bool) -> None:
-    """Make the series of errors, after a jump where the last series ended at a corner; ended: whether it has ended."""
+    """Make the series of errors, which first jump at a corner; ended: whether the last series was used to its end."""
     n = int(z[ORDER])
     if ended:
         for i in range(NUMBER_OF_ERRORS):
@@ -152,11 +152,11 @@ def excess_of_errors(z: Buffer, h: float) -> float:
 
 
 def reach_of_errors(z: Buffer, h: float) -> float:
-    """Return how far, at most h, the last two terms of the errors' series are within the tolerance.
+    """Return the longest step, at most h, at which the last two terms of the errors' series are within the tolerance.
 
-    Where errors turn much faster than the motion, as those of a flywheel's rate across its axis, their sizes at h are
-    far too large, and much smaller after h was cut: it is cut again for as long as that brings the ratio down. Where
-    terms overflow it is cut to a tenth.
+    Where errors turn much faster than the motion, as those of a flywheel's rate across its axis, the sizes from their
+    first terms are far too large at h, and much smaller once h is cut: h is cut again as long as each cut halves the
+    ratio. Where terms overflow, h is cut to a tenth.
     """
     n, before, excess = int(z[ORDER]), math.inf, excess_of_errors(z, h)
     while excess > 1.0 and (excess < 0.5 * before or excess == math.inf):

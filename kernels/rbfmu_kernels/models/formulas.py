@@ -1,10 +1,10 @@
 """Models of formulas for loads, states and outputs: Taylor series of all that outputs depend on, in steps of their own.
 
-What stands here are templates: `formula_models` binds them to one scene's generated kernels (`constants`, `first`,
-`further`, `values`) and to the places of its numbers. While inputs hold, one series is evaluated at all communication
-points within its reach. That is how far its last two terms are within the tolerance (A. Jorba & M. Zou, Experimental
-Mathematics 14, 2005): for the attitude in rad; for other states relative to their largest value so far, or to the size
-that their first terms give them, as a state may begin at zero.
+These functions are templates: `formula_models` binds them to one scene's generated kernels (`constants`, `first`,
+`further`, `values`) and to the places of its numbers. While inputs are held, one series is evaluated at all
+communication points within its reach: as far as its last two terms are within the tolerance (A. Jorba & M. Zou,
+Experimental Mathematics 14, 2005), for the attitude in rad; for other states relative to their largest value so far, or
+to the size that their first terms give them, as a state may begin at zero.
 """
 
 import math
@@ -29,8 +29,8 @@ SERIES = {
     "series.stands": 1, "series.reach": 1, "series.since": 2, "series.begun": 2,
     "series.rest": 1, "series.crept": 1, "series.tried": 1,
 }  # fmt: skip
-"""Whether there is a valid series; its reach, and how far it has been used, s; the time at which it began; what is left
-of the communication step, s; the number of its series that were very short, and of all its series."""
+"""Whether there is a valid series; its reach, and how far it has been used, s; the time at which it began; the time
+left in the communication step, s; the number of its series that were very short, and of all its series."""
 CORNERS = ("series.sides", "series.on", "series.next_on", "series.flips")
 """For each number whose sign the coefficients depend on (in abs, min, max, where, a table's rows): its side, 1 or -1;
 how many series in a row ended at its corner before this one (negative where this one begins beside it, see
@@ -49,15 +49,15 @@ errors of both are the squares of these parts. At a corner, as of max(x, 0)**1.5
 round-off has moved it from there (`formula_ends.rest_roots`); a series beside it reaches 0.8 of the time to its zero.
 """
 CREEPING, MOST_CREPT = 1e-7, 20_000
-"""A communication step is given up after so many series that each reach over less than this part of it."""
+"""A communication step is refused after MOST_CREPT series that each reach over less than the part CREEPING of it."""
 JUMP = 1e-9
 """The relative change up to which an input counts as unchanged: a linear input arrives with some round-off."""
 SHORTER, OF_ROUND_OFF = 40, 1.0 / 16.0
-"""How often a series is halved for its defect at most, and the part of the defect that halving must leave at most. Of a
-truncation error halving leaves 2^-7 or less, but of round-off a half, for which the series is not cut.
+"""The largest number of halvings of a series for its defect, and the largest part of the defect that a halving may
+leave. It leaves at most 2^-7 of a truncation error, but half of round-off, for which the series is not cut.
 """
 NEAR = 0.2
-"""A step is estimated anew until it is within this part of the step that its error was estimated for."""
+"""The estimate of a step from its error is repeated until it changes the step by at most this part."""
 
 # What templates are bound to. For each group of states: its columns in a row of coefficients, the least size that its
 # errors are relative to, and whether they are relative to its largest value so far. For inputs: the places of their
@@ -117,7 +117,7 @@ def settle_sides(z: Buffer) -> bool:
             since = z[TIME] - z[STARTS]
             z[ON + i] = formula_ends.begins_again(z, WATCHED + i, ROW, z[ON + i], since)
             side = formula_ends.side_after(z, WATCHED + i, ROW, int(z[ORDER]), z[ON + i], since)
-            side = 1.0 if side == 0.0 and z[FLIPS + i] == 0.0 else side  # if it stays zero: as formulas have it at zero
+            side = 1.0 if side == 0.0 and z[FLIPS + i] == 0.0 else side  # a number that stays zero has side 1
         side = 1.0 if side == 0.0 and z[SIDES + i] == 0.0 else side
         if side != 0.0 and side != z[SIDES + i]:
             z[SIDES + i] = side
@@ -202,7 +202,7 @@ def make_series(z: Buffer) -> bool:
 
 
 def begin_to_serve(z: Buffer, settled: bool) -> bool:
-    """Set the reach of the series that was made; return whether the motion can go on by it."""
+    """Set the reach of the series that was made; return whether the motion can follow it."""
     n, ended = int(z[ORDER]), z[SINCE] >= z[REACH]
     h, longest = z[driven.STEP_SIZE], z[LONGEST]
     for _ in range(200):
@@ -229,7 +229,7 @@ def begin_to_serve(z: Buffer, settled: bool) -> bool:
 
 
 def put_states_at(z: Buffer, t: float) -> None:
-    """Set the states to the series at t. Even and odd powers are summed apart, as neither sum then waits."""
+    """Set the states to the series at t. Even and odd powers are summed apart, so neither sum waits for the other."""
     square = t * t
     n, once, twice = int(z[ORDER]), lanes(t, t, t, t), lanes(square, square, square, square)
     for i in range(0, len(STATES), 4):
@@ -284,13 +284,13 @@ def reaches_over(z: Buffer, h: float) -> bool:
 
 
 def end_together(z: Buffer, t: float) -> bool:
-    """Return whether the series ends at t or later by round-off: errors jump at a corner there, see `follow_series`."""
+    """Return whether errors vary and t is, to round-off, at or after the series' end, where errors jump at a corner."""
     passed = z[BEGUN] + z[REACH] - z[STARTS]
     return NUMBER_OF_ERRORS != 0 and bool(t >= z[REACH] - polynomials.AT_CORNER * passed)
 
 
 def evaluate_at_end(z: Buffer, h: float) -> int:
-    """Advance by h, over which the present series is valid, by evaluating it."""
+    """Advance by h along the present series, valid over h; reject the step, with nothing changed, if not finite."""
     if NUMBER_OF_EVENTS:
         clear_list(z)
     since, time = pair_at(z, SINCE), pair_at(z, TIME)
@@ -326,12 +326,12 @@ def begin_step(z: Buffer, h: float) -> int:
 
 
 def go_on_by_series(z: Buffer, h: float, settled: bool) -> int:
-    """Go on with a step by the series that was made; settled: of `make_series`; return as `begin_step` does."""
+    """Continue a step with the series just made; settled: what `make_series` returned; return as `begin_step` does."""
     return go_on_with_step(z, h) if begin_to_serve(z, settled) else end_of_step(z, h, STEP_REJECTED)
 
 
 def go_on_with_step(z: Buffer, h: float) -> int:
-    """Go on with a step until it is done, is refused, or needs the next series."""
+    """Continue a step until it is done, is refused, or needs the next series; return as `begin_step` does."""
     while z[STANDS] != 0.0 and z[SINCE] < z[REACH]:
         status = follow_series(z, h)
         if status != PENDING:
@@ -341,9 +341,9 @@ def go_on_with_step(z: Buffer, h: float) -> int:
 
 
 def keep_before_step(z: Buffer) -> None:
-    """Keep what a refused step must restore; a series that was made with other inputs is valid no more.
+    """Store what a refused step must restore; a series that was made with other inputs is no longer valid.
 
-    Where inputs jump, a number at its corner need not be there any more: its side is then the sign of its value.
+    If inputs jump, a number may have left its corner: its side is then the sign of its value.
     """
     copy_numbers(z, MEMORY, KEPT, MEMORY_SIZE)
     if not holds_inputs(z):
@@ -384,7 +384,7 @@ def end_of_step(z: Buffer, h: float, status: int) -> int:
         for i in range(NUMBER_OF_INPUTS):
             z[RATES[i]] = z[RATES_2[i]] = 0.0
         if memory.is_finite(z) and values(z) == 0:
-            if not hold:  # the series has their changes in it, even if their values have come back
+            if not hold:  # the series contains their changes, even if their values are the same again
                 z[STANDS] = 0.0
                 keep_inputs(z)
             return outputs.outputs(z)
@@ -396,5 +396,5 @@ def end_of_step(z: Buffer, h: float, status: int) -> int:
 
 
 def outputs_now(z: Buffer) -> int:
-    """Refresh the outputs, as inputs were set since the step."""
+    """Refresh the outputs after inputs were set."""
     return values(z) or outputs.outputs(z)

@@ -2,11 +2,11 @@
 
 `CONSTANT_RATE`: a sphere, or a spin about a principal axis. `FREE_SYMMETRIC`: two equal moments make two steady turns,
 of elementary functions only. `FREE_TRIAXIAL`: any body. While steps are short, one series about an exact state is
-evaluated for many of them: no error adds up, and it reaches as far as the terms left out are below round-off.
+evaluated for many of them: no error adds up, and within its reach the omitted terms are below round-off.
 
-`FREE_BODY_FORCE`: a force fixed in b moves the body along a path that is a quadrature of it. A step is cut into equal
-panels of at most `substep`, each with `order` points of Gauss's rule. The error of a panel of length s shrinks as
-(omega s)^(2 order), and there is no other; steps are summed in double-double.
+`FREE_BODY_FORCE`: a force fixed in b moves the body; its path is computed by quadrature. A step is divided into equal
+panels of at most `substep`, each with `order` points of Gauss's rule. The error of a panel of length s is proportional
+to (omega s)^(2 order), and there is no other error; steps are summed in double-double.
 Source: Abramowitz and Stegun, 25.4.30.
 """
 
@@ -105,16 +105,16 @@ FREE_SYMMETRIC = make_model("FREE_SYMMETRIC", _FREE_SYMMETRIC_LAYOUT, _set_up_fr
 
 
 FREE = closed_form.CLOSED_FORM | {"axes": 9, "moved": 1, "constants": FREE_ROTATION_SIZE}
-"""After CLOSED_FORM: principal axes, 1 where the last step was one in closed form, constants of the motion."""
+"""After CLOSED_FORM: principal axes, 1 if the last step was in closed form, constants of the motion."""
 _FREE_WORK = series.FORCE_RATE
-"""The size of the work space: series of rate and attitude, and the latter's products where loads would stand."""
+"""The size of the work space: series of rate and attitude, and the attitude's products where loads' would be."""
 _FREE_TRIAXIAL_LAYOUT = with_work_space(FREE | dense.SERIES_BLOCKS | {"next_reach": 1}, _FREE_WORK)
 _LEAST_REACH = 16.0
-"""The communication steps that a series must reach over at least: for fewer, the closed form costs less."""
+"""The least number of communication steps that a series must reach over: for fewer, the closed form costs less."""
 _ROUND_OFF = 2.0**-50
-"""The bound of the last two terms: those that are left out are then some 2^-54."""
+"""The bound of the last two terms: the omitted terms are then some 2^-54."""
 _FARTHEST = 8.0
-"""A turn, rad, over which no series reaches: its order's last term, (turn / 2)^24 / 24!, is then 4e-10."""
+"""The largest turn, rad, over which a series is tried: its last term, (turn / 2)^24 / 24!, is 4e-10 there."""
 
 _TRIAXIAL = _FREE_TRIAXIAL_LAYOUT.at
 _SERIES = _TRIAXIAL.validity
@@ -126,7 +126,7 @@ def _set_up_free_triaxial(z: Buffer) -> int:
     if not memory.skips_model_checks(z) and closed_form.is_driven(z):
         return TORQUE_ACTS
     set_up_rotation(z)
-    # with moments as given about the body's own axes, doubles lose nothing
+    # where the given moments are the principal ones, doubles hold them exactly
     serves = memory.needs_attitude(z) and is_diagonal(memory.body_of(z).inertia) and not memory.has_pivot(z)
     omega = memory.rotation_of(z).omega_b
     longest = min(LONGEST_STEP, _FARTHEST / max(norm(omega), 1e-300)) if serves else 0.0
@@ -188,8 +188,8 @@ def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -
     s, method = z[_TRIAXIAL.work : _TRIAXIAL.work + _FREE_WORK], Method(ROTATION, series.MAX_ORDER, _ROUND_OFF, 0.0)
     series.put_factors(s, series.RATE, omega)
     no_loads = series.SpaceFixedLoads(False, False, False)
-    # A plan may have taken the closed form although a little damping acts, with which the rate would drift over each
-    # series and jump back at its end.
+    # A plan may use the closed form although a little damping acts. With damping the rate would drift over each series
+    # and jump back at its end.
     undamped = Body(body.inverse_mass, body.inertia, body.inertia_inverse, body.arm_b, ZERO, body.is_free)
     series.motion_series(s, 0, series.MAX_ORDER, 0, undamped, (ZERO, ZERO, ZERO), no_loads)
     series.end_series(s, series.RATE, series.MAX_ORDER)
@@ -205,13 +205,13 @@ def _begin_series(z: Buffer, h: float, q: Quaternion, omega: Vec3, body: Body) -
 
 @kernel
 def shown_rates(z: Buffer, place: elliptic.Place) -> Vec3:
-    """Return omega_ab_b at a place on the polhode where an output needs it."""
+    """Return omega_ab_b at a place on the polhode, or the state's present rate if no output needs it."""
     return _rates(z, place) if memory.shows_rates(z) else memory.rotation_of(z).omega_b
 
 
 @kernel(inline=False)
 def rates_of_outputs(z: Buffer) -> int:
-    """Set the outputs' time derivatives at constant inputs, and first the rate, which may be an earlier step's."""
+    """Set the outputs' time derivatives at constant inputs, after the rate, which may be that of an earlier step."""
     if z[_TRIAXIAL.moved] != 0.0:
         motion = free_motion_of(z)
         place = exact.place_at(motion, exact.scaled_time(motion, closed_form.time_after(z, 0.0)))
@@ -227,7 +227,7 @@ def _rates(z: Buffer, place: elliptic.Place) -> Vec3:
 
 @kernel
 def free_motion_of(z: Buffer) -> FreeRotation:
-    """Return what `set_up_rotation` has set up."""
+    """Return the constants that `set_up_rotation` has stored."""
     return read_free_rotation(z[_TRIAXIAL.constants : _TRIAXIAL.constants + FREE_ROTATION_SIZE])
 
 
@@ -237,13 +237,13 @@ FREE_TRIAXIAL = make_model(
 
 
 ORDERS = (1, 2, 3, 4, 5, 6, 7, 8)
-"""The numbers of points a panel that may be chosen."""
+"""The numbers of points in a panel that a plan may choose."""
 
 
 def _rule_of_gauss(order: int) -> Iterator[tuple[float, float]]:
-    """Yield points on [0, 1] and weights: roots of Legendre's polynomial by Newton's method, in 40 digits.
+    """Yield points on [0, 1] and weights: zeros of Legendre's polynomial by Newton's method, in 40 digits.
 
-    NumPy's `leggauss` begins with eigenvalues by LAPACK, whose last bits may hang on the processor.
+    NumPy's `leggauss` begins with eigenvalues from LAPACK, whose last bits may depend on the processor.
     """
     with localcontext() as context:
         context.prec = 40
@@ -260,7 +260,7 @@ def _rule_of_gauss(order: int) -> Iterator[tuple[float, float]]:
 
 
 _POINTS, _WEIGHTS = zip(*(row for order in ORDERS for row in _rule_of_gauss(order)), strict=True)
-"""Points and weights of Gauss's rules, by order: k of them from k (k - 1) / 2 on."""
+"""Points and weights of Gauss's rules; those of order k, k of each, begin at index k (k - 1) / 2."""
 
 _FREE_BODY_FORCE_LAYOUT = places(FREE | {"order": 1, "low_r": 3, "low_v": 3})
 """After FREE: order, and the low parts of position and velocity of the centre of mass."""

@@ -1,9 +1,9 @@
 """Models of a body under any of the scene's loads, and of one with two equal moments under those without damping.
 
-`LOADED_TAYLOR`: by Taylor series inside a communication step. `tolerance` is the largest estimated error of a substep,
-`order` is that of the series, and `substep`, where it is not 0, the one that is tried first; they come from the plan.
-Inputs may change within a step: see `body.driven`. While they hold, and steps are short, a series serves many of them:
-see `integrators.dense_output`.
+`LOADED_TAYLOR`: by Taylor series inside a communication step. The plan sets `tolerance` and `span` (see
+`body.memory.SETTINGS`), the `order` of the series, and the `substep` that is tried first unless it is 0.
+Inputs may change within a step: see `body.driven`. While they are held and steps are short, a series is evaluated for
+many steps: see `integrators.dense_output`.
 
 `LOADED_SPLITTING`: two equal moments under loads that depend on the attitude alone, such as those of heavy tops, by
 splitting: the loads' impulses between exact flows of the free body.
@@ -28,14 +28,14 @@ _AT = _LOADED_TAYLOR_LAYOUT.at
 _SERIES = _AT.validity
 """The place of the series' blocks."""
 REST = _AT.since
-"""The place of the rest of a communication step, of a body in lanes that is to go in substeps and so has no series."""
+"""The place of the time left in a communication step, s, of a body in lanes without a series: `since` is unused."""
 ROOM = Room(state=_AT.q, work=_AT.work, size=driven.STEP_SIZE)
 
 
 @kernel
 def _set_up_loaded_taylor(z: Buffer) -> int:
-    z[driven.STEP_SIZE] = LONGEST_STEP  # series cut it at once where it is too long
-    if z[_AT.substep] > 0.0:  # none that serves many steps is tried where it is the whole step
+    z[driven.STEP_SIZE] = LONGEST_STEP  # the first series cuts it if it is too long
+    if z[_AT.substep] > 0.0:  # if it is the whole step, no series over several steps is tried
         z[driven.STEP_SIZE] = z[_AT.substep]
     z[_SERIES], z[_AT.cool_down] = dense.NONE, 0.0
     driven.keep_inputs(z, _AT.held_inputs)
@@ -50,7 +50,7 @@ def _advance_loaded_taylor(z: Buffer, h: float) -> int:
 
 @kernel(inline=False)
 def go_on(z: Buffer, h: float) -> int:
-    """Advance by h along the present series; return PENDING where there is none."""
+    """Advance by h along the present series; return PENDING where it is not valid over the step."""
     return advance_by_series(z, h) if stands(z, h) else PENDING
 
 
@@ -68,7 +68,7 @@ def advance_by_series(z: Buffer, h: float) -> int:
 
 @kernel(inline=False)
 def _advance_by_new_series(z: Buffer, h: float) -> int:
-    """Advance by h where a new series has to be made."""
+    """Advance by h by new series, or by substeps."""
     keep_all(z)
     body, loads = memory.body_of(z), driven.load_polynomial_of(z)
     method, rest = Method(driven.part_to_integrate(z, body, loads), int(z[_AT.order]), z[_AT.tolerance], z[_AT.span]), h
@@ -91,7 +91,7 @@ def keep_all(z: Buffer) -> None:
 
 @kernel
 def finished(z: Buffer, status: int) -> int:
-    """Return the status of a step for which a series was made; where it is rejected, restore the series before."""
+    """Return the status of a step for which a series was made; if rejected, restore the one before, which is stale."""
     if status == OK:
         driven.keep_inputs(z, _AT.held_inputs)
         return OK
@@ -109,7 +109,7 @@ def stands(z: Buffer, h: float) -> bool:
 
 @kernel
 def is_series_tried(z: Buffer, h: float) -> bool:
-    """Return whether a series that reaches over further steps like this one is likely enough to be tried."""
+    """Return whether to try a series: whether one is likely to reach over further steps like this one."""
     steady = driven.holds_inputs(z, _AT.held_inputs) and z[_AT.tolerance] < math.inf
     return bool(steady and z[_AT.cool_down] <= 0.0 and h * dense.LEAST_REACH <= z[driven.STEP_SIZE])
 
@@ -131,7 +131,7 @@ def begins_series(z: Buffer, h: float, method: Method) -> bool:
 
 
 def _lanes() -> shell.Lanes:
-    from .loaded_taylor_lanes import LANES  # which takes its time
+    from .loaded_taylor_lanes import LANES  # slow to import
 
     return LANES
 

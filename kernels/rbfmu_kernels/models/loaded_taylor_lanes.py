@@ -2,9 +2,9 @@
 
 A lane takes one body after another, each with its own substeps. A body's numbers are in the lane's columns (`COLUMNS`),
 and its series in a work space of `WORK` wide numbers. Loads are constant over the step, and no force turns with the
-body. Bodies of different kinds (`_kind`: what is decided once for all lanes) do not share a vector. Steps that lanes do
-not know, or cannot finish, are taken one by one. A series that may be used for further steps is made in lanes, and kept
-and evaluated in its body's buffer, as `dense_output` does for one body.
+body. Bodies of different kinds (`_kind`: what is decided once for all lanes) do not share a vector. Steps that lanes
+cannot take, or cannot finish, are taken body by body. A series that may be used for further steps is made in lanes, and
+kept and evaluated in its body's buffer, as `dense_output` does for one body.
 """
 
 import math
@@ -45,17 +45,17 @@ COLUMNS = MEMORY | {
     "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3, "count": 1, "low": 1, "tried": 1, "has_failed": 1,
     "size": 1, "rest": 1, "is_new": 1, "member": 1, "reach": 1, "turn_order": 1,
 }  # fmt: skip
-"""State and constants of a lane's body, as a buffer has them; damping and loads, force_a 0 where it has no arm; the
-substeps taken; the low part of what is left of the communication step, and the tries in it; whether the body cannot go
-on; the step size; what is left of the step; whether it has just begun; the body's number, -1 for none. Of a series that
-is to serve further steps: how far it reaches at most, and the attitude's order."""
+"""State and constants of a lane's body, as in a buffer; damping and loads (force_a is 0 if it has no arm); the number
+of substeps taken; the low part of the time left in the communication step, and the tries in it; whether the body has
+failed; the step size; the time left in the step; whether it has just begun; the body's number, -1 for none. For a
+series over further steps: its largest reach, and the attitude's order."""
 _, COLUMNS_SIZE = _COLUMNS = places(COLUMNS)
 LANE = _COLUMNS.at
 STATE = 0
 _TRIES = 64
-"""The most reductions of a substep that are tried at once."""
+"""The largest number of reductions of a substep, after which a body has failed."""
 SCRATCH = WIDEST * (COLUMNS_SIZE + WORK)
-"""The numbers of work space that lanes need, at a cache line."""
+"""How many numbers of work space lanes need, which begins at a cache line."""
 _CHOSEN = -2
 """The status of a body that is to be advanced with others of its kind."""
 
@@ -69,8 +69,8 @@ class Bodies(NamedTuple):
 
 
 Kind = tuple[int, int, float, float, bool, bool, bool]
-"""How much of the state is integrated, the order, tolerance and span, whether a force fixed in a acts on an arm and a
-torque fixed in a acts, whether the inertia is diagonal. The first is 0 where lanes cannot be used."""
+"""How much of the state is integrated; order, tolerance and span; whether a force fixed in a acts on an arm; whether a
+torque fixed in a acts; whether the inertia is diagonal. The first is 0 where lanes cannot be used."""
 
 
 # Members and communication steps
@@ -172,7 +172,7 @@ def _advance_kind(bodies: Bodies, first: int, c: Buffer, s: Buffer, kind: Kind) 
 
 @kernel
 def _next(i: int, marks: Array) -> tuple[int, int]:
-    """Return where to look next, and the next body of the kind from i on, or -1."""
+    """Return where to search next, and the first body from i on that is `_CHOSEN`, or -1."""
     while i < len(marks):
         if marks[i, STATUS] == _CHOSEN:
             return i + 1, i
@@ -224,7 +224,7 @@ def _unload(z: Buffer, c: Buffer, lane: int, n: int, h: float) -> int:
 
 @kernel(inline=False)
 def _alone(z: Buffer, h: float) -> int:
-    """Advance a body alone by a step that lanes have begun, from the state before it."""
+    """Advance a body by itself, from its state before a step that lanes have begun."""
     driven.restore(z)
     finished(z, STEP_REJECTED)
     return step(z, h)
@@ -237,7 +237,7 @@ def _alone(z: Buffer, h: float) -> int:
 def _try_series(
     bodies: Bodies, first: int, c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads
 ) -> None:
-    """Advance those bodies of a kind, from the first on, for which a series reaches far enough to pay."""
+    """Advance those bodies of a kind, from the first on, for which a series over further steps pays."""
     buffers, marks, _ = bodies
     lane, cautious = 0, dense.cautious(method)
     for i in range(first, len(buffers)):
@@ -285,7 +285,7 @@ def _put_terms(s: Buffer, u: int, order: int, lane: int, z: Buffer) -> None:
 
 @kernel(inline=False)
 def _follow(z: Buffer, c: Buffer, lane: int, h: float, method: substeps.Method, fixed: SpaceFixedLoads) -> int:
-    """Advance a body along its series, as `follow_series` does; return `_CHOSEN` where that is too short."""
+    """Advance a body along its series, as `follow_series` does; return `_CHOSEN` if the series is too short to pay."""
     longest, m = z[driven.STEP_SIZE], int(lane_at(c, LANE.turn_order, lane))
     dense.begin_series(z, ROOM, _SERIES, method, m, 1.0, lane_at(c, LANE.reach, lane), dense.least_turn(fixed))
     if dense.pays(z, _SERIES, h):
@@ -322,7 +322,7 @@ def _choose_vector(condition: bool, a: Vec3, b: Vec3) -> Vec3:
 
 @kernel
 def _turn_loads_anew(c: Buffer, s: Buffer, anew: bool) -> None:
-    """Set row 0 of the loads that are fixed in a, in axes of b, in the lanes that begin anew."""
+    """Set row 0 of the loads that are fixed in a, in axes of b, in the lanes where `anew` holds."""
     q_ba = invert_quaternion(quaternion_at(c, STATE))
     series.put_factors(s, FORCE, _choose_vector(anew, rotate(q_ba, vec3_at(c, LANE.force_a)), vec3_at(s, FORCE)))
     series.put_factors(s, TORQUE, _choose_vector(anew, rotate(q_ba, vec3_at(c, LANE.torque_a)), vec3_at(s, TORQUE)))
@@ -332,7 +332,7 @@ def _turn_loads_anew(c: Buffer, s: Buffer, anew: bool) -> None:
 def begin_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads) -> None:
     """Make the series of all lanes.
 
-    Where a lane begins, those of the others are made again, to the same bits.
+    When one lane begins a step, the series of the others are made again, with the same bits.
     """
     (n, order, _, _), body, torques = method, _bodies(c), _torques(c)
     m = taylor.derivatives_of_attitude(order)
@@ -354,7 +354,7 @@ def begin_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFi
 
 @kernel(inline=False)
 def take_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads) -> None:
-    """Take a substep in each lane, whose size meets the tolerance there."""
+    """Take a substep in each lane, of a size that meets the tolerance there; where none does, the body has failed."""
     body, rest, low, order = _bodies(c), c[LANE.rest], c[LANE.low], method.order
     acceleration = alike(rest, 0.0)
     if fixed.lever_force or fixed.torque:
@@ -379,7 +379,7 @@ def take_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFix
 
 @kernel
 def _try_substeps(c: Buffer, s: Buffer, method: substeps.Method, acceleration: float) -> tuple[float, float, float]:
-    """Return the substeps to be taken, how many are left, and the estimated errors over the allowed ones."""
+    """Return the next substep's length, how many such are left, and its estimated error over the allowed one."""
     count: float = substeps.parts_in(c[LANE.rest], c[LANE.size])
     part = (c[LANE.rest] + c[LANE.low]) / count
     alpha_fixed = choose(count > 1.0, acceleration, 0.0)

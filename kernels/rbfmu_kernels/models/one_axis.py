@@ -1,7 +1,7 @@
 """Models of a body that turns about one principal axis, fixed in space.
 
-`ONE_AXIS`: under constant torque and damping, in closed form. `PENDULUM`: under forces fixed in space alone, exactly.
-`ONE_AXIS_TAYLOR`: under such forces, torque and damping, by Taylor series.
+`ONE_AXIS`: under constant torque and damping, in closed form. `PENDULUM`: under forces fixed in space alone, in closed
+form. `ONE_AXIS_TAYLOR`: under such forces, torque and damping, by Taylor series.
 """
 
 import math
@@ -87,7 +87,7 @@ PENDULUM = shell.make_model("PENDULUM", _PENDULUM_LAYOUT, _set_up_pendulum, _adv
 
 
 ORDERS = (4, 8, 16)
-"""The orders of the series: powers of two, as their roots are repeated square roots."""
+"""The orders of the series: powers of two, so that n-th roots are repeated square roots."""
 _TERMS = ORDERS[-1] + 1
 _ONE_AXIS_TAYLOR_LAYOUT = places(
     closed_form.CLOSED_FORM

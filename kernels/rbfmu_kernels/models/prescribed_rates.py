@@ -1,8 +1,8 @@
-"""The model of an attitude from prescribed body rates: kinematics only.
+"""The model of an attitude that follows from prescribed body rates: kinematics only.
 
-Rates that are constant over a step turn the attitude exactly. Those that change within it, as
-omega_b + omega_b_rate t + omega_b_rate_2 t^2 / 2 with t from the step's begin, do so to round-off by Taylor series;
-after the step they keep their last value.
+For rates that are constant over a step the attitude is exact. For rates that change within it, as
+omega_b + omega_b_rate t + omega_b_rate_2 t^2 / 2 with t from the step's beginning, it is accurate to round-off, by
+Taylor series; after the step the rates keep their last value.
 """
 
 import math
@@ -25,11 +25,11 @@ OUTPUTS = {row.name: row.size for row in quantities.OUTPUTS if row.kinematic}
 OUTPUT_RATES = {f"d_{name}": size for name, size in OUTPUTS.items()}
 RATES = {f"{name}_{order}": size for order in ("rate", "rate_2") for name, size in INPUTS.items()}
 MEMORY = {"anchor": 4, "omega_anchor": 3, "elapsed": 2, "turning": TURNING_SIZE}
-"""The attitude when the rates changed, those rates, the time since then, and the turning that they make."""
+"""The attitude when the rates last changed, these rates, the time since then, s, and the turn at these rates."""
 _LAYOUT = places(INPUTS | PARAMETERS | OUTPUTS | OUTPUT_RATES | RATES | MEMORY)  # the quaternion is the state
 
 LARGEST_TURN = 1e15
-"""The angle, rad, from which on a double says nothing about the attitude."""
+"""The angle, rad, from which on a double has no digit of the attitude left; steps are then refused."""
 
 _AT = _LAYOUT.at
 _ORDER = 16
@@ -52,8 +52,8 @@ def initialize(z: Buffer) -> int:
 def _advance(z: Buffer, h: float) -> int:
     """Turn by h omega_b; reject the step and change nothing where the result is not finite or an angle has no digits.
 
-    While the rates stay as they are, the attitude follows from the time since they changed: no error adds up, and none
-    grows with the angle. Each change of the rates leaves up to 3 eps.
+    While the rates stay constant, the attitude follows from the time since they changed: no error adds up, and none
+    grows with the angle. Each change of the rates adds an error of up to 3 eps.
     """
     omega = vec3_at(z, _AT.omega_b)
     slope, bend = vec3_at(z, _AT.omega_b_rate), vec3_at(z, _AT.omega_b_rate_2)
@@ -76,7 +76,7 @@ def _advance(z: Buffer, h: float) -> int:
 
 @kernel
 def _put_anchor(z: Buffer, anchor: Quaternion, omega: Vec3, elapsed: dd.DoubleDouble, turning: Turning) -> None:
-    """Keep the attitude when the rates changed, those rates, the time since then, and their turning."""
+    """Store the attitude when the rates last changed, these rates, the time since then, and the turn at these rates."""
     put_quaternion_at(z, _AT.anchor, anchor)
     put_vec3_at(z, _AT.omega_anchor, omega)
     put_pair_at(z, _AT.elapsed, elapsed)
@@ -85,7 +85,7 @@ def _put_anchor(z: Buffer, anchor: Quaternion, omega: Vec3, elapsed: dd.DoubleDo
 
 @kernel(inline=False)
 def _changing_step(z: Buffer, h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> int:
-    """Take a step with rates that change within it; their last value is then the input."""
+    """Take a step with rates that change within it; afterwards the input is their last value."""
     turn = h * (norm(omega) + h * (norm(slope) + h * norm(bend)))
     if not turn < MAX_SUBSTEPS:
         return STEP_REJECTED
@@ -113,7 +113,7 @@ def _after(omega: Vec3, slope: Vec3, bend: Vec3, t: float) -> Vec3:
 
 @kernel
 def _turn(h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> Quaternion:
-    """Return the attitude after h relative to that before, by the series of dD/dt = D o (0, omega) / 2."""
+    """Return D, the attitude after h relative to that before, by the series of dD/dt = D o (0, omega) / 2."""
     none = (0.0, 0.0, 0.0, 0.0)
     half, first, second = scale(0.5 * h, omega), scale(0.5 * h * h, slope), scale(0.25 * h * h * h, bend)
     term, before, earlier = (1.0, 0.0, 0.0, 0.0), none, none

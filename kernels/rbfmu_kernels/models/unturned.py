@@ -1,10 +1,11 @@
 """Models whose attitude stays or is left out: a body that does not turn, an angular momentum, rates that spin up.
 
-`NO_ROTATION` has the position of a body that does not turn, or whose rotation no output needs. `ANGULAR_MOMENTUM` has
-that of a body that only a torque fixed in space changes, h = h_0 + T t; a sphere's rates in a follow from it, its
-attitude stays the first one, and its omega_ab_b is that of h in it. `SPIN_UP` has the rates of a body with two equal
-moments under a steady torque about the third axis, and damping: about its axis the body speeds up or relaxes; the rate
-across turns in the body by (I_s - I_t) / I_t times that angle, and fades. The attitude has no such form.
+`NO_ROTATION` computes the position of a body that does not turn, or whose rotation no output needs. `ANGULAR_MOMENTUM`
+computes the angular momentum of a body whose only torque is fixed in space, h = h_0 + T t; a sphere's rate in a follows
+from h. The model's attitude stays the first one, and its omega_ab_b is the rate that gives h at that attitude.
+`SPIN_UP` computes the rates of a body with two equal moments under a steady torque about the third axis, and damping:
+the rate about this axis grows or relaxes; the rate across it turns in the body by (I_s - I_t) / I_t times the angle
+turned about the axis, and decays. The attitude has no such closed form.
 Source: Whittaker, Analytical Dynamics, 4th ed. 1937, 69 (without torque).
 """
 
@@ -51,7 +52,7 @@ NO_ROTATION = shell.make_model("NO_ROTATION", _NO_ROTATION_LAYOUT, _set_up_no_ro
 
 
 _MOMENTUM_LAYOUT = places(closed_form.CLOSED_FORM | {"omega_0": 3, "alpha": 3, "since_alpha": 2})
-"""After CLOSED_FORM: the rate when the torque last changed, what the torque adds to it in 1 s, and the time since."""
+"""After CLOSED_FORM: the rate when the torque last changed, the angular acceleration since, and the time since, s."""
 _MOMENTUM = _MOMENTUM_LAYOUT.at
 
 
@@ -69,7 +70,7 @@ def _set_up_angular_momentum(z: Buffer) -> int:
 
 @kernel
 def _advance_angular_momentum(z: Buffer, h: float) -> int:
-    """Advance by h; reject the step and change nothing where the motion is not finite or an input turns in a."""
+    """Advance by h; reject the step and change nothing where the motion is not finite or a torque is not fixed in a."""
     if not memory.skips_model_checks(z) and closed_form.has_turning_torque(z):
         return STEP_REJECTED
     since, low, omega, q = 0.0, 0.0, vec3_at(z, _MOMENTUM.omega_0), closed_form.first_attitude(z)
@@ -101,7 +102,7 @@ _AT = _SPIN_UP_LAYOUT.at
 @kernel
 def _set_up_spin_up(z: Buffer) -> int:
     across, own, axes = principal.symmetric_frame(memory.body_of(z).inertia)
-    no_moment = own == 0.0  # of a beam about its axis, by which its rate is divided
+    no_moment = own == 0.0  # a beam's about its own axis: accelerations are divided by it
     astray = no_moment or memory.needs_attitude(z) or memory.has_unknown_load(z) or leads_astray(z, axes)
     if astray and not memory.skips_model_checks(z):
         return NO_SPIN_UP

@@ -2,7 +2,7 @@
 
 Error-free sums by Knuth, products by Dekker (1971) with Veltkamp's splitting (no fused multiply-add: the same bits
 on every platform).  Algorithms and bounds: Joldes, Muller & Popescu, ACM TOMS 44 (2017), u = 2^-53.
-Users scale their numbers: beyond 1e299 the splitting overflows, products below 1e-290 lose their low part.
+Callers must scale their numbers: beyond 1e299 the splitting overflows, and products below 1e-290 lose their low part.
 """
 
 import math
@@ -136,7 +136,7 @@ def divide(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
 @kernel
 def root(a: DoubleDouble) -> DoubleDouble:
     """Return the square root; 0 for a <= 0.  Relative error <= 4 u^2 (one Newton step, Karp & Markstein 1997)."""
-    none = a[0] <= 0.0  # NaN goes the same way as a number above
+    none = a[0] <= 0.0  # False for NaN, which is treated like a positive number
     first = math.sqrt(choose_part(none, 1.0, a[0]))
     half_inverse = 0.5 / first
     p, e = two_product(first, first)

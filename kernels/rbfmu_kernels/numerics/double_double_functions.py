@@ -11,21 +11,21 @@ from .double_double import PI, DoubleDouble
 
 _LN_2 = (0.6931471805599453, 2.3190468138462996e-17)
 _HALVINGS, _TERMS_OF_EXP, _TERMS_OF_SINE = 9, 10, 17
-"""|x| <= ln 2 / 2^10 to the 11th power is below 1e-39, and (pi / 4)^35 / 35! below 1e-43."""
+"""The first omitted terms, over the sums: |r|^10 / 11! < 1e-39 for |r| <= ln 2 / 2^10, (pi / 4)^36 / 36! < 1e-45."""
 _LARGEST, _LARGEST_LOGARITHM = 700.0, 665.5
-"""Doubles end at e^709.8. Of e^-x low parts leave the range of doubles from 675 on: its error is 6e-29 at 680, 3e-20 at
-700."""
+"""Doubles end at e^709.8. The low parts of e^-x leave the range of doubles from x = 675 on: its error is 6e-29 at 680
+and 3e-20 at 700."""
 
 
 @kernel(inline=False)
 def exponential(x: DoubleDouble) -> DoubleDouble:
-    """Return e^x, by a series of the 512th part of what is left beside a power of two; 0 or infinity out of range."""
+    """Return e^x: a power of two times e^r, with a series for the 512th part of r; 0 or infinity out of range."""
     if not abs(x[0]) <= _LARGEST:
         return (x[0] if x[0] != x[0] else math.inf if x[0] > 0.0 else 0.0, 0.0)
     k = math.floor(x[0] / _LN_2[0] + 0.5)
     r = dd.scale(2.0**-_HALVINGS, dd.subtract(x, dd.multiply_float(_LN_2, k)))
     total = (0.0, 0.0)
-    for n in range(_TERMS_OF_EXP, 0, -1):  # e^r - 1, whose digits squaring keeps
+    for n in range(_TERMS_OF_EXP, 0, -1):  # e^r - 1, which keeps its digits when it is squared
         total = dd.divide(dd.multiply(r, dd.add_float(total, 1.0)), (float(n), 0.0))
     for _ in range(_HALVINGS):
         total = dd.add(dd.scale(2.0, total), dd.multiply(total, total))
@@ -35,14 +35,14 @@ def exponential(x: DoubleDouble) -> DoubleDouble:
 
 @kernel(inline=False)
 def logistic(x: DoubleDouble) -> DoubleDouble:
-    """Return 1 / (1 + e^-x), of any x."""
+    """Return 1 / (1 + e^-x), for any x."""
     e = exponential(x if x[0] < 0.0 else dd.negate(x))
     return dd.divide(e if x[0] < 0.0 else (1.0, 0.0), dd.add_float(e, 1.0))
 
 
 @kernel(inline=False)
 def sine_and_cosine(x: DoubleDouble) -> dd.Two:
-    """Return (sin x, cos x); an error of 1e-31 |x| beyond a turn. NaN where x is not finite."""
+    """Return (sin x, cos x); x: rad. The error is 1e-31 |x| beyond a turn; NaN from |x| = 2^52 on."""
     k = math.floor(x[0] / (0.5 * PI[0]) + 0.5) if abs(x[0]) < 2.0**52 else math.nan
     r = dd.subtract(x, dd.multiply_float(dd.scale(0.5, PI), k))
     square = dd.multiply(r, r)
@@ -59,7 +59,7 @@ def sine_and_cosine(x: DoubleDouble) -> dd.Two:
 
 @kernel(inline=False)
 def natural_logarithm(x: DoubleDouble) -> DoubleDouble:
-    """Return ln x, from that in doubles by one step of Halley's method, whose error is the cube of its.
+    """Return ln x, from the logarithm in doubles by one step of Halley's method, which cubes its error.
 
     NaN where x or 1/x is beyond 1e289, where low parts of products are out of range.
     """
@@ -73,7 +73,7 @@ def natural_logarithm(x: DoubleDouble) -> DoubleDouble:
 
 @kernel(inline=False)
 def angle_of(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
-    """Return the angle of the point (x, y) in [-pi, pi], from that in doubles by the tangent of what is left."""
+    """Return the angle of the point (x, y), in [-pi, pi]: the angle in doubles plus the tangent of the rest."""
     first = elementary.atan2(y[0], x[0])
     s, c = sine_and_cosine((first, 0.0))
     across, along = dd.subtract(dd.multiply(y, c), dd.multiply(x, s)), dd.add(dd.multiply(x, c), dd.multiply(y, s))

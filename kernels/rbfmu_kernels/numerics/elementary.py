@@ -1,7 +1,7 @@
-"""Sine, cosine and arctangent in plain double arithmetic: the same bits everywhere, in scalar code and in vectors.
+"""Elementary functions in plain double arithmetic: the same bits everywhere, in scalar code and in vectors.
 
-Branch-free, so that LLVM vectorises them inside loops; no libm symbol but sqrt, fabs and copysign, no fused operation,
-no cast. Polynomials are split into pairs (Estrin) for short chains.
+They are branch-free (but for `relaxation`), so that LLVM vectorises them inside loops; no libm symbol but sqrt, fabs
+and copysign, no fused operation, no cast. Polynomials are split into pairs (Estrin) for short chains of operations.
 """
 
 import math
@@ -16,7 +16,7 @@ __all__ = ["atan2", "sincos"]
 
 _ROUND = 1.5 * 2.0**52  # adding and subtracting it rounds to an integer
 _LARGEST = 1e15
-"""The angle, rad, beyond which nothing is left: doubles are 0.125 apart there, and `_ROUND` serves to 2^51 quarters."""
+"""The largest angle, rad: doubles are 0.125 apart there, and rounding by `_ROUND` is valid to 2^51 quarter turns."""
 _TWO_OVER_PI = 0.6366197723675814
 # pi / 2 as a sum; the first two have 36 bits, so that their products with |k| < 2^17 are exact (Cody & Waite).
 _PIO2_1 = 1.5707963267923333
@@ -32,7 +32,7 @@ _PI_2 = _PI - _PI_1
 def sincos(x: float) -> tuple[float, float]:
     """Return (sin x, cos x).
 
-    x is in rad.  Error <= 1 ulp to |x| = 2e5; beyond that eps |x|, as x itself has; beyond 1e15 x counts as 0.
+    x is in rad.  Error <= 1 ulp to |x| = 2e5; then eps |x|, which is the round-off of x; beyond 1e15 x counts as 0.
     Infinite x gives NaN.
     """
     x = choose(abs(x) > _LARGEST, x - x, x)
@@ -49,14 +49,14 @@ def sincos(x: float) -> tuple[float, float]:
 def sincos_half_turns(high: float, low: float) -> tuple[float, float]:
     """Return (sin, cos) of pi (high + low), |low| <= half an ulp of high.
 
-    Error <= 1.3 ulp to |high| = 2^46, 3 ulp to 2^48; then low leads out of the series' range, and beyond 2^51 no digit
-    is left.
+    Error <= 1.3 ulp to |high| = 2^46, 3 ulp to 2^48. Beyond, low takes the argument out of the series' range, and
+    beyond 2^51 no digit is left.
     """
     shifted = 2.0 * high + _ROUND
     rest = high - 0.5 * (shifted - _ROUND)
     f = rest + low
     low -= f - rest
-    c = _SPLIT * f  # pi f exactly (Dekker), the parts of pi known
+    c = _SPLIT * f  # pi f exactly (Dekker), with the parts of pi computed before
     f_1 = c - (c - f)
     f_2 = f - f_1
     r = _PI * f
@@ -68,7 +68,7 @@ def sincos_half_turns(high: float, low: float) -> tuple[float, float]:
 def _in_quadrant(shifted: float, r: float, tail: float) -> tuple[float, float]:
     """Return (sin, cos) of k pi / 2 + r + tail; shifted is k plus `_ROUND`."""
     s, c = _sincos_near_zero(r, tail)
-    quadrant = bits_of(shifted)  # the last two are those of k
+    quadrant = bits_of(shifted)  # its last two bits are those of k
     odd = quadrant & 1 != 0
     return (_signed(choose(odd, c, s), quadrant), _signed(choose(odd, s, c), quadrant + 1))
 
@@ -159,9 +159,9 @@ def atan2(y: float, x: float) -> float:
 
 @kernel
 def _atan_series(z: float) -> float:
-    """Return (1 - atan(t) / t) / z at z = t^2 <= 1/4, by a polynomial that is minimax where z times it is wanted.
+    """Return (1 - atan(t) / t) / z at z = t^2 <= 1/4, by a polynomial whose product with z is minimax.
 
-    Of that, and so of atan(t) / t, the error is 2^-57.
+    The error of this product, and so of atan(t) / t, is 2^-57.
     """
     w = z * z
     v = w * w
@@ -197,7 +197,7 @@ def round_to_integer(x: float) -> float:
     return choose(abs(x) < 4503599627370496.0, (x + shift) - shift, x)
 
 
-_SETTLED = 64.0  # exp(-64) is nothing beside 1
+_SETTLED = 64.0  # exp(-64) is negligible beside 1
 _SERIES = tuple(float(n) for n in range(15, 2, -1))
 
 
@@ -240,7 +240,7 @@ _LN_2, _LN_2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
 @kernel
 def exponential(x: float) -> float:
-    """Return e^x; 0 below -708 and infinity above 708, near where doubles end.  Error <= 1 ulp."""
+    """Return e^x; 0 below -708 and infinity above 708, near the ends of the range of doubles.  Error <= 1 ulp."""
     product, e = two_product(x, _LOG2_E)
     inside = abs(x) <= 708.0
     found = exp2(choose(inside, product, 0.0), choose(inside, e + x * _LOG2_E_LOW, 0.0))
@@ -249,7 +249,7 @@ def exponential(x: float) -> float:
 
 @kernel
 def logistic(x: float) -> float:
-    """Return 1 / (1 + e^-x), of any x; 0 below -708.  Error <= 2 ulp."""
+    """Return 1 / (1 + e^-x), for any x; 0 below -708.  Error <= 2 ulp."""
     e = exponential(-abs(x))
     return choose(x > 0.0, 1.0, e) / (1.0 + e)
 
@@ -262,7 +262,7 @@ def logarithm(x: float) -> float:
     small = x < 2.0**-1022
     x = choose(inside, choose(small, x * 2.0**54, x), 1.0)
     bits = bits_of(x)
-    # so many halvings that what is left is between the roots of 1/2 and 2
+    # k halvings bring x between sqrt(1/2) and sqrt(2)
     k = (bits - bits_of(0.7071067811865476)) >> 52
     f = number_of(bits - (k << 52)) - 1.0
     s = f / (2.0 + f)

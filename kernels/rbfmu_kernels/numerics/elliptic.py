@@ -1,14 +1,14 @@
-"""Elliptic functions and integrals in the forms the free rigid body needs: no cancellation for any modulus.
+"""Elliptic functions and integrals in the forms that a free rigid body needs, without cancellation for any modulus.
 
 The scale of arithmetic-geometric means a_0 = 1, g_0 = kc (the complementary modulus), a' = (a + g) / 2, g' = sqrt(a g)
 gives complete integrals and the phase x = pi u / (2 K) of an amplitude, in double-double.
 
-Jacobi's sn, cn, dn are quotients of theta functions of the phase v = pi u / (2 K): short series in the nome q. For
-kc >= NEAREST_KC, where q <= 0.134 and nothing cancels.  With x = cos 2v: theta_3, theta_4 = E +- x O;
+Jacobi's sn, cn, dn are quotients of theta functions of the phase v = pi u / (2 K). For kc >= NEAREST_KC, where the nome
+q <= 0.134 and nothing cancels, these are short series in q.  With x = cos 2v: theta_3, theta_4 = E +- x O;
 theta_1, theta_2 = 2 q^(1/4) (sin, cos) v (P -+ x Q), each of E, O, P, Q even in x.
 
-Near the separatrix by Jacobi's imaginary transformation: theta functions of nome q' = exp(-pi K / K') and imaginary
-argument, as series in their decaying e = exp(-pi |u| / 2K') and in root q' / e.
+For smaller kc, near the separatrix, Jacobi's imaginary transformation gives theta functions of the nome
+q' = exp(-pi K / K') and of an imaginary argument: series in the decaying e = exp(-pi |u| / 2K') and in sqrt(q') / e.
 Sources: DLMF 19.8, 20.2, 20.7(viii), 22.2, 22.7, 22.20; nome: DLMF 19.5.5.
 """
 
@@ -24,9 +24,9 @@ from .double_double import ONE_OVER_PI, DoubleDouble, two_product, two_sum
 
 @kernel
 def jacobi_low_parts(sn: float, cn: float, dn: float, kc2: DoubleDouble) -> tuple[float, float, float]:
-    """Return what to add to sn, cn, dn, each off by some eps.
+    """Return the corrections to add to sn, cn, dn, each of which has an error of some eps; kc2: kc^2.
 
-    Then sn^2 + cn^2 = 1 and dn^2 = cn^2 + kc^2 sn^2 to 1e-30.
+    With them sn^2 + cn^2 = 1 and dn^2 = cn^2 + kc^2 sn^2 to 1e-30.
     """
     s_1, s_2 = two_product(sn, sn)
     c_1, c_2 = two_product(cn, cn)
@@ -43,7 +43,7 @@ def jacobi_low_parts(sn: float, cn: float, dn: float, kc2: DoubleDouble) -> tupl
 def climb_scale(kc: DoubleDouble, n: DoubleDouble, s: DoubleDouble, c: DoubleDouble) -> dd.Three:
     """Return (AGM(1, kc), sum, x / pi).
 
-    They give Pi(-n) = pi / (4 AGM) (2 - n / (1 + n) sum), and x / pi = u / (2 K) of tan am = s / c.
+    They give Pi(-n) = pi / (4 AGM) (2 - n / (1 + n) sum), and x / pi = u / (2 K) at the amplitude tan am = s / c.
     1e-300 <= kc <= 1, 0 <= n <= 1, s, c >= 0.  Pi: DLMF 19.8.7; x by Landen's descent, am' = am + atan(g / a tan am),
     in products of complex numbers.  Relative error about 1e-31 of the AGM, some 1e-29 of Pi; error 1e-19 of x.
     """
@@ -64,7 +64,7 @@ def climb_scale(kc: DoubleDouble, n: DoubleDouble, s: DoubleDouble, c: DoubleDou
         cc = dd.subtract(dd.multiply(a, dd.multiply(c, c)), dd.multiply(g, dd.multiply(s, s)))
         size = abs(sc[0]) + abs(cc[0])
         fits = (size > 1e-10) & (size < 1e10)
-        if not all_of(fits):  # squared at each level
+        if not all_of(fits):  # these numbers are squared at each level
             power = choose(fits, 1.0, elementary.power_of_two_for(size))
             sc, cc = dd.scale(power, sc), dd.scale(power, cc)
         s, c = dd.choose(goes_on, sc, s), dd.choose(goes_on, cc, c)
@@ -79,7 +79,7 @@ def climb_scale(kc: DoubleDouble, n: DoubleDouble, s: DoubleDouble, c: DoubleDou
         goes_on = goes_on & (choose(done, 0.0, 1.0) > 0.0)
         if not any_of(goes_on):
             break
-    # What is left is below 1e-6: series in h = (a - g) / a and epsilon, in double.
+    # The rest is below 1e-6: series in h = (a - g) / a and epsilon, in double.
     gap_left = dd.subtract(a, g)
     h = gap_left[0] / a[0]
     p2, ag = dd.multiply(p, p), dd.multiply(a, g)
@@ -103,7 +103,7 @@ _EIGHTHS = (
     (1.496605762665489, 3.0, _COS_PI_8, _SIN_PI_8),
     (5.027339492125848, 4.0, (1.0, 0.0), (0.0, 0.0)),
 )
-"""The tangent from which on a multiple of pi / 8 is the nearest, the multiple, its sine and cosine."""
+"""For each multiple of pi / 8: the tangent from which on it is the nearest one, the multiple, its sine and cosine."""
 
 
 @kernel(inline=False)
@@ -126,7 +126,7 @@ def angle_in_half_turns(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
     along = dd.add(dd.multiply(x, cosine), dd.multiply(y, sine))
     across = dd.subtract(dd.multiply(y, cosine), dd.multiply(x, sine))
     t = dd.divide(across, along)
-    # atan t = t - t^3 / 3 + t^5 / 5 - ...: the sum after t is below 3e-3, double is enough.
+    # atan t = t - t^3 / 3 + t^5 / 5 - ...: the sum after t is below 3e-3, so double is enough.
     z = t[0] * t[0]
     z2 = z * z
     p = 1.0 / 19.0 - z * (1.0 / 21.0) + z2 * (1.0 / 23.0)
@@ -143,7 +143,7 @@ def angle_in_half_turns(y: DoubleDouble, x: DoubleDouble) -> DoubleDouble:
 _PI_OVER_LOG_2: DoubleDouble = (4.532360141827194, -3.4581174592298686e-16)
 
 NEAREST_KC = 0.335
-"""There q = 0.133, q^20 nothing beside 1, and so is q'^8 = 0.0074^8: the larger kc may be for `near_series`."""
+"""The limit between the two series. There q = 0.133, and q^20 and q'^8 = 0.0074^8 are negligible beside 1."""
 
 
 class Theta(NamedTuple):
@@ -158,13 +158,13 @@ class Theta(NamedTuple):
 
 @kernel(inline=False)
 def theta_series(kc: DoubleDouble) -> Theta:
-    """Return the series of the complementary modulus kc, NEAREST_KC <= kc <= 1.  Relative error <= 3 eps."""
+    """Return the series for the complementary modulus kc, NEAREST_KC <= kc <= 1.  Relative error <= 3 eps."""
     return theta_series_of(nome(dd.add_float(dd.negate(kc), 1.0)[0], kc[0]))
 
 
 @kernel(inline=False)
 def theta_series_of(q: float) -> Theta:
-    """Return the series of the nome q <= 0.134."""
+    """Return the series for the nome q <= 0.134."""
     q2 = q * q
     q4 = q2 * q2
     q6, q9, q12, q16 = q4 * q2, q4 * q4 * q, q4 * q4 * q4, q4 * q4 * q4 * q4
@@ -190,7 +190,7 @@ def jacobi_from_theta(sin_v: float, cos_v: float, theta: Theta) -> tuple[float, 
 
 
 class Near(NamedTuple):
-    """The root of the nome q'; factors of sn, cn, dn."""
+    """The square root of the nome q', and factors of sn, cn, dn."""
 
     root_nome: float
     sn: float
@@ -200,7 +200,7 @@ class Near(NamedTuple):
 
 @kernel(inline=False)
 def near_series(kc: float) -> Near:
-    """Return the series of the complementary modulus kc, 1e-300 <= kc <= NEAREST_KC.  Relative error <= 3 eps."""
+    """Return the series for the complementary modulus kc, 1e-300 <= kc <= NEAREST_KC.  Relative error <= 3 eps."""
     k = math.sqrt((1.0 - kc) * (1.0 + kc))
     root = math.sqrt(k)
     y = 0.5 * kc * kc / ((1.0 + k) * (1.0 + root) * (1.0 + root))
@@ -221,12 +221,12 @@ def near_scale(kc: DoubleDouble, agm: DoubleDouble, s: DoubleDouble, c: DoubleDo
 
 
 Place = tuple[float, float, float, float]
-"""Near the separatrix: e, the sign of u, -1 where half turns were odd and the rest of them, |x| <= 1/2."""
+"""Near the separatrix: e, the sign of u, 1 or -1 (an even or odd number of half turns), the rest of them |x| <= 1/2."""
 
 
 @kernel
 def place_near(x: DoubleDouble, width: DoubleDouble) -> Place:
-    """Return the place at the phase x, in half turns."""
+    """Return the place at the phase x, in half turns; width: W of `near_scale`, with either sign."""
     turns = elementary.round_to_integer(x[0])
     rest = x[0] - turns
     high, low = two_product(width[0], rest)

@@ -1,7 +1,7 @@
 """Euler angles, all 24 sequences from one formula.
 
-A sequence is an integer constant, spelled as SciPy spells it: upper case intrinsic (about rotated axes), lower case
-extrinsic (about fixed axes); the angles stand in the order of the letters. Formulas fold where the constant is known.
+A sequence is an integer constant, spelled as in SciPy: upper case intrinsic (about rotated axes), lower case extrinsic
+(about fixed axes). Angles are in the order of the letters. If the compiler knows the constant, branches on it vanish.
 """
 
 import math
@@ -35,7 +35,7 @@ xyz, xzy, yxz, yzx, zxy, zyx, xyx, xzx, yxy, yzy, zxz, zyz = (sequence(name) for
 
 
 EPS = 2.0**-52
-_POLE = (1.5 * EPS) ** 2  # of tan^2 of half the angle off a pole: 3 eps
+_POLE = (1.5 * EPS) ** 2  # bound of tan^2 of half the angle from a pole: an angle of 3 eps
 
 
 @kernel
@@ -51,7 +51,7 @@ def _axes(seq: int) -> tuple[int, int, int, int]:
 
 @kernel
 def _order(seq: int, v: Vec3) -> Vec3:
-    """Return the angles of the intrinsic sequence: extrinsic ones are these in reverse."""
+    """Return the angles in the order of the intrinsic sequence, which is the reverse of an extrinsic one."""
     return (v[2], v[1], v[0]) if seq >= 64 else (v[0], v[1], v[2])
 
 
@@ -130,8 +130,8 @@ def euler_from_quaternion(seq: int, q_ab: Quaternion) -> Vec3:
     c, d, a, b = _sums(seq, q_ab)
     h_cd, h_ab = c * c + d * d, a * a + b * b
     at_ab, at_cd = h_ab <= _POLE * h_cd, h_cd <= _POLE * h_ab
-    c = math.nan if at_ab and at_cd else c  # of the zero quaternion
-    free = -1.0 if seq >= 64 else 1.0  # at a pole: which of the outer angles is zero
+    c = math.nan if at_ab and at_cd else c  # both hold for the zero quaternion
+    free = -1.0 if seq >= 64 else 1.0  # decides which of the outer angles is zero at a pole
     h_ab, a, b = (0.0 if at_ab else h_ab), (c if at_ab else a), (free * d if at_ab else b)
     h_cd, c, d = (0.0 if at_cd else h_cd), (a if at_cd else c), (free * b if at_cd else d)
     if proper:
@@ -154,7 +154,7 @@ def _in_axes(seq: int, q_ab: Quaternion) -> Quaternion:
 
 @kernel
 def _sums(seq: int, q_ab: Quaternion) -> Quaternion:
-    """Return (c, d) and (a, b), the parity p.
+    """Return (c, d, a, b), from which the angles follow; p: the parity.
 
     (c, d) = |c, d| (cos, sin)((angle 1 + p angle 3) / 2), (a, b) = |a, b| (cos, sin)((angle 1 - p angle 3) / 2).
     """
@@ -165,10 +165,10 @@ def _sums(seq: int, q_ab: Quaternion) -> Quaternion:
 
 @kernel
 def quaternion_is_at_pole(seq: int, q_ab: Quaternion) -> bool:
-    """Return whether the Euler angles of q_ab are at a pole: only a sum or difference of the outer ones counts."""
+    """Return whether q_ab is at a pole of the Euler angles: only the outer angles' sum or difference is known."""
     c, d, a, b = _sums(seq, q_ab)
     h_cd, h_ab = c * c + d * d, a * a + b * b
-    return (h_ab <= _POLE * h_cd) != (h_cd <= _POLE * h_ab)  # both hold of the zero quaternion
+    return (h_ab <= _POLE * h_cd) != (h_cd <= _POLE * h_ab)  # both hold for the zero quaternion
 
 
 @kernel
@@ -179,7 +179,7 @@ def matrix_has_no_three_angles(seq: int, R_ab: Matrix) -> bool:
 
 @kernel
 def _outer(angle: float) -> float:
-    """Return the angle, with half a turn as pi and not -pi."""
+    """Return the angle, but pi instead of -pi."""
     return math.pi if angle <= -math.pi else angle
 
 
@@ -190,8 +190,8 @@ def euler_from_matrix(seq: int, R_ab: Matrix) -> Vec3:
     seq is a sequence's constant, for array functions its name.
     Units: angles in rad; R_ab is a rotation to round-off.  Frames: R_ab takes coordinates in b to a.
     Error <= 5 eps in the rotation, 4.5 eps in the middle angle.
-    Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0; where det R_ab <= 0, as of
-    a reflection, NaN.
+    Singular: within 3 eps of a pole the middle angle is the pole's and the third angle is 0; where det R_ab <= 0, as
+    for a reflection, NaN.
     Source: Bernardes & Viollet 2022; E&G 6.5.
     """
     return euler_from_quaternion(seq, quaternion_from_matrix(R_ab))
@@ -299,7 +299,7 @@ def euler_rate_b(seq: int, angles: Vec3, omega_ab_b: Vec3) -> Vec3:
 def euler_rate_is_singular(seq: int, angles: Vec3) -> bool:
     """Return whether the angles are in gimbal lock: |det E| < 4 eps.
 
-    |det E| is |cos| of the middle angle, for proper Euler angles |sin|.
+    |det E| is |cos| of the middle angle; for proper Euler angles it is |sin|.
     """
     i, _, k, _ = _axes(seq)
     s, c = sincos(angles[1])

@@ -65,7 +65,7 @@ def compose_matrices(R_ab: Matrix, R_bc: Matrix) -> Matrix:
 
 @kernel
 def invert_matrix(R_ab: Matrix) -> Matrix:
-    """Return R_ba = R_ab^T; where R_ab is not orthogonal, this is the transpose and not the inverse.
+    """Return R_ba = R_ab^T; if R_ab is not orthogonal, this is the transpose and not the inverse.
 
     Units: dimensionless, or any.  Frames: R_ab takes coordinates in b to a, the result those in a to b.
     Exact for every matrix.  Singular: nowhere.  Source: E&G 6.4.
@@ -130,7 +130,7 @@ def omega_b_from_matrix_rate(R_ab: Matrix, dR: Matrix) -> Vec3:
 def matrix_from_quaternion(q_ab: Quaternion) -> Matrix:
     """Return R_ab = I + s eta skew(eps) + s skew(eps)^2, with s = 2 / |q_ab|^2.
 
-    The books have s = 2, for a q_ab that is exactly unit; here it may have any length from 1e-150 to 1e150.
+    Textbooks have s = 2, for a q_ab that is exactly unit; here it may have any length from 1e-150 to 1e150.
     Units: dimensionless.  Frames: q_ab and R_ab take coordinates in b to a.
     Error <= 3.5 eps, of a unit q_ab 2 eps.  Singular: at the zero quaternion, which gives NaN.  Source: E&G 6.7.
     """
@@ -150,7 +150,7 @@ def matrix_from_quaternion(q_ab: Quaternion) -> Matrix:
 def _diagonal(s: float, plus: float, minus: float) -> float:
     """Return (plus - minus) / (plus + minus), given s = 2 / (plus + minus).
 
-    It is exact where minus is 0, and never doubles an error.
+    It is exact where minus is 0, and never doubles an error of s.
     """
     return 1.0 - s * minus if plus > minus else 0.5 * s * (plus - minus)
 
@@ -159,9 +159,9 @@ def _diagonal(s: float, plus: float, minus: float) -> float:
 def quaternion_from_matrix(R_ab: Matrix) -> Quaternion:
     """Return q_ab of R_ab with eta >= 0: the row of 4 q q^T with the largest diagonal element, normalised.
 
-    Of a matrix that is no rotation to round-off take `nearest_rotation` first.
+    If a matrix is no rotation to round-off, use `nearest_rotation` first.
     Units: dimensionless; R_ab is a rotation to round-off.  Frames: R_ab and q_ab take coordinates in b to a.
-    Error <= 1.5 eps.  Singular: at half a turn q_ab is one of two; where det R_ab <= 0, as of a reflection, NaN.
+    Error <= 1.5 eps.  Singular: at half a turn q_ab is one of two; where det R_ab <= 0, as for a reflection, NaN.
     Source: Shepperd 1978, Markley 2008.
     """
     (a, b, c), (d, e, f), (g, h, i) = R_ab
@@ -184,7 +184,7 @@ def quaternion_from_matrix(R_ab: Matrix) -> Quaternion:
 
 @kernel
 def is_no_rotation(R_ab: Matrix) -> bool:
-    """Return whether det R_ab <= 0, as of a reflection, for which SciPy too refuses a quaternion."""
+    """Return whether det R_ab <= 0, as for a reflection, for which SciPy too refuses a quaternion."""
     return vec3.dot(R_ab[0], vec3.cross(R_ab[1], R_ab[2])) <= 0.0
 
 
@@ -192,7 +192,8 @@ def is_no_rotation(R_ab: Matrix) -> bool:
 def nearest_rotation(R: Matrix) -> Matrix:
     """Return the rotation nearest to R in the Frobenius norm: for R near a rotation, its polar factor.
 
-    It is the dominant eigenvector of Davenport's 4x4 matrix, found by squaring that, then corrected by Newton's method.
+    Its quaternion is the dominant eigenvector of Davenport's 4x4 matrix, found by repeated squaring of the matrix, then
+    corrected by Newton's method.
     Units: any; R may be any matrix.  Frames: those of R.
     Error <= 3 eps for R within 0.1 of a rotation; in general, eps over the gap between the two best ones.
     Singular: where two rotations are equally near, as for some reflections, one of them is returned; zero gives I.

@@ -34,7 +34,7 @@ def compose_quaternions(q_ab: Quaternion, q_bc: Quaternion) -> Quaternion:
 
 @kernel
 def invert_quaternion(q_ab: Quaternion) -> Quaternion:
-    """Return q_ba = (eta, -eps); where q_ab is not unit, this is the conjugate and not the inverse.
+    """Return q_ba = (eta, -eps); if q_ab is not unit, this is the conjugate and not the inverse.
 
     Units: dimensionless.  Frames: q_ab takes coordinates in b to a, the result those in a to b.
     Exact for every q_ab.  Singular: nowhere.  Source: E&G 6.7.
@@ -56,7 +56,7 @@ def scale_quaternion(s: float, q: Quaternion) -> Quaternion:
 
 @kernel
 def largest_of(q: Quaternion) -> float:
-    """Return the largest magnitude of a component."""
+    """Return the largest absolute value of a component."""
     return max(max(abs(q[0]), abs(q[1])), max(abs(q[2]), abs(q[3])))
 
 
@@ -84,10 +84,11 @@ def square_of(q: Quaternion) -> float:
 def rotate(q_ab: Quaternion, v_b: Vec3) -> Vec3:
     """Return v_a = R(q_ab) v_b.
 
-    With u = (eta v + eps x v) / |q|^2 it is v + 2 eps x u to a quarter turn, so that a small turn makes a small error;
-    beyond it (eps . v) eps / |q|^2 + eta u + eps x u (that is q v q*), where nothing is doubled.
+    With u = (eta v + eps x v) / |q|^2 it is v + 2 eps x u up to a quarter turn, so that a small turn has a small error;
+    beyond it is (eps . v) eps / |q|^2 + eta u + eps x u (that is q v q*), where no error is doubled.
     Units: v_b any, the result alike; q_ab may have any length from 1e-150 to 1e150.  Frames: v_b in b, the result in a.
-    Error <= 5 eps |v|.  Singular: at the zero quaternion, which gives NaN, as do longer ones.  Source: E&G 6.7.
+    Error <= 5 eps |v|.  Singular: at the zero quaternion, which gives NaN, as does one whose square overflows.
+    Source: E&G 6.7.
     """
     eta, eps = q_ab[0], q_ab[1:]
     square = square_of(q_ab)
@@ -113,9 +114,9 @@ def _sum_and_difference(q0: Quaternion, q1: Quaternion) -> tuple[Quaternion, flo
 def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
     """Return the attitude at s on the way from q0 (s = 0) to q1 or -q1 (s = 1) at constant rate along the shorter arc.
 
-    With p the end nearer to s, D the step to the other end, t the distance in s and w the angle, it is
-    p cos(t w) + (D + p |D|^2 / 2) sin(t w) / sin w: nothing cancels at any angle, the ends are exact.
-    s outside [0, 1] extrapolates. Quaternions of other lengths, zero among them, give no attitude: `normalize` them.
+    With p the end nearer to s, D the difference of the other end and p, t the distance from p in s and w the angle, it
+    is p cos(t w) + (D + p |D|^2 / 2) sin(t w) / sin w: nothing cancels at any angle, and the ends are exact.
+    s outside [0, 1] extrapolates. Quaternions that are not unit, such as zero, give no attitude: `normalize` them.
     Units: dimensionless; q0 and q1 are unit.  Frames: q0, q1 and the result are between the same two frames.
     Error <= 5 eps in [0, 1], beyond it 4 eps (1 + |s|).
     Singular: at half a turn from q0 to q1, where one of two arcs is taken.  Source: Shoemake 1985, rearranged.
@@ -124,7 +125,7 @@ def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
     from_end = s > 0.5
     t = 1.0 - s if from_end else s
     end = scale_quaternion(-1.0 if dot < 0.0 else 1.0, q1)
-    start = scale_quaternion(1.0, q0)  # a tuple, as `end` is, also of an array
+    start = scale_quaternion(1.0, q0)  # a tuple like `end`, even if q0 is an array
     p = end if from_end else start
     step, difference, total = _sum_and_difference(p, start if from_end else end)
     sine, cosine = sincos(2.0 * t * atan2(difference, total))
@@ -137,9 +138,9 @@ def slerp(q0: Quaternion, q1: Quaternion, s: float) -> Quaternion:
 
 @kernel
 def angle_between(q0: Quaternion, q1: Quaternion) -> float:
-    """Return the angle of the rotation from q0 to q1, in [0, pi]: 4 atan2(|q1 - q0|, |q1 + q0|), signs aside.
+    """Return the angle of the rotation from q0 to q1, in [0, pi]: 4 atan2(|q1 - q0|, |q1 + q0|), whatever the signs.
 
-    Quaternions of two lengths give another angle, and zero gives half a turn: `normalize` them.
+    Quaternions of different lengths give a wrong angle, and zero gives half a turn: `normalize` them.
     Units: rad; q0 and q1 are unit, of any signs.  Frames: q0 and q1 are between the same two frames.
     Error <= 3.5 eps relative, from 1e-7 on.  Singular: nowhere.  Source: W. Kahan, How Futile are Mindless Assessments
     of Roundoff in Floating-Point Computation?, 12, "Mangled Angles".
@@ -222,7 +223,7 @@ def attitude_error_rate(q_db: Quaternion, omega_ad_d: Vec3, omega_ab_b: Vec3) ->
     """Return (dq_db/dt, omega_db_b) of an attitude error, with omega_db_b = omega_ab_b - R_db^T omega_ad_d.
 
     Where eps of q_db and omega_db_b are zero, b is at d and stays there. If d is at rest, the torque
-    -k eps - c omega_db_b, with k, c > 0, leads there.
+    -k eps - c omega_db_b, with k, c > 0, turns b to d.
     Units: omega_ad_d, omega_ab_b and omega_db_b in rad/s, dq_db in 1/s; q_db is unit.
     Frames: omega_ad_d, the rate of the desired frame, in d; omega_ab_b and omega_db_b in b.
     Error <= 6 eps (|omega_ad| + |omega_ab|), of either.  Singular: nowhere.

@@ -22,7 +22,7 @@ def gibbs_from_quaternion(q_ab: Quaternion) -> Vec3:
     Error <= 0.5 eps |g|.
     Singular: within round-off of half a turn, |eta| < 4 eps |q_ab|, g has no digits left and is NaN.  Source: E&G 6.7.
     """
-    eta = math.nan if gibbs_is_singular(q_ab) or q_ab[0] == 0.0 else q_ab[0]  # zero: of NaN and of no attitude
+    eta = math.nan if gibbs_is_singular(q_ab) or q_ab[0] == 0.0 else q_ab[0]  # eta = 0: beside NaN or all zeros
     eta = eta if abs(eta) < math.inf else math.nan
     return (q_ab[1] / eta, q_ab[2] / eta, q_ab[3] / eta)
 
@@ -106,10 +106,10 @@ def quaternion_from_mrp(sigma: Vec3) -> Quaternion:
 def mrp_shadow(sigma: Vec3) -> Vec3:
     """Return -sigma / |sigma|^2, the shadow set: the same rotation, turned the other way round.
 
-    In a motion whose sigma passes |sigma| = 1, it goes on from the shadow, so that |sigma| stays below 1.
+    A motion whose sigma passes |sigma| = 1 is continued from the shadow, so that |sigma| stays below 1.
     Units: dimensionless.  Frames: sigma and the result are the same in a and b.
     Error <= 2.5 eps of the result's length.
-    Singular: of no rotation, |sigma| < 1e-300, the shadow is a full turn and gives NaN.
+    Singular: for no rotation, |sigma| < 1e-300, the shadow is a full turn and gives NaN.
     Source: Schaub and Junkins 3.6.
     """
     s = scale_for_squares(vec3.largest_component(sigma))

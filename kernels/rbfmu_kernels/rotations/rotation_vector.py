@@ -21,7 +21,7 @@ def quaternion_from_rotvec(u: Vec3) -> Quaternion:
     """Return q_ab = (cos(|u| / 2), u sin(|u| / 2) / |u|) of a rotation vector.
 
     Units: u in rad; q_ab is dimensionless.  Frames: u is the same in a and b; q_ab takes coordinates in b to a.
-    Error <= 2 eps to |u| = pi, then 1.2 eps |u|; beyond 2e15 no turn is left, beyond 1.3e154 NaN.  Singular: nowhere.
+    Error <= 2 eps to |u| = pi, then 1.2 eps |u|; beyond 2e15 (1, 0, 0, 0), beyond 1.3e154 NaN.  Singular: nowhere.
     Source: E&G 6.7.
     """
     angle = math.sqrt(vec3.dot(u, u))
@@ -48,7 +48,7 @@ def rotvec_from_quaternion(q_ab: Quaternion) -> Vec3:
 
 @kernel
 def matrix_from_rotvec(u: Vec3) -> Matrix:
-    """Return R_ab = exp(skew(u)), by way of `quaternion_from_rotvec`.
+    """Return R_ab = exp(skew(u)), by `quaternion_from_rotvec`.
 
     Units: u in rad; R_ab is dimensionless.  Frames: u is the same in a and b; R_ab takes coordinates in b to a.
     Error <= 4 eps to |u| = pi, then 2.5 eps |u|.  Singular: nowhere.  Source: E&G 6.6, 6.7.
@@ -58,10 +58,10 @@ def matrix_from_rotvec(u: Vec3) -> Matrix:
 
 @kernel
 def rotvec_from_matrix(R_ab: Matrix) -> Vec3:
-    """Return the rotation vector u of R_ab, |u| <= pi, through the quaternion, so that no angle loses digits.
+    """Return the rotation vector u of R_ab, |u| <= pi, by the quaternion, so that no angle loses digits.
 
     Units: u in rad; R_ab is a rotation to round-off.  Frames: u is the same in a and b.
-    Error <= 4 eps |u|.  Singular: at half a turn u is one of two; where det R_ab <= 0, as of a reflection, NaN.
+    Error <= 4 eps |u|.  Singular: at half a turn u is one of two; where det R_ab <= 0, as for a reflection, NaN.
     Source: E&G 6.6, 6.7.
     """
     return rotvec_from_quaternion(quaternion_from_matrix(R_ab))
@@ -73,8 +73,8 @@ def quaternion_from_axis_angle(k: Vec3, theta: float) -> Quaternion:
 
     Units: theta in rad; k has any length from 1e-150 to 1e150.  Frames: k is the same in a and b; q_ab takes
     coordinates in b to a.
-    Error <= 1 eps for a unit k, taken as it is, else 3 eps; of a theta beyond 4e5 that of `sincos`.
-    Singular: a k of no such length, as zero, has no direction and gives NaN.  Source: E&G 6.7.
+    Error <= 1 eps for a unit k, which is used unchanged, else 3 eps; for theta beyond 4e5 that of `sincos`.
+    Singular: a k of another length, such as zero, has no direction and gives NaN.  Source: E&G 6.7.
     """
     square = vec3.dot(k, k)
     per_length = math.nan if axis_is_singular(k) else 1.0 / math.sqrt(square)
@@ -82,7 +82,7 @@ def quaternion_from_axis_angle(k: Vec3, theta: float) -> Quaternion:
 
 
 _UNIT = 4.0 * 2.0**-52
-"""What round-off makes of the square of a unit vector: such a vector is taken as it is, to the bit."""
+"""How far from 1 round-off may move the square of a unit vector; such a vector is used unchanged."""
 
 
 @kernel
@@ -94,7 +94,7 @@ def axis_is_singular(k: Vec3) -> bool:
 
 @kernel
 def quaternion_about(k: Vec3, theta: float) -> Quaternion:
-    """Return q_ab = (cos(theta / 2), k sin(theta / 2)) of a unit k, whose length is not looked at."""
+    """Return q_ab = (cos(theta / 2), k sin(theta / 2)) for a unit k, whose length is not checked."""
     return _turned(k, 1.0, theta)
 
 
@@ -111,8 +111,8 @@ def matrix_from_axis_angle(k: Vec3, theta: float) -> Matrix:
 
     Units: theta in rad; k has any length from 1e-150 to 1e150.  Frames: k is the same in a and b; R_ab takes
     coordinates in b to a.
-    Error <= 3 eps for a unit k, else 5 eps; of a theta beyond 4e5 that of `sincos`.
-    Singular: a k of no such length, as zero, has no direction and gives NaN.  Source: E&G 6.6.
+    Error <= 3 eps for a unit k, else 5 eps; for theta beyond 4e5 that of `sincos`.
+    Singular: a k of another length, such as zero, has no direction and gives NaN.  Source: E&G 6.6.
     """
     return matrix_from_quaternion(quaternion_from_axis_angle(k, theta))
 
@@ -122,8 +122,8 @@ def axis_angle_from_quaternion(q_ab: Quaternion) -> tuple[Vec3, float]:
     """Return (k, theta) with theta in [0, pi].
 
     Units: theta in rad; q_ab has either sign and any length from 1e-150 to 1e150.  Frames: k is the same in a and b.
-    Error <= 2.5 eps in k and relative in theta.
-    Singular: where nothing turns k is (1, 0, 0); at half a turn it is one of two; the zero quaternion gives NaN.
+    Error <= 2.5 eps in k, and relative in theta.
+    Singular: without rotation k is (1, 0, 0); at half a turn it is one of two; the zero quaternion gives NaN.
     Source: E&G 6.7.
     """
     s = scale_for_squares(vec3.largest_component(q_ab[1:]))
@@ -140,8 +140,8 @@ def axis_angle_from_matrix(R_ab: Matrix) -> tuple[Vec3, float]:
     """Return (k, theta) of R_ab with theta in [0, pi].
 
     Units: theta in rad; R_ab is a rotation to round-off.  Frames: k is the same in a and b.
-    Error <= 4.5 eps in k and relative in theta.
-    Singular: where nothing turns k is (1, 0, 0); at half a turn it is one of two; where det R_ab <= 0, as of a
+    Error <= 4.5 eps in k, and relative in theta.
+    Singular: without rotation k is (1, 0, 0); at half a turn it is one of two; where det R_ab <= 0, as for a
     reflection, NaN.  Source: E&G 6.6.
     """
     return axis_angle_from_quaternion(quaternion_from_matrix(R_ab))

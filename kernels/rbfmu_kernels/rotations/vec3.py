@@ -53,13 +53,13 @@ def cross(a: Vec3, b: Vec3) -> Vec3:
 
 @kernel
 def is_nonzero(v: Vec3) -> bool:
-    """Return whether any component differs from zero, as NaN does."""
+    """Return whether any component differs from zero; NaN does."""
     return v[0] != 0.0 or v[1] != 0.0 or v[2] != 0.0
 
 
 @kernel
 def largest_component(v: Vec3) -> float:
-    """Return the largest magnitude of a component."""
+    """Return the largest absolute value of a component."""
     return max(max(abs(v[0]), abs(v[1])), abs(v[2]))
 
 
