@@ -90,7 +90,7 @@ def answers(chart: Chart) -> Iterator[dict[str, object]]:
         yield found
 
 
-# Each plan beside the best of the others
+# Each plan compared with the best other methods
 
 
 @dataclass(frozen=True)

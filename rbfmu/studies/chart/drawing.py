@@ -1,4 +1,4 @@
-"""The pictures of charts: which method to use on a scene, drifts, and plans beside peers on many scenes."""
+"""The pictures of charts: the method to use on a scene, drifts, and plans compared with peers on many scenes."""
 
 import math
 import textwrap
@@ -207,7 +207,7 @@ def draw_kept(chart: Chart, path: Path) -> list[Path]:
     return [path]
 
 
-# Plans beside peers
+# Plans compared with peers
 
 PEER, EXACT, NONE = "#f6b58a", "#8fd3bd", "#eeeeee"
 """The colours of cells: a peer is cheaper than the plan, the plan is a closed form, no method meets the accuracy."""

@@ -159,7 +159,7 @@ class Row(NamedTuple):
 
 
 def moments(ratio: float) -> Vec3:
-    """Return moments of inertia, the least of which is `ratio` times the largest: from a rod (0) to a sphere (1)."""
+    """Return three moments of inertia; the least is `ratio` times the largest: from a rod (0) to a sphere (1)."""
     return 1.0, 1.0 - 0.5 * ratio * (1.0 - ratio), ratio
 
 
