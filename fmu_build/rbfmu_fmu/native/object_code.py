@@ -139,8 +139,8 @@ def _c_signature(name: str, inner: str, typed: bool) -> str:
 def _optimise(module: llvm.ModuleRef, target: llvm.TargetMachine) -> str:
     """Return the module optimised twice, as the second time finds more in loops that the first has unrolled.
 
-    No pass may reorder sums: Numba marks no operation as fast, so LLVM keeps the order of operations, and results have
-    the same bits as those of the kernels that Numba compiles for this process.
+    No pass may reorder sums: Numba marks no operation as fast, so LLVM keeps to IEEE 754 and the order of operations.
+    Results then have the same bits as those of the kernels that Numba compiles for this process.
     """
     for _ in range(2):
         builder = llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options(speed_level=3))

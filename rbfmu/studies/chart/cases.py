@@ -301,7 +301,7 @@ def state_of(r: Iterable[float], v: Iterable[float], q: Iterable[float], omega: 
 
 
 def case_of(scene: Scene) -> Case:
-    """Return the case of a scene, whose run is shortened until the reference can follow it in some seconds.
+    """Return the case of a scene, its run cut to `MAX_OUTPUTS` steps, or to what the reference follows in some seconds.
 
     A last communication step that is shorter than the others is left out. Raises SceneError if one step is too much.
     """
