@@ -308,7 +308,7 @@ def front(rows: Iterable[Row], gain: float = 1.0) -> list[Row]:
 def cost_of(rows: Iterable[Row], accuracy: float) -> float | None:
     """Return the cost of an accuracy, from the rows of one method; None if the method does not reach it.
 
-    Between two settings, the error of a method of order p is proportional to its cost^-p, so that the cost is
+    Between two settings, the error of a method of order p is proportional to cost^-p, so that the cost is
     interpolated by a power law. Plans and closed forms have no settings in between: the next row's cost counts.
     """
     best = front(rows)
