@@ -1,7 +1,7 @@
 """One rigid body, done right: rotations, Newton-Euler, scenes and their simulation.
 
-Array functions by name (`rbfmu.rotate(q_ab, v_b)`), scenes (`load_scene`, `plan`, `simulate`). The same functions on
-floats and tuples, for `@njit` code, are in `rbfmu_kernels`; co-simulation units in `rbfmu_fmu`.
+It has array functions (`rbfmu.rotate(q_ab, v_b)`) and scenes (`load_scene`, `plan`, `simulate`). The same functions on
+floats and tuples, for `@njit` code, are in `rbfmu_kernels`; co-simulation units are in `rbfmu_fmu`.
 """
 
 from importlib import import_module
@@ -47,11 +47,11 @@ _MODULES = {
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 
-if not TYPE_CHECKING:  # to type checkers any name would be one of these
+if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
 
     def __getattr__(name: str) -> Any:
-        """Load a name's module when it is first used; what is no scene's is an array function."""
-        if name == "__all__":  # `help(rbfmu)` lists it
+        """Import a name's module when it is first used; names that are not in `_MODULES` are array functions."""
+        if name == "__all__":  # what `help(rbfmu)` lists
             return sorted([*_HOMES, *(n for n in import_module("rbfmu.arrays").__all__ if n not in _HOMES)])
         if name.startswith("__"):
             raise AttributeError(name)

@@ -1,6 +1,6 @@
 """The entry point of `python -m rbfmu` and of the command `rbfmu`.
 
-Ctrl-C ends it with exit status 130 and no traceback, wherever it strikes.
+Ctrl-C ends it at any time, with exit status 130 and without a traceback.
 """
 
 import _thread
@@ -15,20 +15,20 @@ from contextlib import contextmanager, suppress
 from typing import NoReturn
 
 YOUNG = 200_000
-"""Objects between two searches for garbage: a command imports and compiles a million that stay until its end."""
+"""New objects between two garbage collections: importing and compiling make a million that stay until the end."""
 
 STATUS = 130
-"""128 and the number of SIGINT: what shells expect."""
+"""128 plus the number of SIGINT, as shells expect."""
 
 SOON = 0.05
-"""s"""
+"""The time in s after which an interrupt that Python could only report is raised again."""
 
 
 def main() -> None:
-    """Run the command line, whose imports take long enough for a Ctrl-C."""
+    """Run the command line; its imports take so long that Ctrl-C may come during them."""
     gc.set_threshold(YOUNG)
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or NumPy starts threads that no command needs
-    atexit.register(gc.freeze)  # at the end all goes anyway
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # else NumPy starts threads that no command needs
+    atexit.register(gc.freeze)  # at the end of the process no garbage needs to be collected
     with interruptible():
         from rbfmu.cli import main as command
 
@@ -37,9 +37,9 @@ def main() -> None:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Let what is inside clean up and then exit, whoever has caught the KeyboardInterrupt on its way.
+    """After Ctrl-C, let the code inside clean up, and then exit even if something has caught the KeyboardInterrupt.
 
-    Where Python can only report it (in a callback from C, in a finaliser) it is raised anew.
+    If Python can only report the interrupt (in a callback from C, in a finaliser), it is raised again.
     """
     struck = False
     reported = sys.unraisablehook
@@ -47,13 +47,13 @@ def interruptible() -> Iterator[None]:
     def strike(*_: object) -> NoReturn:
         nonlocal struck
         struck = True
-        if llvm := sys.modules.get("llvmlite.binding.ffi"):  # may have freed what it has not noted yet; all goes anyway
+        if llvm := sys.modules.get("llvmlite.binding.ffi"):  # else it might free twice what an interrupted call freed
             llvm.ObjectRef.__del__ = lambda _: None
         raise KeyboardInterrupt
 
     def raise_anew(unraisable: "sys.UnraisableHookArgs") -> None:
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
-            threading.Timer(SOON, _strike_main_thread).start()  # here it could only be reported again
+            threading.Timer(SOON, _strike_main_thread).start()  # raised here, it would only be reported again
         else:
             reported(unraisable)
 
@@ -73,16 +73,16 @@ def interruptible() -> Iterator[None]:
 
 def _strike_main_thread() -> None:
     if hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)  # wakes it up as well
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)  # this also wakes the thread up
     else:
         _thread.interrupt_main()
 
 
 def leave() -> NoReturn:
-    """Exit with status 130: where the interrupt passed through `exec`, Python itself would end by the signal."""
+    """Exit with status 130; if the interrupt passed through `exec`, Python itself would end by the signal instead."""
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError, AttributeError):  # a stream may be closed, or none from the start
+        with suppress(OSError, ValueError, AttributeError):  # a stream may be closed, or never have been open
             stream.flush()
     os._exit(STATUS)
 

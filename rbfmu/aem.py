@@ -1,7 +1,7 @@
 """Attitude Ephemeris Messages (AEM) of CCSDS 504.0-B-2 in keyword-value notation; those of B-1 are read as well.
 
-The standard's quaternion "from A to B" turns the axes of A into those of B, as q_ab does those of a into those of b;
-its scalar part stands last. Angular velocities are in deg/s.
+The standard's quaternion "from A to B" turns the axes of A into those of B, as q_ab turns those of a into those of b.
+Its scalar part is the last number. Angular velocities are in deg/s.
 """
 
 import math
@@ -17,21 +17,22 @@ from rbfmu.types import Array
 
 DAY, NOON, SECONDS = date(2000, 1, 1), 43200, 86400
 EPOCH = f"{DAY}T12:00:00"
-"""What stands for a scene's time 0, as scenes have no date."""
+"""The date that is written for a scene's time 0, since scenes have no date."""
 WIDTHS = {"QUATERNION": 4, "QUATERNION/DERIVATIVE": 8, "QUATERNION/ANGVEL": 7, "QUATERNION/RATE": 7}
-"""Numbers in a line, by ATTITUDE_TYPE. Derivatives, and the rates of B-1, which are none of the body, are left out."""
+"""The numbers in a line, by ATTITUDE_TYPE. Derivatives are not read, nor the rates of B-1, which are not the body's."""
 EXACT = Context(prec=400)
-"""Digits for sums of any times: the usual 28 lose the last of what is shorter than a microsecond."""
+"""Enough digits for exact sums of any times; the usual 28 lose the last digits of fractions of a microsecond."""
 TOLERANCE = 1e-3
-"""By which the square of a quaternion's length may differ from 1, as of numbers with few digits."""
+"""The largest difference from 1 of the square of a quaternion's length, as files may have few digits."""
 _TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d(?:\.\d*)?)Z?")
 _ORIGIN = re.compile(rf"COMMENT .*time 0 of the scene is ({_TIME.pattern})")
 
 
 def write_aem(path: Path, time: Array, quaternion: Array, omega_b: Array | None) -> None:
-    """Write q_ab (n, 4) at times (n), s, and omega_ab_b (n, 3), rad/s, where it is known, with every digit.
+    """Write q_ab (n, 4) at times (n), s, and omega_ab_b (n, 3), rad/s, if it is known, with every digit.
 
-    That are up to 17 digits of a number, as others write too; the standard counts 16. Raises ValueError.
+    A number may have 17 digits, as other programs write too; the standard allows 16. Raises ValueError for a
+    quaternion that is not of length 1, and for a time whose date is not representable.
     """
     if bad := np.flatnonzero(np.abs(np.sum(quaternion * quaternion, axis=1) - 1.0) > TOLERANCE).tolist():
         raise ValueError(f"quaternion = {quaternion[bad[0]].tolist()} in row {bad[0] + 1}: expected one of length 1")
@@ -56,11 +57,11 @@ def write_aem(path: Path, time: Array, quaternion: Array, omega_b: Array | None)
 
 
 def read_aem(path: Path) -> dict[str, Array]:
-    """Return time (n), s, quaternion q_ab (n, 4), and omega_a or omega_b (n, 3), rad/s, where all lines have it.
+    """Return time (n), s, quaternion q_ab (n, 4), and omega_a or omega_b (n, 3), rad/s, if all lines have it.
 
-    Frame b is REF_FRAME_B, or REF_FRAME_A where that is the spacecraft's and the other is not; a is the other one. Time
-    0 is that of the first line, in files of `write_aem` that of the scene. Segments follow each other; a leap second
-    counts as none. Raises ValueError with file, line, and what was expected.
+    Frame b is REF_FRAME_B, or REF_FRAME_A if only that is the spacecraft's; a is the other one. Time 0 is that of the
+    first line, or that of the scene in files of `write_aem`. Segments are joined; leap seconds are not counted. Raises
+    ValueError with file, line, and what was expected.
     """
     origin: Decimal | None = None
     meta: dict[str, str] = {}
@@ -82,7 +83,7 @@ def read_aem(path: Path) -> dict[str, Array]:
                 rows.append(_row(line.split(), meta))
         if not rows:
             raise ValueError("expected lines of attitudes")
-        if lines.count("DATA_START") > lines.count("DATA_STOP"):  # what is left of a last number would be taken for it
+        if lines.count("DATA_START") > lines.count("DATA_STOP"):  # else a last number that is cut short would be read
             raise ValueError("expected DATA_STOP after the attitudes; the file has been cut short")
     except ValueError as error:
         raise ValueError(f"{path}: line {number}: {error}") from None
@@ -95,7 +96,7 @@ def read_aem(path: Path) -> dict[str, Array]:
 
 
 def _row(words: list[str], meta: dict[str, str]) -> tuple[Decimal, list[float], str, list[float]]:
-    """Return time, q_ab, the name of the angular velocity (empty: none) and it in deg/s."""
+    """Return (time, q_ab, name of the angular velocity, its numbers in deg/s); without it, the last two are empty."""
     if missing := [key for key in ("REF_FRAME_A", "REF_FRAME_B", "ATTITUDE_TYPE") if key not in meta]:
         raise ValueError(f"{missing[0]} is missing before the first attitude")
     kind, a, b = (meta[key] for key in ("ATTITUDE_TYPE", "REF_FRAME_A", "REF_FRAME_B"))
@@ -127,7 +128,7 @@ def _seconds(text: str) -> Decimal:
 
 
 def _epoch(t: float) -> str:
-    """Return the time so many seconds after `EPOCH`, in decimals that give t again."""
+    """Return the date and time t s after `EPOCH`, with the decimals from which t is read back exactly."""
     after = EXACT.add(Decimal(repr(t)), Decimal(NOON))
     days = math.floor(after / SECONDS)
     minutes, second = EXACT.divmod(EXACT.subtract(after, Decimal(SECONDS * days)), Decimal(60))
@@ -139,6 +140,6 @@ def _epoch(t: float) -> str:
 
 
 def _number(x: float) -> str:
-    """Return every digit, with a point also before an exponent."""
+    """Return a number with every digit, and with a decimal point even before an exponent."""
     text = repr(x)
     return text if "." in text else text.replace("e", ".0e")

@@ -70,7 +70,7 @@ def new(name: str) -> None:
             file.write(new_scene(path.stem))
     except FileExistsError:
         raise click.UsageError(f"{path}: exists already, and stays as it is") from None
-    shown = f"./{path}" if name.startswith("-") else str(path)  # which would be taken for an option
+    shown = f"./{path}" if name.startswith("-") else str(path)  # else it looks like an option
     click.echo(f"{path} (next: rbfmu run {shlex.quote(shown)})")
 
 
@@ -90,12 +90,12 @@ def show_plan(asked: common.Asked, as_json: bool, code: bool) -> None:
         return
     known = _plan_of(asked, asked.opened())
     for doubt in known["doubts"]:
-        warn_caller(doubt, SceneWarning)  # of a plan that was made now they are said already
+        warn_caller(doubt, SceneWarning)  # for a plan made just now, they were printed already
     click.echo(json.dumps(known["plan"] | {"variables": known["variables"]}, indent=1) if as_json else known["text"])
 
 
 def _plan_of(asked: common.Asked, opened: AbstractContextManager["rbfmu.Scene"]) -> dict[str, Any]:
-    """Return what is said of a scene's plan and of doubts: kept, or made now, and kept where no inputs are given."""
+    """Return the plan of a scene, its text and the doubts, as kept on disk; with inputs, they are made and not kept."""
     is_driven = asked.driven["inputs"] is not None
 
     def make() -> dict[str, Any]:
@@ -188,7 +188,7 @@ def ensemble(
                 raise
         if plot:
             found.plot(plot)
-        common.print_ensemble(planned, found)  # which reads the store
+        common.print_ensemble(planned, found)  # this reads the store
     common.print_written(output, plot)
 
 

@@ -1,6 +1,6 @@
-"""What several commands share: their options, and what they say: errors, doubts, notes, tables.
+"""What several commands share: options, and the output of errors, warnings, notes and tables.
 
-Rich is loaded where it draws, as loading it takes a tenth of a short run.
+Rich is imported only where it draws, as importing it takes a tenth of a short run.
 """
 
 import math
@@ -20,18 +20,18 @@ from rbfmu.exceptions import PlanningWarning, SceneError, SceneWarning, Simulati
 from rbfmu.on_disk import try_replacing
 
 MOST_SHOWN = 5
-"""The times of an event, and messages of runs that failed, that are printed."""
+"""The largest number of times of an event, and of messages of failed runs, that are printed."""
 UNREAD = 141
-"""The exit status where a reader such as `head` leaves early: 128 and the number of SIGPIPE, what shells expect."""
+"""The exit status if a reader such as `head` stops early: 128 plus the number of SIGPIPE, as shells expect."""
 DOUBTS = (SceneWarning, PlanningWarning)
 """Warnings that commands print as lines."""
 
 
 class Commands(click.Group):
-    """Commands that turn users' errors into a message and exit status 2, warnings into lines."""
+    """Commands that print users' errors as messages, with exit status 2, and warnings as lines."""
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command, and turn its errors into a message."""
+        """Run a command, and print its errors as a message; exit status 1 for SimulationError, else 2."""
         try:
             with doubts_in_lines():
                 return super().invoke(ctx)
@@ -54,14 +54,14 @@ class Commands(click.Group):
 
 
 def _write_nowhere() -> None:
-    """Drop what is left to write, at which Python would fail once more as it ends."""
+    """Send all further output to nowhere; else Python would fail once more when it flushes its streams at the end."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         os.dup2(nowhere, stream.fileno())
 
 
 def _without_name() -> str:
-    """Return what a failure of the system concerns that names no file."""
+    """Return in words what an OSError without a file name is about."""
     try:
         os.getcwd()
     except OSError:
@@ -71,7 +71,7 @@ def _without_name() -> str:
 
 @contextmanager
 def doubts_in_lines() -> Iterator[None]:
-    """Print each doubt about a scene, and that planning takes long, as one line, once."""
+    """Print each warning of DOUBTS as one line, and only once."""
     with warnings.catch_warnings():
         for kind in DOUBTS:
             warnings.simplefilter("always", kind)
@@ -90,7 +90,7 @@ def doubts_in_lines() -> Iterator[None]:
 
 @contextmanager
 def usage_errors(*kinds: type[Exception]) -> Iterator[None]:
-    """Turn these errors into a message; by default what is wrong with a file given, or a package that is absent."""
+    """Turn these errors into usage errors; by default those of a wrong argument and of a missing package."""
     refused = kinds or (ValueError, ModuleNotFoundError)
     try:
         yield
@@ -107,20 +107,20 @@ NOT_KEPT = (
 
 
 def keeps_code() -> bool:
-    """Return whether Numba finds a folder for compiled code."""
+    """Return whether Numba has a folder in which it can keep compiled code."""
     from rbfmu_kernels import rotate
 
     return not hasattr(rotate, "stats") or rotate.stats.cache_path is not None
 
 
 def say_where_nothing_is_kept() -> None:
-    """Print a note where Numba finds no folder for compiled code."""
+    """Print a note if Numba has no folder in which it can keep compiled code."""
     if not keeps_code():
         click.echo(f"Note: {NOT_KEPT}", err=True)
 
 
 def check_target(path: Path, option: str, endings: Sequence[str]) -> None:
-    """Refuse a file that cannot be written before anything runs."""
+    """Raise an error for a file that cannot be written, before anything runs."""
     if path.suffix not in endings or not path.stem.strip("."):
         raise click.UsageError(f"{option} {str(path)!r}: expected a name that ends in {' or '.join(endings)}")
     if not path.parent.is_dir():
@@ -129,14 +129,18 @@ def check_target(path: Path, option: str, endings: Sequence[str]) -> None:
 
 
 def expected_error(scene: "rbfmu.Scene", planned: "rbfmu.Plan", driven: bool) -> str:
-    """Return what error a plan expects, and of which run where others may set inputs or parameters."""
+    """Return the error that a plan expects, in words, and for which inputs and parameters, if these may vary."""
     of_run = ["the inputs given" if driven else scene.inputs.at_start] * bool(scene.inputs.ports)
     of_run += ["the scene's parameters"] * bool(scene.inputs.parameters)
     return f"expected: error {planned.error:.1e}" + (f" with {' and '.join(of_run)}" if of_run else "")
 
 
 def plan_text(scene: "rbfmu.Scene", chosen: "rbfmu.Plan", variables: int, full: tuple[int, int], driven: bool) -> str:
-    """Return what is said of a plan; variables: of its FMU; full: states and variables of the full model."""
+    """Return a plan as text.
+
+    variables: the number in its FMU; full: the numbers of states and variables of the full model; driven: whether
+    inputs are given.
+    """
     from rbfmu.planning.methods import MACHINE
 
     cost = f"about {float(f'{chosen.cost:.2g}'):,.0f} ns a step of {scene.run.step:g} s on {MACHINE}"
@@ -148,8 +152,8 @@ def plan_text(scene: "rbfmu.Scene", chosen: "rbfmu.Plan", variables: int, full: 
 
 
 def print_end(scene: "rbfmu.Scene", planned: "rbfmu.Plan", result: "rbfmu.Result", driven: bool) -> None:
-    """Print the model and its method, why they serve, the error to expect, and the last values."""
-    if scene.inputs.ports:  # their course is known, so that no loop is closed
+    """Print the model and its method, the reasons for them, the error to expect, the last values, and the events."""
+    if scene.inputs.ports:  # inputs are known over the run, so there is no loop whose delay the plan must name
         from rbfmu.planning.select import without_loops
 
         planned = without_loops(scene, planned)
@@ -163,7 +167,7 @@ def print_end(scene: "rbfmu.Scene", planned: "rbfmu.Plan", result: "rbfmu.Result
 
 
 def print_fit(found: "rbfmu.Fit") -> None:
-    """Print the numbers with their standard errors, what the data do not tell, and how residuals look."""
+    """Print the fitted numbers with standard errors, what the data leave open, and whether residuals are noise."""
     from rbfmu.identification.noise import are_too_few, trends
 
     numbers = zip(found.names, found.values, found.standard_errors, strict=True)
@@ -179,7 +183,7 @@ def print_fit(found: "rbfmu.Fit") -> None:
 
 
 def _events(result: "rbfmu.Result") -> Iterator[tuple[str, str, str]]:
-    """Yield a row for each event, and for each that touched zero without one, with the first of its times."""
+    """Yield a row for each event, and one for its touches if there are any, with the first of the times."""
     touched = {f"{name}, touches": times for name, times in result.touches.items() if len(times)}
     for name, times in (result.events | touched).items():
         shown = " ".join(f"{t:.9g}" for t in times[:MOST_SHOWN])
@@ -187,7 +191,7 @@ def _events(result: "rbfmu.Result") -> Iterator[tuple[str, str, str]]:
 
 
 def write(found: "rbfmu.Result | rbfmu.Sensitivity", output: Path | None, plot: Path | None, title: str) -> None:
-    """Save and draw what was found, where that is asked for."""
+    """Save and draw a result, if this is asked for."""
     if output:
         found.save(output)
     if plot:
@@ -195,13 +199,13 @@ def write(found: "rbfmu.Result | rbfmu.Sensitivity", output: Path | None, plot: 
 
 
 def print_written(*paths: Path | None) -> None:
-    """Print which files were written, if any."""
+    """Print the paths of the files that were written, if any."""
     if written := ", ".join(str(path) for path in paths if path):
         click.echo(f"written: {written}")
 
 
 def print_ensemble(planned: "rbfmu.Plan", result: "rbfmu.EnsembleResult") -> None:
-    """Print the models, what failed, and mean and spread of the runs at their end."""
+    """Print the model, the failed runs, the mean and standard deviation of the runs at their end, and the events."""
     click.echo("\n".join([f"{planned.model}: {planned.method}", *planned.reasons]))
     redrawn = int((result.redrawn > 0).sum())
     click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {redrawn:,} drawn again")
@@ -218,7 +222,7 @@ def print_ensemble(planned: "rbfmu.Plan", result: "rbfmu.EnsembleResult") -> Non
 
 
 def print_columns(rows: Sequence[Sequence[str]]) -> None:
-    """Print rows of equal length below each other; no line is folded, so that no number is torn."""
+    """Print rows of equal length in columns; lines are not wrapped, so that numbers stay whole."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         click.echo("  ".join(map(str.ljust, row, widths)).rstrip())
@@ -228,7 +232,7 @@ PATH = click.Path(path_type=Path)
 PICTURES = (".png", ".svg", ".pdf")
 Option = Callable[[Callable[..., None]], Callable[..., None]]
 more_keys: Option = click.argument("more", metavar="[KEY]...", nargs=-1)
-"""Keys behind an option that has the first of them."""
+"""Further keys after an option that has the first of them."""
 method_option: Option = click.option(
     "--method", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="FILE.py",
     help="Add your own method: step(q, omega, h, body, loads) in FILE.",
@@ -236,12 +240,12 @@ method_option: Option = click.option(
 
 
 def choice(known: Sequence[str], text: str) -> dict[str, Any]:
-    """Return what makes an option a choice, by default the first."""
+    """Return the arguments of an option that is a choice; its default is the first."""
     return {"type": click.Choice(known), "default": known[0], "show_default": True, "help": text}
 
 
 def one_of(option: str, known: Sequence[str], text: str) -> Option:
-    """Return the option of a choice."""
+    """Return an option that is a choice; its default is the first."""
     return click.option(option, **choice(known, text))
 
 
@@ -253,7 +257,7 @@ INPUTS = [
 ]
 MODEL = click.Option(["--model"], **_MODELS)
 RUN = {"accuracy": "", "stop": " (s)", "step": " (s)"}
-"""Keys of a scene's table [run] with their units."""
+"""The keys of a scene's table [run] that options can replace, with their units."""
 RUN_OPTIONS = [
     click.Option([f"--{key}"], type=float, help=f"Replaces the scene's run.{key}{unit}.") for key, unit in RUN.items()
 ]
@@ -261,9 +265,10 @@ RUN_OPTIONS = [
 
 @dataclass(frozen=True)
 class Asked:
-    """A scene file, and what a command asks for beside it.
+    """A scene file, and what a command asks for besides.
 
-    run: in place of what its table [run] has; driven: what drives the ports, as plans and runs take it.
+    run: values that replace those in its table [run]; driven: what drives the ports, as keyword arguments of `plan` and
+    `simulate`.
     """
 
     file: Path
@@ -273,7 +278,7 @@ class Asked:
 
     @contextmanager
     def opened(self) -> Iterator["rbfmu.Scene"]:
-        """Return the scene with the options given; errors name the file, also from inside."""
+        """Yield the scene with the options given; errors inside name the file."""
         from rbfmu.scene.scene import faults_of, load_scene
 
         say_where_nothing_is_kept()
@@ -284,7 +289,7 @@ class Asked:
             yield loaded.replace(run=given)
 
     def with_inputs(self, scene: "rbfmu.Scene") -> "Asked":
-        """Return the same with the inputs of the scene read, as those of a pipe can be read once."""
+        """Return a copy with the inputs already read, since a pipe can be read only once."""
         from rbfmu.runs.inputs import input_tables
 
         read = self.driven["inputs"] and input_tables(scene, **self.driven)
@@ -292,15 +297,15 @@ class Asked:
 
 
 def check_interpolate(inputs: Path | None, interpolate: str) -> None:
-    """Refuse a way between rows of which there are none."""
+    """Raise UsageError for an interpolation without inputs."""
     if interpolate != "hold" and inputs is None:
         raise click.UsageError(f"--interpolate {interpolate}: expected --inputs beside it")
 
 
 class SceneCommand(click.Command):
-    """A command on a scene file, which gets the file and what is asked for beside it as one.
+    """A command on a scene file; its function gets the file and the shared options as one argument, an `Asked`.
 
-    shared: options that it shares with others, after its own.
+    shared: the options that several commands have, listed after its own.
     """
 
     def __init__(self, params: list[click.Parameter], shared: Sequence[click.Parameter], **others: Any) -> None:
@@ -320,7 +325,7 @@ class SceneCommand(click.Command):
 
 
 def file_option(text: str, endings: Sequence[str], *names: str, **more: Any) -> Option:
-    """Return the option of a file to write, by default --output, which is refused at once where it cannot be."""
+    """Return the option of a file to write, by default --output; a file that cannot be written is refused at once."""
 
     def checked(_: click.Context, option: click.Parameter, path: Path | None) -> Path | None:
         if path is not None:
@@ -332,16 +337,16 @@ def file_option(text: str, endings: Sequence[str], *names: str, **more: Any) -> 
 
 
 def plot_option(text: str) -> Option:
-    """Return the option of a picture to draw."""
+    """Return the option for a picture to draw."""
     return file_option(f"{text} to FILE (.png, .svg or .pdf).", PICTURES, "--plot")
 
 
 def folder_option(default: str, text: str) -> Option:
-    """Return the option of a command that writes a folder."""
+    """Return the option for the folder that a command writes."""
     kind = click.Path(file_okay=False, path_type=Path)
     return click.option("-o", "--output", "folder", type=kind, default=Path(default), show_default=True, help=text)
 
 
 def keys_option(option: str, text: str) -> Option:
-    """Return the option of keys, which `more_keys` may follow."""
+    """Return the option for keys, which `more_keys` may follow."""
     return click.option(option, multiple=True, required=True, metavar="KEY", help=text)

@@ -20,16 +20,16 @@ def read_columns(
 ) -> dict[str, Array]:  # fmt: skip
     """Return the columns (rows,) of a file by the names in its header.
 
-    expected: which numbers a cell may have, in words; holds: whether it may; gaps: what stands for none, in lower case,
-    and is NaN; needed: a column that must be there, if any; faults_of_names: of the names in the header, yields
-    a column and what is wrong with it. A cell may have an array's numbers, as FMPy writes those of FMI 3.0: `x` then
-    stands for `x[1]`, `x[2]` and so on.
-    Raises SceneError with the first fault of each column, in which rows are counted from 1, without the header.
+    expected: which numbers are allowed, in words; holds: whether a number is allowed; gaps: the texts, in lower case,
+    of cells without a number, which become NaN; needed: a column that must be there (empty: none); faults_of_names:
+    gets the names in the header, and yields columns with what is wrong with them. A cell may contain all numbers of
+    an array, as FMPy writes arrays of FMI 3.0: column `x` then becomes columns `x[1]`, `x[2]` and so on.
+    Raises SceneError with the first fault of each column; its rows are counted from 1, without the header.
     """
     source = str(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as given:
-            file = given if given.seekable() else StringIO(given.read(), newline="")  # a pipe is read once
+            file = given if given.seekable() else StringIO(given.read(), newline="")  # a pipe can be read only once
             names = [x.strip() for x in next(filter(None, csv.reader(file, skipinitialspace=True)), [])]
             if needed and needed not in names:
                 apart = ", with commas between columns" if len(names) == 1 and set(names[0]) & set(";\t") else ""
@@ -52,9 +52,9 @@ def read_columns(
 
 
 def _plain_numbers(lines: TextIO, columns: int) -> Array | None:
-    """Return finite numbers without quotes, fast, or None where there is anything else."""
+    """Return the numbers of a table, fast; None if it has anything else than finite numbers without quotes."""
     text = lines.read()
-    if not text.strip("\r\n"):  # of no rows NumPy warns, and a thread that silences it may silence all for good
+    if not text.strip("\r\n"):  # NumPy warns if there are no rows; to silence it is not safe with several threads
         return np.empty((0, columns))
     try:
         table = np.loadtxt(StringIO(text, newline=""), delimiter=",", ndmin=2, comments=None)
@@ -64,7 +64,7 @@ def _plain_numbers(lines: TextIO, columns: int) -> Array | None:
 
 
 def _spread(names: list[str], rows: list[list[str]], needed: str) -> tuple[list[str], list[list[str]]]:
-    """Return names and rows with a column for each number of an array, which spaces in a cell of the first row tell."""
+    """Return names and rows with a column for each number of an array, which has spaces in a cell of the first row."""
     parts = [cell.split() for cell in rows[0]] if rows else []
     arrays = {
         i: [f"{name}[{k + 1}]" for k in range(len(x))]
@@ -78,7 +78,7 @@ def _spread(names: list[str], rows: list[list[str]], needed: str) -> tuple[list[
         found = cell.split()
         if i not in arrays or len(found) == len(arrays[i]):
             return found if i in arrays else [cell]
-        return [f"[{cell}]" if found else ""] * len(arrays[i])  # of another length: no number; or a gap
+        return [f"[{cell}]" if found else ""] * len(arrays[i])  # another length, which is no number; or a gap
 
     flat = [name for i, one in enumerate(names) for name in arrays.get(i, [one])]
     return flat, [[x for i, cell in enumerate(row) for x in numbers(i, cell)] for row in rows]
@@ -88,7 +88,7 @@ def _numbers(
     faults: dict[str, str], names: list[str], rows: list[list[str]], expected: str, holds: Callable[[float], bool],
     gaps: Collection[str],
 ) -> Array:  # fmt: skip
-    """Return the numbers of rows; add what is wrong with them to the faults by column, of which each has one."""
+    """Return the numbers of the rows; add the first fault of each column to `faults`."""
     table = np.full((len(rows), len(names)), np.nan)
     for k, row in enumerate(rows):
         if len(row) != len(names):
@@ -103,7 +103,7 @@ def _numbers(
 
 
 def _number(cell: str) -> tuple[float, bool]:
-    """Return a number, and whether it is one: `float` takes 1_0 and other scripts' digits, which no importer does."""
+    """Return a number, and whether it is valid: `float` accepts 1_0 and digits of other scripts, no importer does."""
     try:
         return float(cell), cell.isascii() and "_" not in cell
     except ValueError:

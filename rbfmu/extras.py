@@ -1,4 +1,4 @@
-"""What rbfmu does without: packages that only an extra installs."""
+"""Packages that only an extra installs, and that rbfmu can do without."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +13,7 @@ def remedy(extra: str) -> str:
 
 @contextmanager
 def needed_of(extra: str) -> Iterator[None]:
-    """End a program by one line that names the extra, where an import inside finds no module (SystemExit)."""
+    """Raise SystemExit with one line that names the extra, if an import inside finds no module."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -21,7 +21,7 @@ def needed_of(extra: str) -> Iterator[None]:
 
 
 def needed(package: str, extra: str) -> Any:
-    """Return a package of an extra. Raises ModuleNotFoundError with the command that installs it."""
+    """Import and return a package of an extra. Raises ModuleNotFoundError with the command that installs it."""
     try:
         return import_module(package)
     except ModuleNotFoundError as error:

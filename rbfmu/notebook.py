@@ -1,4 +1,4 @@
-"""Tables of HTML, which notebooks show of scenes, plans and results."""
+"""HTML tables, in which notebooks show scenes, plans and results."""
 
 from collections.abc import Iterable
 from html import escape
@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 
 def table(caption: str, header: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
-    """Return a table of texts."""
+    """Return an HTML table of texts."""
     head = "".join(f"<th>{escape(text)}</th>" for text in header)
     body = "".join("<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<table><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

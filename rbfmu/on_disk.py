@@ -1,7 +1,7 @@
-"""What is kept on disk, such as plans of scene files, which are so planned once; and files written whole.
+"""Files kept on disk, such as the plans of scene files, which need planning only once; and files that replace others.
 
-A plan is known by the bytes of its scene file, the options, and the sources and versions that it was made with. Where
-nothing can be written, or what stands there is not what was written (a checksum says so), the scene is planned anew.
+A plan is identified by the bytes and the path of its scene file, the options, and the sources and versions with which
+it was made. If nothing can be written, or a checksum shows that a file has changed, the scene is planned again.
 """
 
 import errno
@@ -16,16 +16,16 @@ from secrets import token_hex
 from typing import IO, Any
 
 MOST = 200
-"""The number of plans that are kept; the oldest go."""
+"""The largest number of plans that are kept; the oldest are deleted."""
 PACKAGES = ("rbfmu", "rbfmu_kernels", "rbfmu_fmu")
 VERSIONS = {"numba": "_version.py", "numpy": "version.py"}
-"""The modules that say their versions: read as files in a hundredth of the time that `importlib.metadata` takes."""
+"""The modules with the versions, which are read as files: `importlib.metadata` takes a hundred times as long."""
 
 
 def kept_plan(scene: Path, options: Mapping[str, object], make: Callable[[], Mapping[str, object]]) -> dict[str, Any]:
-    """Return what is known of a scene file's plan: what was kept, or what is made now and kept.
+    """Return what a command keeps about a scene file's plan; if nothing is kept, make it now and keep it.
 
-    A plan of what is no file, such as a pipe, is not kept: it can be read once, and then looks empty, as all others do.
+    Nothing is kept for a pipe: it can be read only once, and all pipes would look alike, namely empty.
     """
     if not os.path.isfile(scene):
         return dict(make())
@@ -39,9 +39,10 @@ def kept_plan(scene: Path, options: Mapping[str, object], make: Callable[[], Map
 
 
 def kept(file: Path | None, make: Callable[[], bytes], most: int) -> bytes:
-    """Return what a file keeps or, where there is none or it is not what was written there, what is made now and kept.
+    """Return the content of a file; if there is none, or its checksum is wrong, make the content now and write it.
 
-    The oldest of its kind in its folder go beyond `most`.
+    file: None to make the content without keeping it. If its folder then has more than `most` files with its suffix,
+    the oldest are deleted.
     """
     if file is None:
         return make()
@@ -50,7 +51,7 @@ def kept(file: Path | None, make: Callable[[], bytes], most: int) -> bytes:
         if checksum == _checksum(file, content):
             return content
     content = make()
-    with suppress(OSError):  # of a folder that cannot be written; on Windows, where another process reads the file
+    with suppress(OSError):  # the folder cannot be written, or another process reads the file on Windows
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, _checksum(file, content) + b"\n" + content)
         for old in sorted(file.parent.glob(f"*{file.suffix}"), key=lambda path: path.stat().st_mtime)[:-most]:
@@ -59,27 +60,27 @@ def kept(file: Path | None, make: Callable[[], bytes], most: int) -> bytes:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file as `replacing` does."""
+    """Write a whole file, as `replacing` does."""
     with replacing(file) as part:
         part.write(content)
 
 
 @contextmanager
 def replacing(path: Path, mode: str = "wb", **text: Any) -> Iterator[IO[Any]]:
-    """Yield a file that, once it is written whole, replaces what stands there or where a link leads, with its mode.
+    """Yield a file that, when it is completely written, replaces the file at this path, or the one that a link names.
 
-    A file that may not be written is refused, as `open` does. What is no file, such as a pipe, stays where it is, and
-    is written to. text: how text is, as `open` takes it.
+    The new file has the permissions of the old one. A file that may not be written raises PermissionError, as with
+    `open`. A pipe or a device is not replaced, but written to. text: further arguments of `open`, such as encoding.
     """
     there = path.exists()
-    target = Path(os.path.realpath(path))  # `resolve` raises an error of its own where links go round
+    target = Path(os.path.realpath(path))  # `resolve` raises another error if links form a loop
     part = target.with_name(f"{target.name}.{token_hex(4)}.part")
     try:
         if there and not path.is_file():
             with path.open(mode, **text) as pipe:
                 yield pipe
             return
-        if there and not os.access(target, os.W_OK):  # a folder lets any file be replaced, also a protected one
+        if there and not os.access(target, os.W_OK):  # in a writable folder, even a protected file can be replaced
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         try:
             with part.open(mode.replace("w", "x"), **text) as file:
@@ -91,13 +92,13 @@ def replacing(path: Path, mode: str = "wb", **text: Any) -> Iterator[IO[Any]]:
             part.unlink(missing_ok=True)
             raise
     except OSError as error:
-        error.filename = str(path)  # a full disk names no file, others the part
+        error.filename = str(path)  # the error of a full disk names no file, other errors name the temporary one
         raise
 
 
 def try_replacing(path: Path) -> None:
-    """Raise OSError where `replacing` would: before there is anything to write, which may take long to make."""
-    if path.is_file() or not path.exists():  # who opens a pipe waits for a reader
+    """Raise the OSError that `replacing` would raise, before the content is made, which may take long."""
+    if path.is_file() or not path.exists():  # opening a pipe would wait for a reader
         with suppress(_TriedError), replacing(path):
             raise _TriedError
 
@@ -107,18 +108,18 @@ class _TriedError(Exception):
 
 
 def _checksum(file: Path, content: bytes) -> bytes:
-    """Return what tells this content from others, and its place from that of another file."""
+    """Return a checksum of the content and of the file's name."""
     return hashlib.sha256(file.stem.encode() + b"\n" + content).hexdigest().encode()
 
 
 def _folder() -> Path:
-    """Return a folder beside Numba's compiled code."""
+    """Return the folder for plans, beside Numba's compiled code."""
     given = os.environ.get("NUMBA_CACHE_DIR")
     return (Path(given) if given else Path(__file__).parent / "__pycache__") / "rbfmu_plans"
 
 
 def _stamp() -> bytes:
-    """Return what tells these sources and libraries from others; nothing is loaded for it."""
+    """Return bytes that identify the present sources and library versions; nothing is imported for this."""
     sources = [path for package in PACKAGES for path in sorted(_modules(package, "**/*.py"))]
     lines = [f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in sources]
     versions = [file.read_bytes() for name, file_name in VERSIONS.items() for file in _modules(name, file_name)]

@@ -16,13 +16,13 @@ from rbfmu.types import Array
 from rbfmu_kernels.quantities import OUTPUT, Output
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
-"""Okabe and Ito's: told apart by everyone."""
+"""Colours of Okabe and Ito, which are also distinct for readers with a colour vision deficiency."""
 MARKS, MOST_MARKS = ("#555555", "#e69f00", "#56b4e9"), 200
-"""The colours of events, and the most of one that a picture can show."""
+"""The colours of events, and the largest number of times of one event that is drawn."""
 
 
 class Rows(Protocol):
-    """What is drawn: quantities at points in time, such as a `Result` has."""
+    """What can be drawn: quantities at points in time, as in a `Result`."""
 
     time: Array
     quantities: dict[str, Array]
@@ -30,15 +30,15 @@ class Rows(Protocol):
 
 
 def plain(words: str) -> str:
-    """Return words of a user such that Matplotlib takes no dollars of them for mathematics."""
+    """Return a user's text with dollar signs escaped, so that Matplotlib does not read mathematics into it."""
     return words.replace("$", r"\$")
 
 
 class Picture(Figure):
-    """A figure that a notebook shows, whichever way it shows other figures; in its title stands a scene's name."""
+    """A figure that a notebook shows as a picture, whatever its Matplotlib backend; its title has a scene's name."""
 
     def suptitle(self, t: str, **options: Any) -> Any:
-        """Set the title, as it is spelled."""
+        """Set the title literally, without mathematics in dollar signs."""
         return super().suptitle(plain(t), **options)
 
     def _repr_png_(self) -> bytes:
@@ -53,7 +53,7 @@ def png_of(figure: Figure, **options: Any) -> bytes:
 
 
 def plot_result(result: Rows, path: str | Path | None = None, title: str = "") -> Figure:
-    """Draw one panel for each quantity over time, to a file too where a path is given; return the figure."""
+    """Draw one panel for each quantity over time, and return the figure; path: a file to write it to as well."""
     figure, panels = _panels(len(result.quantities), height=1.9)
     for axes, (name, values) in zip(panels, result.quantities.items(), strict=True):
         row = result.rows[name]
@@ -68,7 +68,10 @@ def plot_result(result: Rows, path: str | Path | None = None, title: str = "") -
 def plot_changes(
     time: Array, changes: Mapping[str, Mapping[str, Array]], path: str | Path | None, title: str
 ) -> Figure:
-    """Draw a panel for each output: how far it moves (times,) as each key's numbers change by 1 %, on a log scale."""
+    """Draw a panel for each output: its change (times,) if the numbers of a key change by 1 %, on a log scale.
+
+    changes: by output and key.
+    """
     figure, panels = _panels(len(changes), height=2.2)
     for axes, (name, lines) in zip(panels, changes.items(), strict=True):
         for k, (key, sizes) in enumerate(lines.items()):
@@ -85,7 +88,7 @@ def plot_changes(
 
 
 def plot_residuals(time: Array, rows: Mapping[str, Array], path: str | Path | None, title: str) -> Figure:
-    """Draw a panel for each output: what was measured less what was fitted (times, k), over its noise."""
+    """Draw a panel for each output: the residuals (times, k), measured less fitted, over their standard deviation."""
     figure, panels = _panels(len(rows), height=2.0)
     for axes, (name, values) in zip(panels, rows.items(), strict=True):
         far = 6.0
@@ -101,7 +104,7 @@ def plot_residuals(time: Array, rows: Mapping[str, Array], path: str | Path | No
 
 
 def _panels(count: int, height: float) -> tuple[Picture, list[Axes]]:
-    """Return a figure, and its panels one below the other, which share the axis of time."""
+    """Return a figure and its panels, one below the other, with a common axis of time."""
     figure = Picture(figsize=(8.0, 1.2 + height * count), layout="constrained")
     panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0].tolist()
     panels[-1].set_xlabel("time (s)")
@@ -109,7 +112,7 @@ def _panels(count: int, height: float) -> tuple[Picture, list[Axes]]:
 
 
 def _mark_events(panels: Sequence[Axes], events: Mapping[str, Array]) -> None:
-    """Draw a vertical line at each event, named at its first; those of more than MOST_MARKS are left out."""
+    """Draw a vertical line at each time of an event, with its name at the first; beyond MOST_MARKS times draw none."""
     shown = [(name, times) for name, times in events.items() if 0 < len(times) <= MOST_MARKS]
     for k, (name, times) in enumerate(shown):
         for axes in panels:
@@ -120,7 +123,7 @@ def _mark_events(panels: Sequence[Axes], events: Mapping[str, Array]) -> None:
 
 
 def with_file(figure: Figure, path: str | Path | None) -> Figure:
-    """Return the figure, written to a file where a path is given; its ending (.png, .svg, .pdf) sets the format."""
+    """Return the figure; if a path is given, write it there, in the format of its suffix (.png, .svg, .pdf)."""
     if path is not None:
         with replacing(path_of(path)) as file:
             figure.savefig(file, dpi=130, format=path_of(path).suffix[1:] or None)
@@ -128,7 +131,7 @@ def with_file(figure: Figure, path: str | Path | None) -> Figure:
 
 
 def draw_components(axes: Axes, time: Array, values: Array, names: tuple[str, ...], turn: float = math.inf) -> None:
-    """Draw values (n,) or (n, k) as named lines; those of angles have gaps where they lose a turn."""
+    """Draw values (n,) or (n, k) as named lines, with gaps where angles jump by a turn; turn: its size (inf: none)."""
     columns = values[:, None] if values.ndim == 1 else values
     for k, name in enumerate(names):
         axes.plot(*with_gaps(time, columns[:, k], turn), color=COLORS[k], linewidth=1.2, label=name)
@@ -137,9 +140,10 @@ def draw_components(axes: Axes, time: Array, values: Array, names: tuple[str, ..
 
 
 def with_gaps(time: Array, angles: Array, turn: float) -> tuple[Array, Array]:
-    """Return the points (n,) of a line with a gap between those that are more than half a turn apart.
+    """Return time and angles of a line, with a NaN inserted between angles that are more than half a turn apart.
 
-    Angles that take up more than a turn count on, and have no gaps: a wheel may turn by any angle between two points.
+    Angles whose range is more than a turn get no gaps, since they count turns: a wheel may turn by any angle between
+    two points.
     """
     most, least = np.fmax.reduce(angles, initial=-np.inf), np.fmin.reduce(angles, initial=np.inf)
     loses_turns = most - least <= turn * (1.0 + 1e-9)
@@ -148,7 +152,7 @@ def with_gaps(time: Array, angles: Array, turn: float) -> tuple[Array, Array]:
 
 
 def quantity_label(row: Output) -> str:
-    """Return what an axis says of a quantity."""
+    """Return the label of a quantity's axis."""
     return with_unit(row.label, row.unit)
 
 
@@ -158,7 +162,7 @@ def with_unit(label: str, unit: str) -> str:
 
 
 def open_frame(axes: Axes, grid: bool = False, legend: bool = False) -> None:
-    """Show axes at the left and bottom only, a pale grid behind what is drawn, and what lines are called beside it."""
+    """Show a frame only at the left and bottom; grid: a pale one behind the lines; legend: beside the axes."""
     axes.spines[["top", "right"]].set_visible(False)
     if grid:
         axes.grid(color="#e9e9e9", linewidth=0.6)

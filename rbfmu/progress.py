@@ -1,4 +1,4 @@
-"""The bar of progress, on terminals and in notebooks."""
+"""The progress bar, on terminals and in notebooks."""
 
 import os
 import sys
@@ -9,13 +9,14 @@ from time import monotonic
 from typing import Any
 
 SOON, OFTEN = 1.0, 0.1
-"""The times, s, after which a bar comes on a terminal, and after which it moves."""
+"""SOON: the time in s after which a bar appears on a terminal. OFTEN: the least time between its updates, s."""
 
 
 def progress_bar(name: str) -> Callable[[Sequence[Any]], Any] | None:
-    """Return what wraps a sequence in a bar, on a terminal after a second; None where nobody would see it.
+    """Return a function that iterates over a sequence and shows a progress bar; None if nobody would see it.
 
-    For `progress` of `simulate`. A notebook needs ipywidgets for it (`pip install "rbfmu[notebook]"`).
+    It is meant for the argument `progress` of `simulate`. On a terminal the bar appears after a second. A notebook
+    needs ipywidgets for it (`pip install "rbfmu[notebook]"`).
     """
     return (lambda numbers: _with_bar(numbers, name)) if _is_seen() else None
 
@@ -29,10 +30,10 @@ def _with_bar(numbers: Sequence[Any], name: str) -> Iterator[Any]:
 
 @contextmanager
 def bar(name: str, shown: bool = True) -> Iterator[Callable[..., None]]:
-    """Yield what is told how far something is: what is done, of how much (1 if not said), and a text (the name).
+    """Yield a function (done, total=1, text=name) that updates a progress bar.
 
-    The bar goes when done, and is not there where nobody would see it. It comes late and moves seldom, so that telling
-    costs a look at the clock: Rich takes as long to load as many a run.
+    The bar disappears at the end, and is not shown where nobody would see it. It appears late and is seldom updated,
+    so that most calls only read the clock: loading Rich takes as long as many runs.
     """
     if not (shown and _is_seen()):
         yield lambda done, total=1.0, text=name: None
@@ -54,14 +55,14 @@ def bar(name: str, shown: bool = True) -> Iterator[Callable[..., None]]:
 def _rich_bar() -> Iterator[Callable[..., None]]:
     from rich import console, progress
 
-    # drawn when told: a thread of Rich's sends to a notebook while the cell does, whose end may get lost
+    # no automatic updates: Rich's thread would write to a notebook together with the cell, whose end may get lost
     with progress.Progress(console=console.Console(stderr=True), transient=True, auto_refresh=False) as shown:
         task = shown.add_task("")
         yield lambda **state: shown.update(task, refresh=True, **state)
 
 
 def _is_seen() -> bool:
-    """Return whether somebody sees a bar: on a terminal, or in a notebook that has ipywidgets."""
+    """Return whether a bar would be seen: on a terminal, or in a notebook that has ipywidgets."""
     if _on_terminal() or "IPython" not in sys.modules:
         return _on_terminal()
     from rich.console import Console
@@ -70,7 +71,7 @@ def _is_seen() -> bool:
 
 
 def _on_terminal() -> bool:
-    """Return whether stderr is a terminal that can redraw a line; a program with windows may have none, or its own."""
+    """Return whether stderr is a terminal that can redraw a line; in a graphical program it may be None, or its own."""
     try:
         return sys.stderr.isatty() and os.environ.get("TERM", "") not in ("dumb", "unknown")
     except (AttributeError, ValueError):

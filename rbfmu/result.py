@@ -1,6 +1,6 @@
-"""The result of a run: its quantities over time, as tables of pandas and xarray, in files and read back from them.
+"""The result of a run: its quantities over time. It converts to pandas and xarray, and is saved to and read from files.
 
-Files are also the CSV that importers of FMUs write.
+CSV files that importers of FMUs write can be read as well.
 """
 
 import csv
@@ -30,25 +30,25 @@ if TYPE_CHECKING:
 FORMATS = (".csv", ".npz", ".aem")
 ENDINGS = f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
 EVENTS, TOUCHES = "events.", "touches."
-"""Before the names of events in an .npz."""
+"""The prefixes of the names of events and touches in an .npz."""
 OF_EVENTS = ("time", "name", "kind")
-"""The header of a CSV's events."""
+"""The header of the file with a CSV's events."""
 KINDS = {"event": EVENTS, "touch": TOUCHES}
-"""The kinds there, and what stands before names of these in an .npz."""
+"""The kinds in that file, each with its prefix in an .npz."""
 AXES = {"quaternion": "parameter", "rpy": "angle"}
-"""What the components of a quantity are, if they are not along axes x, y, z."""
+"""The names of the axes over components that are not along x, y, z, by quantity."""
 CHUNK = 1024
-"""Rows that a CSV's writer holds as text."""
+"""The number of rows that the writer of a CSV converts at a time."""
 
 
 def check_attitude(path: Path | None, quantities: Iterable[str]) -> None:
-    """Raise ValueError where an AEM is to be written of quantities without the attitude."""
+    """Raise ValueError if the path is that of an AEM and the quantities do not include the attitude."""
     if path is not None and path.suffix == ".aem" and "quaternion" not in quantities:
         raise ValueError(f"cannot save to {str(path)!r}: expected the quantity quaternion, which an AEM is of")
 
 
 class Row(dict[str, Any]):
-    """Time and quantities at it, as `Simulator.values` gives them; own: what is known of outputs of your own."""
+    """A time and the quantities at it, as `Simulator.values` returns them; own: the outputs of your own, by name."""
 
     def __init__(self, values: Mapping[str, Any], own: Mapping[str, Output]) -> None:
         super().__init__(values)
@@ -56,9 +56,9 @@ class Row(dict[str, Any]):
 
 
 class Result:
-    """A simulated scene: `.time` (n,) in s, and one (n,) or (n, k) array per quantity by attribute.
+    """A simulated scene: `.time` (n,) in s, and each quantity as an attribute, (n,) or (n, k), in SI units.
 
-    Raises ValueError for what is no quantity of a scene, and for arrays of another shape.
+    Raises ValueError for names that are not quantities, and for arrays of another shape.
     """
 
     def __init__(
@@ -69,9 +69,9 @@ class Result:
         events: Mapping[str, ArrayLike] | None = None,
         touches: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        """own: the rows of quantities of your own, by name; events, touches: their times (n,) by name, s.
+        """own: the outputs of your own, by name; events, touches: their times (n,) in s, by name.
 
-        An event is where a formula came to zero and went on; where it went back, that is a touch.
+        At an event a formula changes its sign; at a touch it reaches zero without a sign change.
         """
         self.time: Array = as_floats("Result", "time", time)
         if self.time.ndim != 1:
@@ -147,7 +147,7 @@ class Result:
         return {"time": TIME.unit} | {name: self.rows[name].unit for name in self.quantities}
 
     def until(self, stop: float | None) -> "Result":
-        """Return the part up to this time (s), all where it is None."""
+        """Return the part up to this time in s; None: all of it. Raises ValueError for a time before the first."""
         if stop is None:
             return self
         first = self.time[:1].tolist() or [stop]  # a result without rows has no first time
@@ -160,9 +160,9 @@ class Result:
 
     @classmethod
     def of_rows(cls, rows: Iterable[Mapping[str, ArrayLike]]) -> "Result":
-        """Return the result of a loop: a row for each time, as `Simulator.values` gives it.
+        """Return the result of a loop from a row for each time, as `Simulator.values` returns it.
 
-        Raises ValueError where there is none, and for what is no quantity.
+        Raises ValueError if there are no rows or they differ in their names, and for names that are not quantities.
         """
         if not (listed := list(rows)):
             raise ValueError("rows = []: expected at least one, as Simulator.values gives them")
@@ -175,15 +175,16 @@ class Result:
 
     @classmethod
     def load(cls, path: str | Path) -> "Result":
-        """Read what `save` wrote, a CSV that an FMU's importer wrote, or an AEM; what is no quantity is left out.
+        """Read a file that `save` wrote, a CSV that an FMU's importer wrote, or an AEM.
 
-        The events of a CSV are those of the file beside it, `run.events.csv`, if there is one.
-        Raises ValueError where the file has no time, an incomplete quantity or a number that is not finite.
+        Columns that are not quantities are left out. The events of a CSV are read from the file beside it,
+        `run.events.csv`, if there is one. Raises ValueError if the file has no time, times that do not increase, an
+        incomplete quantity, or a number that is not finite.
         """
         path = path_of(path)
         if path.suffix not in FORMATS:
             raise ValueError(f"{str(path)!r}: expected a name that ends in {ENDINGS}")
-        from rbfmu.aem import read_aem  # a run does without
+        from rbfmu.aem import read_aem  # runs do not need it
 
         columns = {".csv": _read_csv, ".npz": arrays_of_npz, ".aem": read_aem}[path.suffix](path)
         if "time" not in columns:
@@ -202,10 +203,10 @@ class Result:
     def save(self, path: str | Path) -> None:
         """Write `.csv` (FMU variable names, every digit), `.npz` (arrays by quantity) or `.aem` (CCSDS, the attitude).
 
-        A CSV's units stand in a second file beside it: those of `run.csv` in `run.units.csv`, a line a column with
-        name, unit and meaning, so that the first keeps one header and serves as an FMU's input in FMPy. Events, if the
-        scene has some, stand in a third, `run.events.csv`, a line each in the order of time; where it has none, that of
-        an earlier run goes. What stands there is replaced once all is written.
+        The units of a CSV are in a second file beside it, `run.units.csv` for `run.csv`, with name, unit and meaning
+        of each column; so the first has one header, and FMPy can read it as an FMU's input. If the scene has events,
+        they are in a third file, `run.events.csv`, in the order of time; if not, that of an earlier run is deleted.
+        A file is replaced when the new one is completely written. Raises ValueError for what cannot be saved.
         """
         path = path_of(path)
         if path.suffix == ".npz":
@@ -244,12 +245,12 @@ class Result:
 
 
 def _has_events(path: Path) -> bool:
-    """Return whether a file is one that a result wrote its events to."""
+    """Return whether a file is one to which a result wrote its events."""
     return path.is_file() and path.read_bytes().startswith(",".join(OF_EVENTS).encode())
 
 
 def _read_csv(path: Path) -> dict[str, Array]:
-    """Return the arrays of a CSV, and the times of the events that were written beside it, called as in a .npz."""
+    """Return the arrays of a CSV, and the times of events from the file beside it, with the names that a .npz has."""
     columns = by_quantity(read_columns(path, faults_of_names=incomplete))
     beside, found = path.with_suffix(".events.csv"), dict[str, list[float]]()
     rows = csv.reader(beside.read_text(encoding="utf-8").splitlines()[1:] if _has_events(beside) else ())
@@ -269,7 +270,7 @@ def _check_shape(row: Quantity, values: Array, points: int, where: str = "") -> 
 
 
 def refuse_gaps(name: str, values: Array, where: str = "") -> None:
-    """Raise ValueError where a number is not finite."""
+    """Raise ValueError if a number is not finite; where: the start of the message."""
     if bad := np.argwhere(~np.isfinite(values)).tolist():
         found = float(values[tuple(bad[0])])
         raise ValueError(f"{where}{name} = {found!r} in row {bad[0][0] + 1}: expected numbers")
@@ -282,7 +283,7 @@ def _refuse_disorder(time: Array, where: str = "") -> None:
 
 
 def quaternion_lengths(rows: Array) -> Array:
-    """Return the lengths (n,) of quaternions (n, 4), NaN of gaps. Raises ValueError where one is far from 1."""
+    """Return the lengths (n,) of quaternions (n, 4), NaN for gaps. Raises ValueError if one is not within 0.1 of 1."""
     lengths: Array = np.linalg.norm(rows, axis=1)
     off = np.abs(lengths - 1.0)
     if np.any(off > 0.1):
@@ -303,7 +304,7 @@ def _write_table(path: Path, rows: Iterable[Sequence[object]], quoting: Literal[
 
 
 def write_npz(file: IO[bytes], arrays: Mapping[str, ArrayLike]) -> None:
-    """Write a .npz, as `np.savez` does, whose own arguments (file, allow_pickle) may be names here."""
+    """Write a .npz as `np.savez` does; arrays may also have the names of its arguments (file, allow_pickle)."""
     with zipfile.ZipFile(file, "w") as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
@@ -311,19 +312,19 @@ def write_npz(file: IO[bytes], arrays: Mapping[str, ArrayLike]) -> None:
 
 
 def read_npz(path: Path) -> dict[str, Any]:
-    """Return the arrays of a .npz; `np.load` takes what is no archive for a pickle, to be loaded unsafely."""
+    """Return the arrays of a .npz; `np.load` would treat a file that is not an archive as a pickle, which is unsafe."""
     with path.open("rb") as raw, np.lib.npyio.NpzFile(raw) as file:
         return {name: file[name] for name in file.files}
 
 
 def arrays_of_npz(path: Path) -> dict[str, Array]:
-    """Return the arrays of a result's .npz. Raises ValueError where they are no numbers."""
+    """Return the arrays of a result's .npz. Raises ValueError if it has none, or they are not numbers."""
     try:
         arrays = read_npz(path)
     except FileNotFoundError:
         raise
     except Exception as error:
-        said = f"{error!s:.100}"  # of what is no number NumPy says all of it
+        said = f"{error!s:.100}"  # NumPy's message may contain a whole text that is not a number
         raise ValueError(f"{path}: cannot be read as arrays of NumPy ({said}): expected the result of a run") from None
     if "resume/head" in arrays:
         raise ValueError(f"{path}: an ensemble's: expected the result of a run; EnsembleResult.load takes it")
@@ -331,7 +332,7 @@ def arrays_of_npz(path: Path) -> dict[str, Array]:
 
 
 def incomplete(names: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Yield what is missing of quantities, of which some columns have the names, and a line that says so."""
+    """Yield (missing column, message) for each quantity of which only some columns are there."""
     for name in dict.fromkeys(name.partition("[")[0] for name in names):
         wanted = elements(name, OUTPUT[name].size) if name in OUTPUT else []
         if missing := [one for one in wanted if one not in names]:
@@ -339,7 +340,7 @@ def incomplete(names: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 
 def by_quantity(flat: Mapping[str, Array]) -> dict[str, Array]:
-    """Return columns by FMU variable name as arrays by quantity; those of others, if not complete, as they are."""
+    """Return arrays by quantity from columns by FMU variable name; columns of incomplete arrays stay as they are."""
     names = [name.partition("[")[0] for name in flat]
     found = dict[str, Array]()
     for name in dict.fromkeys(names):

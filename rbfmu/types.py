@@ -1,10 +1,10 @@
-"""Types of arrays, by what stands in them."""
+"""Types of arrays, by their content."""
 
 from numpy.typing import ArrayLike as ArrayLike, NDArray as NDArray
 
 from rbfmu_kernels.types import Array as Array, Indices as Indices
 
 Buffer = Array
-"""A model's memory: all of its blocks, one after another."""
+"""The memory of a model: all its blocks, one after another."""
 Motion = dict[str, Array]
-"""Rows of each quantity, by its name, at points in time."""
+"""The rows of each quantity at points in time, by its name."""

@@ -13,7 +13,7 @@ _HOMES = {"build": "builder", "BuildError": "native.platforms"}
 
 
 def __getattr__(name: str) -> object:
-    """Load a name's module when it is first used, as FMPy takes a tenth of a second."""
+    """Import a name's module when it is first used, as importing FMPy takes a tenth of a second."""
     if name not in __all__:
         raise AttributeError(f"module 'rbfmu_fmu' has no attribute {name!r}")
     value = globals()[name] = getattr(import_module(f"rbfmu_fmu.{_HOMES.get(name, 'verification')}"), name)

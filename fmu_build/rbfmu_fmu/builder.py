@@ -1,7 +1,7 @@
-"""Builds the FMU of a scene, of either kind: what it contains, what identifies it, and its one file.
+"""Building the FMU of a scene, of either kind: its content, its identity, and its file.
 
-The pythonfmu kind bundles slave, kernels and object code in a Python package; the native kind has the model's object
-code behind a layer of C, one library for each platform.
+The pythonfmu kind has slave, kernels and object code in a Python package. The native kind has the model's object code
+under a layer of C, in one library for each platform.
 """
 
 import hashlib
@@ -30,15 +30,15 @@ from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
 PYTHON = Path(__file__).parent / "python"
 SCRIPT, PACKAGE = ((PYTHON / name).read_text(encoding="utf-8") for name in ("entry.txt", "package.txt"))
-"""The FMU's entry, which pythonfmu loads, and the beginning of the package that has all else."""
+"""The templates of the FMU's script, which pythonfmu loads, and of `__init__.py` of the package with all else."""
 
 NAME_OF_SCRIPT = "resources/slavemodule.txt"
-"""The file of an FMU that says to pythonfmu's library which script to load; without it that ends the process."""
+"""The file with the name of the script that pythonfmu's library loads; without it, the library ends the process."""
 SHIPPED = ("slave.py", "slave_access.py", "call_rules.py", "pythonfmu_traps.py")
-"""The modules of a pythonfmu FMU beside the kernels."""
+"""The modules of a pythonfmu FMU besides the kernels."""
 
 PYTHONFMU = Path(str(distribution("pythonfmu").locate_file("pythonfmu")))
-"""What is installed: the module of that name may be the one of an FMU that runs in this process, without libraries."""
+"""The installed package; `import pythonfmu` may find that of an FMU in this process, which has no libraries."""
 UNUSED = ("deploy.py", "csvbuilder.py", "__main__.py")
 """Modules of pythonfmu that no FMU uses."""
 
@@ -60,12 +60,13 @@ def build(
     *,
     planned: Plan | None = None,
 ) -> Path:
-    """Build the FMU of a scene, or of a scene file by its path, at `path` and return it.
+    """Build the FMU of a scene, or of a scene file by its path, write it to `path`, and return `path`.
 
-    kind: "python" or "pythonfmu" (the importer's process needs Python) or "native" (it needs nothing); platforms: of a
-    native FMU, names from `rbfmu_fmu.native.platforms.PLATFORMS` or "all"; none: this one; full: with all degrees of
-    freedom; fmi: 2, or 3 of a native FMU; scalars: of FMI 3, no arrays; terminals: list terminals
-    in FMI 2 as well, at which some importers fail; planned: a plan of the scene, which is then not made.
+    kind: "python" or "pythonfmu" (the importer's process needs Python), or "native" (it needs nothing); platforms: for
+    a native FMU, names from `rbfmu_fmu.native.platforms.PLATFORMS` or "all" (none: this platform); full: with all
+    degrees of freedom; fmi: 2, or 3 for a native FMU; scalars: no arrays in FMI 3; terminals: list terminals in FMI 2
+    as well, at which some importers fail; planned: a plan of the scene, so that none is made.
+    Raises ValueError for wrong arguments, SceneError if there is no plan, and BuildError.
     """
     version, path = version_of(fmi, scalars), path_of(path)
     if kind not in ("python", "pythonfmu", "native"):
@@ -80,10 +81,10 @@ def build(
 
 
 def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], parts: dict[str, bytes]) -> Element:
-    """Return modelDescription.xml with the FMU's identity: a hash of its parts and of the rest of the description.
+    """Return modelDescription.xml with the FMU's identity, a hash of its parts and of the rest of the description.
 
-    A hash and no random number, so that the same scene gives the same file, and a saved state is refused by an FMU of
-    another scene, whose buffer it would fill with other numbers.
+    It is not a random number, so that the same scene gives the same file. An FMU of another scene has another identity,
+    and so refuses a saved state, which would fill its buffer with wrong numbers.
     """
     xml = model_description(version, d, abilities)
     xml.set(version.identity, f"{{{uuid.UUID(hash_of(parts | {'': tostring(xml)})[:32])}}}")
@@ -97,9 +98,9 @@ def build_native_fmu(
     scene: Scene, plan: Plan, path: Path, platforms: str | Sequence[str] = (), version: FmiVersion = FMI2,
     terminals: bool = False,
 ) -> Path:  # fmt: skip
-    """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done.
+    """Write the FMU, with the same bytes for the same scene; a file at `path` is replaced at the end.
 
-    platforms: names from `platforms.PLATFORMS`, or "all"; none: this one; terminals: list them in FMI 2.0 as well.
+    platforms: names from `platforms.PLATFORMS`, or "all" (none: this platform); terminals: list them in FMI 2.0 too.
     """
     chosen, d = native.platforms_named(platforms), describe(scene, plan)
     objects = {p: object_code.object_files(d.plan.kernels, p) for p in chosen}
@@ -115,13 +116,13 @@ def build_native_fmu(
         members = [p for p in chosen if version.folders[p.name] == folder]
         libraries = [native.link(c_sources(version), objects[p], p, d.identifier, generated) for p in members]
         second = {version.second_folders.get(p.name, folder) for p in members}
-        for place in {folder} | (second - folders):  # a second one that no platform here has for its own
+        for place in {folder} | (second - folders):  # a second folder only if it is not the first of another platform
             contents[f"binaries/{place}/{d.identifier}{members[0].suffix}"] = native.universal(libraries)
     return write_archive(contents | presentation_files(d, version, needs_python=False, with_terminals=terminals), path)
 
 
 def c_sources(version: FmiVersion) -> tuple[str, ...]:
-    """Return the C sources in `native/` of an FMU of a version of FMI."""
+    """Return the names of the C sources in `native/` for a version of FMI."""
     return (version.signatures, *native.ANY_VERSION)
 
 
@@ -129,11 +130,11 @@ def c_sources(version: FmiVersion) -> tuple[str, ...]:
 
 
 def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = False) -> Path:
-    """Write the FMU: the same bytes for the same scene; a file that stands at `path` is replaced when done."""
+    """Write the FMU, with the same bytes for the same scene; a file at `path` is replaced at the end."""
     d = describe(scene, plan)
     files = _package_files(d)
     identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})[:12]
-    package, script = f"rbfmu_{identity}", f"entry_{identity}"  # of no scene's name, which may be any
+    package, script = f"rbfmu_{identity}", f"entry_{identity}"  # a scene's name may not be a module's name
     files["__init__.py"] = PACKAGE.format(identity=identity).encode()
     contents = {f"resources/{package}/{name}": content for name, content in files.items()}
     contents[f"resources/{script}.py"] = SCRIPT.format(package=package).encode()
@@ -144,9 +145,9 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = Fal
 
 
 def _parts_of_pythonfmu(identifier: str) -> dict[str, bytes]:
-    """Return pythonfmu's modules and its libraries by their places in an FMU.
+    """Return pythonfmu's modules and libraries by their paths in an FMU.
 
-    Its own builder puts them there too, but makes an instance to ask for variables, which an FMU's code has no part in.
+    pythonfmu's own builder is not used, because it makes an instance of the slave to ask for its variables.
     """
     libraries = PYTHONFMU / "resources" / "binaries"
     modules = {f"resources/pythonfmu/{file.name}": file for file in PYTHONFMU.glob("*.py") if file.name not in UNUSED}
@@ -159,13 +160,13 @@ def _package_files(d: Description) -> dict[str, bytes]:
     files = {name: (PYTHON / name).read_bytes() for name in SHIPPED}
     name, code = _shipped_code(d.plan)
     known = d.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
-    if d.plan.formulas:  # which name the kernels as those who make an FMU do
+    if d.plan.formulas:  # this text imports the kernels by the name of their package, which in an FMU is another
         files["formulas.py"] = d.plan.formulas.text.replace(f"from {rbfmu_kernels.__name__}.", "from .").encode()
     return kernel_sources() | files | {name: code, "description.json": json_bytes(known)}
 
 
 def _shipped_code(plan: Plan) -> tuple[str, bytes]:
-    """Return (name, content) of a shared library for this platform or, without a C compiler, of an object file."""
+    """Return (name, content) of a shared library for this platform, or of an object file if there is no C compiler."""
     platform = native.this_platform()
     objects = object_code.object_files(plan.kernels, platform)
     try:
@@ -174,11 +175,11 @@ def _shipped_code(plan: Plan) -> tuple[str, bytes]:
         return CODE + OBJECT, objects["model.o"]
 
 
-# --- what is in an FMU, and its file
+# --- the content of an FMU, and its file
 
 
 def kernel_sources() -> dict[str, bytes]:
-    """Return the modules of `rbfmu_kernels` by their path in it, without `__init__.py`: an FMU has another."""
+    """Return the modules of `rbfmu_kernels` by their paths in it, without `__init__.py`, as an FMU has another."""
     folder = Path(rbfmu_kernels.__file__).parent
     sources = {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*.py")}
     del sources["__init__.py"]
@@ -186,23 +187,23 @@ def kernel_sources() -> dict[str, bytes]:
 
 
 def kernel_hash() -> str:
-    """Return a hash that identifies the kernels that an FMU was made from."""
+    """Return a hash of the installed kernels, which an FMU stores to identify those it was made from."""
     return hash_of(kernel_sources())
 
 
 def scene_inside(d: Description) -> bytes:
-    """Return what `verify` reads in an FMU: resources/scene.json."""
+    """Return the content of resources/scene.json, which `verify` reads in an FMU."""
     data = {"kernels": kernel_hash(), "plan": d.plan.to_dict(), "scene": d.scene.to_dict()}
-    return json_bytes(data, sort_keys=False)  # outputs of your own follow each other as in the scene
+    return json_bytes(data, sort_keys=False)  # outputs of your own keep the order of the scene
 
 
 def json_bytes(data: object, sort_keys: bool = True) -> bytes:
-    """Return JSON without what JSON does not know."""
+    """Return data as JSON; raise ValueError for numbers that are not finite, which JSON does not have."""
     return json.dumps(data, indent=1, sort_keys=sort_keys, allow_nan=False).encode()
 
 
 def hash_of(files: dict[str, bytes]) -> str:
-    """Return the SHA-256 of names and contents."""
+    """Return the SHA-256 of the names and contents of files, as hexadecimal digits."""
     digest = hashlib.sha256()
     for name in sorted(files):
         digest.update(f"{name}\0{len(files[name])}\0".encode() + files[name])
@@ -210,7 +211,7 @@ def hash_of(files: dict[str, bytes]) -> str:
 
 
 def write_archive(contents: dict[str, bytes], path: Path) -> Path:
-    """Write files sorted and without times; a file that stands at `path` is replaced when all is written."""
+    """Write a zip archive, sorted and without times; a file at `path` is replaced when all is written."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as archive:
         for name in sorted(contents, key=lambda n: (n != "modelDescription.xml", n)):

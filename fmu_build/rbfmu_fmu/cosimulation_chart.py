@@ -1,4 +1,4 @@
-"""How a master passes inputs sets a control loop's accuracy: an attitude loop closed through the FMU's torque port."""
+"""The accuracy of a control loop by how inputs are passed: an attitude loop, closed through an FMU's torque port."""
 
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -18,33 +18,34 @@ from rbfmu.types import Array
 from rbfmu_fmu import builder, description, verification
 
 STIFFNESS, DAMPING = 2.0, 3.0
-"""N m per unit of 2 eps, N m s/rad."""
+"""The gains of the controller: N m per unit of 2 eps, and N m s/rad."""
 MAX_ROUNDS, SETTLED, LARGEST_CHANGE = 60, 1e-11, 1e2
-"""Of the iteration; N m. Beyond the last it diverges, and the body would spin too fast to follow."""
+"""Limits of the iteration: its rounds, the change of the torque (N m) at which it ends, and the one from which on it
+diverges and the body would spin too fast to follow."""
 SUBSTEPS = (1, 8)
 SCENE = rbfmu.load_scene(Path(__file__).with_name("attitude_loop.toml"))
 FINAL_TIME = SCENE.run.stop
 
 
 def controller(state: Array) -> Array:
-    """Return the torque of a PD law for (q_ab, omega_b): towards zero attitude by the shorter way."""
+    """Return the torque of a PD law for (q_ab, omega_b); it turns the body to zero attitude by the shorter way."""
     return np.asarray(-STIFFNESS * 2.0 * np.copysign(1.0, state[0]) * state[1:4] - DAMPING * state[4:])
 
 
 class Loop:
-    """The FMU, its state (q_ab, omega_b) in and out; counts its steps."""
+    """The FMU in the loop; it counts the FMU's steps."""
 
     def __init__(self, unit: verification.Unit) -> None:
         self.unit, self.calls = unit, 0
 
     def state(self) -> Array:
-        """Return (q_ab, omega_b)."""
+        """Return the FMU's outputs (q_ab, omega_b), 7 numbers."""
         return np.array(self.unit.outputs()[:-1])
 
     def step(self, t: float, H: float, n: int, torque: Callable[[float], Array]) -> Array:
-        """Take a communication step in n parts, each with the torque of its middle, as a function of [0, 1].
+        """Take a communication step of H s in n parts, and return the controller's torque for the state reached.
 
-        Return the controller's answer to the state that it leads to.
+        torque: a function of the part of the step, 0 to 1; each part of the step has the torque at its middle.
         """
         for i in range(n):
             self.unit.set_inputs(torque((i + 0.5) / n).tolist())
@@ -54,24 +55,28 @@ class Loop:
 
 
 Rule = Callable[[Array, Array, float], Array]
-"""The torque by the answers before and now, and the part of the step."""
+"""A function (before, now, part) that returns the torque, from the controller's last two torques and the part of the
+step, 0 to 1."""
 WAYS: dict[str, tuple[str, Rule | None]] = {
     "one step late": ("one step late (Jacobi)", lambda before, now, part: before),
     "held": ("held (zero order)", lambda before, now, part: now),
     "extrapolated": ("extrapolated", lambda before, now, part: now + part * (now - before)),
     "rolled back": ("rolled back, iterated", None),
 }
-"""How a torque is passed over a step, with its label: by a rule of the controller's last two answers, or iterated.
+"""The ways to pass a torque over a step, each with its label and its rule, or None if it iterates.
 
-A torque held over H is wrong by its change within H, so the loop is of order 1 in H however exact the body's motion is;
-a line through the last two answers makes it order 2. The iteration (waveform relaxation) takes the line to the answer
-at the step's end, which is of order 2 too, and diverges where H times the loop's gain is not small:
+A torque held over H is wrong by its change within H, so the loop has order 1 in H, however exact the body's motion is.
+A line through the controller's last two torques makes it order 2. The iteration (waveform relaxation) uses the line to
+the torque at the end of the step, which has order 2 too, and diverges if H times the loop's gain is not small:
 M. Arnold & M. Guenther, Preconditioned dynamic iteration for coupled differential-algebraic systems, BIT 41 (2001).
 """
 
 
 def run_loop(loop: Loop, way: str, steps: int, n: int) -> Array:
-    """Return the final (q_ab, omega_b) of the loop in equal communication steps."""
+    """Return the final (q_ab, omega_b) of the loop in equal communication steps; NaN if the iteration fails.
+
+    way: a key of WAYS; n: the number of the FMU's steps in each communication step.
+    """
     H, loop.calls = FINAL_TIME / steps, 0
     before, rule = controller(loop.state()), WAYS[way][1]
     now = before
@@ -87,7 +92,7 @@ def run_loop(loop: Loop, way: str, steps: int, n: int) -> Array:
 
 
 def _iterate(loop: Loop, t: float, H: float, n: int, now: Array) -> Array:
-    """Repeat the step until its torque, linear between both ends', agrees with the state it leads to."""
+    """Repeat the step until its torque, linear in time, ends at the controller's torque; return that, or NaN."""
     saved, after, change = loop.unit.fmu.getFMUState(), now, np.inf
 
     def line(part: float) -> Array:
@@ -104,7 +109,7 @@ def _iterate(loop: Loop, t: float, H: float, n: int, now: Array) -> Array:
 
 
 def reference() -> Array:
-    """Return the continuous loop's final state: the controller is a formula of the scene."""
+    """Return the final (q_ab, omega_b) of the continuous loop, whose controller is a formula of the scene."""
     eps, towards = "[q_ab[2], q_ab[3], q_ab[4]]", "where(q_ab[1] > 0, 1, -1)"  # by the shorter way
     law = f"-{2.0 * STIFFNESS!r}*{towards}*{eps} - {DAMPING!r}*omega_b"
     found = rbfmu.simulate(SCENE.replace({"loads.torque_b": law, "inputs.ports": []}))
@@ -113,7 +118,7 @@ def reference() -> Array:
 
 @contextmanager
 def attitude_loop() -> Iterator[Loop]:
-    """Build and start the FMU of `SCENE` in a folder that goes at the end."""
+    """Build and start the FMU of `SCENE` in a temporary folder, and yield its loop."""
     plan = rbfmu.plan(SCENE)
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
         path = builder.build_python_fmu(SCENE, plan, Path(folder) / "attitude_loop.fmu")
@@ -124,7 +129,7 @@ def attitude_loop() -> Iterator[Loop]:
 
 
 class Point(NamedTuple):
-    """The loop's attitude error at the final time, rad, and what it took."""
+    """The loop's attitude error at the final time, rad, and the number of the FMU's steps."""
 
     way: str
     substeps: int
@@ -134,7 +139,7 @@ class Point(NamedTuple):
 
 
 def collect(step_counts: Sequence[int], progress: Progress) -> list[Point]:
-    """Collect all ways at all communication steps."""
+    """Return the points of all ways at all communication steps; step_counts: their numbers in the run."""
     truth, points = reference(), []
     settings = [(way, n, steps) for way in WAYS for n in SUBSTEPS for steps in step_counts]
     with attitude_loop() as loop:
@@ -151,7 +156,7 @@ def collect(step_counts: Sequence[int], progress: Progress) -> list[Point]:
 
 
 def run_cosimulation_chart(folder: Path, quick: bool, progress: Progress) -> list[Path]:
-    """Collect, then draw: the figures as CSV and the chart; return the files."""
+    """Run all loops, write the figures as CSV and the chart, and return the files."""
     counts = (8, 16, 32) if quick else (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 256, 512, 1024)
     points = collect(counts, progress)
     folder.mkdir(parents=True, exist_ok=True)
@@ -161,7 +166,7 @@ def run_cosimulation_chart(folder: Path, quick: bool, progress: Progress) -> lis
 
 
 def draw(points: Sequence[Point], path: Path) -> Path:
-    """Draw the error against the communication step, and against what the FMU did for it."""
+    """Draw the error against the communication step, and against the number of the FMU's steps."""
     figure = Figure(figsize=(11.5, 5.8), layout="constrained")
     by_step, by_work = figure.subplots(1, 2, sharey=True)
     for color, way in zip(COLORS, WAYS, strict=True):

@@ -1,4 +1,4 @@
-"""The demonstration: NASA's tumbling brick by kernels, by FMPy's API, by the `fmpy` command; compared and drawn.
+"""The demonstration: NASA's tumbling brick, simulated by the kernels, by FMPy's API and by the command `fmpy`.
 
 NASA/TM-2015-218675, "Check-Cases for Verification of 6-Degree-of-Freedom Flight Vehicle Simulations", atmospheric
 case 2 (tumbling brick, no damping). Simulations 01 and 04 agree with Euler's equations to their printed digits.
@@ -31,10 +31,11 @@ from rbfmu_kernels.compile.tiered import evaluated, tiered
 from rbfmu_kernels.rotations.quaternion import angle_between
 
 RATE_BOUND, ATTITUDE_BOUND = 1e-9, 1e-4
-"""deg/s and deg: NASA's simulations 01 and 04 agree with Euler's equations to 4e-10 and 6e-5 (their printed digits)."""
+"""Bounds in deg/s and deg. NASA's simulations 01 and 04 agree with Euler's equations to 4e-10 and 6e-5, that is, to
+their printed digits."""
 
 FMPY_ROUNDS = tuple(map(int, fmpy.__version__.split(".")[:3])) < (0, 3, 24)
-"""Older FMPy writes 16 digits, or takes differences of rounded times for steps: its runs differ by round-off."""
+"""Whether runs in this FMPy differ by round-off: older ones write 16 digits, or compute steps from rounded times."""
 ROUND_OFF = 1e-13 if FMPY_ROUNDS else 0.0
 
 Columns = dict[str, Array]
@@ -49,7 +50,7 @@ class Way(NamedTuple):
 
 
 def scene_file(name: str) -> Path:
-    """Return a scene of the gallery: installed inside the package, or in `examples/scenes` of the clone."""
+    """Return the path of a scene of the gallery: in the installed package, or in `examples/scenes` of a clone."""
     package = Path(rbfmu.__file__).parent
     for folder in (package / "scenes", package.parent / "examples" / "scenes"):
         if (folder / name).exists():
@@ -58,7 +59,7 @@ def scene_file(name: str) -> Path:
 
 
 def run_demo(folder: Path, console: Console) -> bool:
-    """Run all, write FMU, results and picture to `folder`, print a short table; False if anything disagrees."""
+    """Run the demonstration, write its files to `folder` and print tables; return whether all results agree."""
     verification.check_plain(tempfile.gettempdir())
     folder.mkdir(parents=True, exist_ok=True)
     with _stage(console, "planning"):
@@ -87,7 +88,7 @@ def _by_kernels(scene: Scene, planned: Plan) -> tuple[Result, Way]:
     start = perf_counter()
     result = rbfmu.simulate(scene, planned=planned)
     seconds = perf_counter() - start
-    compiled = getattr(tiered(planned.kernels.step), "is_compiled", False)  # so short a run is not worth compiling
+    compiled = getattr(tiered(planned.kernels.step), "is_compiled", False)  # for so short a run, compiling does not pay
     name = "compiled kernels" if compiled else "kernels, plain Python"
     return result, Way(name, result.columns(), seconds / (len(result.time) - 1))
 
@@ -95,7 +96,7 @@ def _by_kernels(scene: Scene, planned: Plan) -> tuple[Result, Way]:
 def _by_api(fmu: Path, outputs: list[str]) -> Way:
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         fmpy.extract(str(fmu), folder)
-        for _ in range(2):  # the first run loads
+        for _ in range(2):  # the first run also loads the code
             start = perf_counter()
             recorded = fmpy.simulate_fmu(folder, validate=False, output=outputs)
             seconds = perf_counter() - start
@@ -118,7 +119,7 @@ def _way(name: str, recorded: NDArray[np.void], seconds: float) -> Way:
 
 
 def _largest_difference(a: Columns, b: Columns) -> float:
-    """Return the largest difference over all columns; infinite where a point or a column is missing."""
+    """Return the largest difference over all columns; infinite if a point or a column is missing."""
     if a.keys() != b.keys() or any(len(a[n]) != len(b[n]) for n in a):
         return float("inf")
     return max(float(np.max(np.abs(a[n] - b[n]))) for n in a)
@@ -127,7 +128,7 @@ def _largest_difference(a: Columns, b: Columns) -> float:
 def _report(
     console: Console, scene: Scene, planned: Plan, result: Result, ways: list[Way], verified: verification.Verification
 ) -> bool:
-    """Print the tables of errors and of costs, and the verdict; return whether all agree."""
+    """Print the tables of errors and costs, and the verdict; return whether all results agree."""
     console.print(f"\nNASA's tumbling brick, {scene.run.stop:g} s: {planned.method}, {planned.reasons[-1]}")
     heads = [f"{what}\nagainst {s}" for s in NASA for what in ("rates, deg/s", "attitude, deg")]
     against = Table("t (s)", *heads, title="errors against NASA/TM-2015-218675, case 2")
@@ -155,7 +156,7 @@ def _report(
 
 
 def draw(result: Result, path: Path) -> None:
-    """Draw the brick's motion and its errors beside NASA's simulations; marks that coincide differ in size."""
+    """Draw the brick's motion and its errors against NASA's simulations; marks that coincide differ in size."""
     figure = Figure(figsize=(8.4, 7.2), layout="constrained")
     rates, angles, error = figure.subplots(3, 1, sharex=True, height_ratios=(1.1, 1.1, 1.0))
     draw_components(rates, result.time, np.degrees(result.omega_b), ("p", "q", "r"))
@@ -182,7 +183,7 @@ def draw(result: Result, path: Path) -> None:
 
 @contextmanager
 def _stage(console: Console, text: str) -> Iterator[None]:
-    """Show a spinner, where that is a terminal, and print how long it took."""
+    """Show a spinner on a terminal during a stage, and then print the time that it took."""
     start = perf_counter()
     with console.status(text + " ..."):
         yield
@@ -192,17 +193,17 @@ def _stage(console: Console, text: str) -> Iterator[None]:
 # --- NASA's figures
 
 EARTH_RATE = 7.292115e-5
-"""rad/s: the earth turns under the brick, about the north axis of the local frame at the equator."""
+"""The rate of the earth, rad/s, which turns under the brick about the north axis of the local frame at the equator."""
 
 
 _TABLE = Path(__file__).with_name("nasa_brick.csv").read_text(encoding="ascii").splitlines()
 _, *_ROWS = csv.reader(line for line in _TABLE if not line.startswith("#"))
 NASA = {name: tuple(tuple(map(float, row[1:])) for row in rows) for name, rows in groupby(_ROWS, lambda row: row[0])}
-"""The figures of nasa_brick.csv by simulation: time, three rates, three angles a row."""
+"""The rows of nasa_brick.csv by simulation: time (s), three rates (deg/s), and yaw, pitch and roll (deg)."""
 
 
 def errors_against_nasa(simulation: str, time: Array, q_ab: Array, omega_b: Array) -> list[tuple[float, float, float]]:
-    """Return (time in s, largest rate error in deg/s, attitude error in deg) at NASA's times that the motion passes."""
+    """Return (time in s, largest rate error in deg/s, attitude error in deg) at NASA's times that the motion has."""
     found = []
     for row in NASA[simulation]:
         k = int(np.argmin(np.abs(time - row[0])))
@@ -216,7 +217,7 @@ def errors_against_nasa(simulation: str, time: Array, q_ab: Array, omega_b: Arra
 
 
 def local_angles(time: Array, q_ab: Array) -> Array:
-    """Return yaw, pitch and roll, rad, relative to north-east-down: frame a is that at time 0, which does not turn."""
+    """Return yaw, pitch and roll (n, 3), rad, relative to north-east-down; frame a is that frame at time 0, fixed."""
     return np.array([evaluated(euler_from_quaternion, ZYX, q) for q in _local_attitudes(time, q_ab)])
 
 

@@ -1,7 +1,7 @@
-"""What an FMU shows of a model, whatever the version of FMI: its variables, and what C and slave must know.
+"""The description of an FMU for any version of FMI: its variables, and what the C layer and the slave must know.
 
-A variable's name, unit, bounds and meaning come from its row of `rbfmu_kernels.quantities`; what tools show besides
-(names of components, usual sizes) and what has a value reference stand here.
+A variable's name, unit, bounds and meaning come from its row of `rbfmu_kernels.quantities`. This module adds what tools
+show besides (names of components, usual sizes), and decides what has a value reference.
 """
 
 import math
@@ -24,19 +24,20 @@ from rbfmu_kernels.quantities import BY_NAME, FORCES, OUTPUT, PORTS, TORQUES, Ou
 AXES = ("x", "y", "z")
 _EULER_PARAMETERS = ("scalar part", "vector part x", "vector part y", "vector part z")
 _INERTIA = {"inertia": 3}
-"""Numbers of a block that say its size, where that is not all."""
+"""How many of a block's first numbers determine its usual size, if not all."""
 _AS_IT_IS = ("identifier", "counts", "start_buffer", "outputs_end", "start_place")
-"""What a slave knows of a description besides its variables; of these it knows all but what only XML says."""
+"""The fields of a description that a slave gets unchanged."""
 _OF_XML = ("follows", "begins_with")
+"""The fields of a variable that only modelDescription.xml needs, so that a slave does not get them."""
 
 
 class Variable(NamedTuple):
-    """One Real variable: its name, its block in the model's buffer, its component of it, and its place there.
+    """One Real variable: its name, its block in the model's buffer, its component, and its place (offset) there.
 
-    meaning: what its block is; nominal: its usual size, where one is known; pinned: the plan holds for the start value
-    only; rates: places of the time derivatives, from the first order on, that an importer may give of an input, or take
-    of an output. follows, begins_with: of an output the blocks of the inputs that it follows at once, and of the inputs
-    and parameters that it depends on at the start; the time is named where it stands in the output's formula.
+    meaning: that of its block; nominal: its usual size, if one is known; pinned: whether the plan holds only for the
+    start value; rates: the places of its time derivatives, from the first order on, which an importer may set for an
+    input and read for an output. For an output, follows has the blocks of the inputs that change it at once, and the
+    time if its formula contains that; begins_with has those of the inputs and parameters it depends on at the start.
     """
 
     name: str
@@ -57,7 +58,7 @@ class Variable(NamedTuple):
 
 
 class Count(NamedTuple):
-    """An Integer output beside `status`: how often an event happened; offset: its place in the model's buffer."""
+    """An Integer output besides `status`: how often an event has happened; offset: its place in the model's buffer."""
 
     name: str
     offset: int
@@ -65,10 +66,10 @@ class Count(NamedTuple):
 
 
 class Description(NamedTuple):
-    """A scene's FMU: everything that a slave or a C layer must know of the model, and nothing of its formulas.
+    """A scene's FMU: all that a slave or a C layer must know about the model, without its equations.
 
-    identifier: of C and Python; counts: those of events, whose value references follow that of `status`.
-    start_place: that of the time at the start in the buffer, or -1 of a model that has no time.
+    identifier: a valid name in C and Python; counts: the counts of events, whose value references follow that of
+    `status`; start_place: the place of the start time in the buffer, or -1 for a model without time.
     """
 
     scene: Scene
@@ -78,7 +79,7 @@ class Description(NamedTuple):
     counts: tuple[Count, ...]
     start_buffer: tuple[float, ...]
     outputs_end: int
-    """One past the last of a model's outputs in its buffer."""
+    """The place after the last of the model's outputs in its buffer."""
     start_place: int
 
     @property
@@ -88,12 +89,12 @@ class Description(NamedTuple):
 
     @property
     def outputs(self) -> tuple[Variable, ...]:
-        """Return the outputs, in their order; `status` is none of them."""
+        """Return the Real outputs, in their order, so without `status`."""
         return tuple(v for v in self.variables if v.causality == "output")
 
     @property
     def interpolates_inputs(self) -> bool:
-        """Return whether every input (and there are some) takes derivatives."""
+        """Return whether there are inputs, and an importer can set derivatives for each of them."""
         return bool(self.inputs) and all(v.rates for v in self.inputs)
 
     @property
@@ -102,7 +103,7 @@ class Description(NamedTuple):
         return all(v.rates for v in self.outputs)
 
     def to_dict(self) -> dict[str, object]:
-        """Return a dict for JSON: this, and what is said of parameters that a model does not serve."""
+        """Return a dict for JSON with what a slave needs, and the messages about parameters that a model refuses."""
         known = {"name": self.scene.name, "model": self.plan.kernels.name, "about": self.scene.about.table()}
         known |= {name: getattr(self.scene.run, name) for name in ("start", "stop", "step", "accuracy", "last_time")}
         known |= {name: getattr(self, name) for name in _AS_IT_IS}
@@ -117,7 +118,7 @@ def blocks(d: Description, *causalities: str) -> dict[str, list[Variable]]:
 
 
 def describe(scene: Scene, plan: Plan) -> Description:
-    """Return the FMU of a scene under its plan."""
+    """Return the description of the FMU of a scene with its plan."""
     plan = plan.of_scene(scene)
     kernels, z = plan.kernels, filled_buffer(scene, plan)
     sizes, shown = nominal_sizes(scene, plan, z), _blocks(scene, plan)
@@ -134,11 +135,12 @@ def describe(scene: Scene, plan: Plan) -> Description:
 
 
 def _without_effect(scene: Scene, plan: Plan) -> dict[str, frozenset[str]]:
-    """Return what nothing links: at the centre of mass, forces turn no body, torques shift none; pivots hold.
+    """Return, by output, the ports that do not act on it at once with this body, although they do with others.
 
     By Newton-Euler about o, m (a_o + alpha x r_c + omega x (omega x r_c)) = F and the torque about c is T_o - r_c x F:
-    the two are coupled by r_c alone. Where r_c is zero and cannot be set, an importer that solves algebraic loops by
-    these lists is spared one that is not there.
+    the two are coupled by r_c alone. If r_c is zero and cannot be set, forces do not turn the body, and torques do not
+    accelerate o; a pivot does not move. Importers find algebraic loops by these lists; this avoids loops that do not
+    exist.
     """
     body = scene.body
     if body is None:
@@ -156,9 +158,9 @@ def _needed_parameters(scene: Scene, plan: Plan) -> set[str]:
 
 
 def sizes(scene: Scene, plan: Plan) -> tuple[int, tuple[int, int]]:
-    """Return the FMU's number of variables, and those of a full model's states and variables with all outputs.
+    """Return (number of the FMU's variables, (states, variables) of the full model with all outputs).
 
-    Where formulas act these are the whole body's states, and no variables.
+    With formulas, the second pair is (states of the whole body, 0).
     """
     states = 7 if scene.body is not None and scene.body.pivot else 13
     described = describe(scene, plan)
@@ -172,9 +174,9 @@ def sizes(scene: Scene, plan: Plan) -> tuple[int, tuple[int, int]]:
 
 
 def identifier(name: str) -> str:
-    """Return an identifier, of C and of Python, made from a scene's name; letters lose their accents only.
+    """Return an identifier for C and Python, made from a scene's name; accents are removed from its letters.
 
-    It is as long as a name may be, where one sign is many letters without accents: libraries are files of that name.
+    It has at most 200 characters, as libraries have it as file name, and one sign of a name may become many letters.
     """
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
     text = re.sub(r"\W", "_", plain, flags=re.ASCII)[:200]
@@ -182,7 +184,7 @@ def identifier(name: str) -> str:
 
 
 def file_name(name: str) -> str:
-    """Return the file name of a scene's FMU: letters and digits of any script stay."""
+    """Return the file name of a scene's FMU; letters and digits of any script are kept."""
     return re.sub(r"[^\w.-]", "_", name) + ".fmu"
 
 
@@ -195,20 +197,20 @@ class _Block(NamedTuple):
 
 
 def _blocks(scene: Scene, plan: Plan) -> list[_Block]:
-    """Return the blocks that the scene's model needs, as FMUs have them."""
+    """Return the blocks that are variables of the scene's FMU: inputs, parameters and outputs."""
     places, ports, needed = plan.kernels.BLOCKS, scene.inputs.ports, _needed_parameters(scene, plan)
     found = [_Block(BY_NAME[n], places[n], "input") for n in PORTS if n in ports]
     for name, port in scene.inputs.own.items():
         own = Parameter(name, port.size, port.unit or "1", port.about or "input")
         found.append(_Block(own, places[name], "input"))
-    known = [row for row in quantities.IN_BUFFER_ORDER if row.name not in ports]  # a port's known part stays inside
+    known = [row for row in quantities.IN_BUFFER_ORDER if row.name not in ports]  # a port's known load is no parameter
     parameters = (row for row in (*known, *scene.own_parameters.values()) if row.name in needed)
     found += [_Block(row, places[row.block], "parameter") for row in parameters]
     found += [_output(row, scene, plan) for row in _output_rows(scene, plan)]
     for e, (name, event) in enumerate(scene.events.items()):
         first = places["events.times"].start + e
-        last = own_output(f"{name}_time", 1, "s", f"last time of {event.about or event.when}")  # at first the start
-        found.append(_Block(last, slice(first, first + 1), "output"))  # which follows no input
+        last = own_output(f"{name}_time", 1, "s", f"last time of {event.about or event.when}")  # first the start time
+        found.append(_Block(last, slice(first, first + 1), "output"))  # no input changes it at once
     return found
 
 
@@ -222,7 +224,7 @@ def _output_rows(scene: Scene, plan: Plan) -> Iterator[Output]:
 
 
 def _output(row: Output, scene: Scene, plan: Plan) -> _Block:
-    """Return an output with what it depends on: without that, an importer sees algebraic loops that are not there."""
+    """Return an output with what it depends on; without this, importers assume algebraic loops that do not exist."""
     name = row.name
     if plan.formulas:
         name = f"states.{name}" if name in plan.formulas.own_states else name
@@ -253,9 +255,9 @@ def _variables(block: _Block, plan: Plan, z: Buffer, sizes: Mapping[str, float])
 
 
 def _rate_blocks(plan: Plan, name: str, causality: str) -> list[slice]:
-    """Return blocks of an input's derivatives, which `step` uses, or of an output's, which `output_rates` fills.
+    """Return the blocks of an input's derivatives, which `step` uses, or of an output's, which `output_rates` fills.
 
-    That knows loads that stay as they are, and no formulas.
+    `output_rates` takes loads as constant and knows no formulas, so with formulas outputs have no derivatives.
     """
     kernels = plan.kernels
     of_output = (f"d_{name}",) if not plan.formulas else ()
@@ -267,14 +269,14 @@ def components(row: Quantity) -> tuple[str, ...]:
     """Return a word for each number of a quantity: an axis, an angle, a pair of axes; empty for a single number."""
     if row.elements:
         return tuple("".join(AXES[int(k) - 1] for k in pair.split(",")) for pair in row.elements)
-    of_three: tuple[str, ...] = getattr(row, "components", AXES)  # an output may have words of its own, as roll has
+    of_three: tuple[str, ...] = getattr(row, "components", AXES)  # an output may have its own words, such as roll
     return {1: ("",), 3: of_three, 4: _EULER_PARAMETERS}[row.size]
 
 
 def input_sizes(scene: Scene) -> dict[str, float]:
-    """Return by port what moves the body well: 1 m/s2 by a force, 1 rad/s2 by a torque; 1 rad/s of prescribed rates.
+    """Return for each port an input of usual size: a force for 1 m/s2, a torque for 1 rad/s2, rates of 1 rad/s.
 
-    Of ports of your own nothing is known: 1.
+    For ports of your own, about which nothing is known, it is 1.
     """
     sizes = {"omega_b": 1.0}
     if scene.body is not None:
@@ -284,12 +286,11 @@ def input_sizes(scene: Scene) -> dict[str, float]:
 
 
 def nominal_sizes(scene: Scene, plan: Plan, filled: Buffer) -> Mapping[str, float]:
-    """Return usual sizes by block, to one digit: of inputs as above, of others at the start; none that is zero there.
+    """Return usual sizes by block, with one digit: for inputs those of `input_sizes`, for others those at the start.
 
-    Importers scale tolerances by them (FMI 2.0.4, 2.2.7). A digit is enough for that, and hides round-off, so that the
-    file stays the same.
-
-    Outputs whose terms cancel, and unit quaternions and angles, have none.
+    Importers scale tolerances by them (FMI 2.0.4, 2.2.7). One digit is enough for that, and hides round-off, so that
+    the file stays the same. Quantities that are zero at the start, outputs whose terms cancel, unit quaternions and
+    angles have no usual size.
     """
     kernels, z = plan.kernels, filled.copy()
     sizes: dict[str, float] = {}
@@ -306,9 +307,9 @@ def nominal_sizes(scene: Scene, plan: Plan, filled: Buffer) -> Mapping[str, floa
 
 
 class FmiVariable(NamedTuple):
-    """A variable of the model description; its value reference is its place among all of them.
+    """A variable of the model description; its value reference is its position in the list of all.
 
-    elements: numbers of `Description.variables`, row by row; dimensions: none of a scalar.
+    elements: the positions of its numbers in `Description.variables`, row by row; dimensions: empty for a scalar.
     """
 
     name: str
@@ -322,7 +323,7 @@ def scalars(d: Description) -> list[FmiVariable]:
 
 
 def arrays(d: Description) -> list[FmiVariable]:
-    """Return a variable for each quantity; a symmetric matrix has its lower triangle as well."""
+    """Return a variable for each quantity; a symmetric matrix has all elements, also those below the diagonal."""
     found = blocks(d, "input", "parameter", "output")
     return [_array(name, d.variables.index(members[0]), len(members)) for name, members in found.items()]
 

@@ -1,7 +1,7 @@
-"""modelDescription.xml of a description, for any version of FMI; in what these differ is one row of facts a version.
+"""modelDescription.xml for any version of FMI; the differences between versions are in a table with a row for each.
 
-Attributes stand in a fixed order, so that the same scene gives the same bytes. A version's C functions are in the file
-that its row names.
+Attributes have a fixed order, so that the same scene gives the same bytes. A version's C functions are in the file that
+its row names.
 """
 
 import tomllib
@@ -29,40 +29,40 @@ class FmiVersion:
     folders: dict[str, str]
     """The folder of `binaries` for each of `native.platforms.PLATFORMS`."""
     second_folders: dict[str, str]
-    """A second folder for a platform, where no other platform of an FMU has it: importers there look into it."""
+    """Another folder for a platform, in which some importers look; used if no other platform of the FMU has it."""
     icon: str
     """The place of an FMU's picture."""
     abilities: dict[str, str]
     """What FMUs of either kind can do, as attributes of the element CoSimulation."""
     native_abilities: dict[str, str]
-    """What a native FMU can do besides."""
+    """The additional abilities of native FMUs."""
     with_input_rates: dict[str, str]
-    """And where all of its inputs may change within a step."""
+    """The further abilities of native FMUs all of whose inputs may change within a step."""
     references: Callable[[Description], list[FmiVariable]]
-    """What has a value reference."""
+    """The function that lists the variables in the order of their value references."""
     real: str
-    """What the version calls the type of floating-point variables."""
+    """The version's name for the type of floating-point variables."""
     integer: str
-    """The same of `status`."""
+    """The version's name for the type of `status`."""
     has_time: bool
-    """Whether the time is a variable: the one after those that have a value reference."""
+    """Whether the time is a variable; it then comes after the variables of `references`."""
     course_of_inputs: str
-    """How an importer gives inputs that change within a step."""
+    """How an importer sets inputs that change within a step, in words."""
     nested: bool
-    """Whether a variable is an element that holds another for its type, and knowns and unknowns stand in lists that
-    count variables from 1 (FMI 2), or an element of its type, and go by value references (FMI 3)."""
+    """True for FMI 2: a variable's element contains another for its type, and the model structure has lists that count
+    variables from 1. False for FMI 3: the element has the name of the type, and value references are used."""
 
     def abilities_of(self, d: Description) -> dict[str, str]:
-        """Return what a native FMU can do besides that of either kind."""
+        """Return the abilities of a native FMU besides those of both kinds, as attributes of CoSimulation."""
         said = self.native_abilities | (self.with_input_rates if d.interpolates_inputs else {})
         return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
 
     def status_reference(self, d: Description) -> int:
-        """Return the value reference of the integer output `status`, which all Reals come before."""
+        """Return the value reference of the integer output `status`, which follows those of all Reals."""
         return len(self.references(d)) + self.has_time
 
     def counts(self, d: Description) -> list[tuple[int, Count]]:
-        """Return the counts of events with their value references, which are the last of all."""
+        """Return (value reference, count) for the counts of events; these references are the last."""
         return [*enumerate(d.counts, self.status_reference(d) + 1)]
 
 
@@ -72,12 +72,12 @@ VERSIONS = {
     (int(fmi), False): FmiVersion(**row | {"references": _REFERENCES[row["references"]]}) for fmi, row in _ROWS.items()
 }
 VERSIONS |= {(fmi, True): replace(v, references=scalars) for (fmi, _), v in VERSIONS.items() if v.references is arrays}
-"""What FMUs are built for: by the version of FMI, and by whether an importer takes scalars in place of arrays."""
+"""The versions for which FMUs are built, by (version of FMI, whether it is without the arrays that it allows)."""
 FMI2, FMI3 = VERSIONS[2, False], VERSIONS[3, False]
 
 
 def version_of(fmi: int, scalars: bool) -> FmiVersion:
-    """Return a version of FMI, with arrays as variables or without. Raises ValueError where there is none."""
+    """Return a version of FMI; scalars: without arrays, though it has them. Raises ValueError if there is none."""
     if not isinstance(fmi, int) or fmi not in (2, 3):
         raise ValueError(f"fmi = {fmi!r}: expected 2 or 3")
     if (fmi, scalars) not in VERSIONS:
@@ -89,20 +89,20 @@ def version_of(fmi: int, scalars: bool) -> FmiVersion:
 # --- the file
 
 LICENSE = "MIT; see documentation/licenses"
-"""The terms of the code in an FMU, which a scene's own stand beside."""
+"""The licence of the code in an FMU, used if the scene does not give its own."""
 _KINDS = {"input": ("continuous", ""), "parameter": ("fixed", "exact"), "output": ("continuous", "calculated")}
-"""By causality: variability and initial."""
+"""The attributes (variability, initial) by causality."""
 STATUS = {"name": "status", "causality": "output", "variability": "discrete", "initial": "calculated"}
 STATUS["description"] = (
     "0: fine; 1: the last step was refused or missed the accuracy; 2: past the stop time, accuracy not promised"
 )
 STATUS_RANGE = {"min": "0", "max": "2"}
 UNSET = "{}"
-"""Stands for an FMU's identity while that identity is being made."""
+"""The placeholder for an FMU's identity while that is computed."""
 
 
 def model_description(version: FmiVersion, d: Description, co_simulation: dict[str, str]) -> Element:
-    """Return modelDescription.xml, without identity; `co_simulation` has attributes in which kinds of FMU differ."""
+    """Return modelDescription.xml without identity; co_simulation: the attributes in which kinds of FMU differ."""
     about = {"generationTool": f"rbfmu {rbfmu.__version__}", "description": "One rigid body", "license": LICENSE}
     about |= without_blanks(**d.scene.about.table())
     root = Element("fmiModelDescription", {
@@ -125,12 +125,12 @@ def model_description(version: FmiVersion, d: Description, co_simulation: dict[s
 
 
 def without_blanks(**attributes: str) -> dict[str, str]:
-    """Return attributes in their order, without those of which nothing is said."""
+    """Return attributes in their order, without those whose text is empty."""
     return {name: text for name, text in attributes.items() if text}
 
 
 def _element(version: FmiVersion, outer: str, kind: str, said: dict[str, str], typed: dict[str, str]) -> Element:
-    """Return what is said of a thing and of its type: FMI 2 has an element in another for it, FMI 3 one of the kind."""
+    """Return an element with attributes of a thing and of its type: in FMI 2 two nested elements, in FMI 3 one."""
     if not version.nested:
         return Element(kind, said | typed)
     element = Element(outer, said)
@@ -139,7 +139,7 @@ def _element(version: FmiVersion, outer: str, kind: str, said: dict[str, str], t
 
 
 def _type_definitions(version: FmiVersion, d: Description) -> list[Element]:
-    """Return the declared types in one element, or none where no variable has a type."""
+    """Return the element of all declared types in a list, which is empty if no variable has one."""
     definitions, kind = Element("TypeDefinitions"), version.real if version.nested else f"{version.real}Type"
     for unit in sorted(_units(d)):
         if name := _unit(unit).quantity:
@@ -179,7 +179,7 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
 
 
 def _limits_of_all(members: list[Variable]) -> dict[str, str]:
-    """Return unit, bounds, size and start, as far as there are any; bounds hold for every element alike."""
+    """Return unit, bounds, nominal and start as far as there are any; bounds are the widest of all elements."""
     first = members[0]
     lows, highs = ([getattr(v, key) for v in members] for key in ("minimum", "maximum"))
     limits = {"min": None if None in lows else min(lows), "max": None if None in highs else max(highs)}
@@ -189,7 +189,7 @@ def _limits_of_all(members: list[Variable]) -> dict[str, str]:
 
 
 def _model_structure(version: FmiVersion, d: Description) -> Element:
-    """Return outputs with what they depend on."""
+    """Return the element ModelStructure: the outputs, with the variables on which they depend."""
     structure, named = Element("ModelStructure"), version.references(d)
     holder = {k: reference for reference, one in enumerate(named) for k in one.elements}
     firsts = ((reference, d.variables[one.elements[0]]) for reference, one in enumerate(named))
@@ -211,17 +211,17 @@ def _model_structure(version: FmiVersion, d: Description) -> Element:
 
 
 def _units(d: Description) -> set[str]:
-    """Return the names of units in FMI, where each is one unit: a scene may write N m or N.m."""
+    """Return the names of all units in FMI; a scene may write N m or N.m for the same unit."""
     return {fmi_name(v.unit) for v in d.variables}
 
 
 def _unit(name: str) -> Unit:
-    """Return what is known of a unit: of one that a scene names itself, nothing but its name."""
+    """Return what is known about a unit; a unit that only a scene names has nothing but its name."""
     return _KNOWN_UNITS.get(fmi_name(name), Unit("", {}))
 
 
 def _unit_definitions(names: set[str]) -> Element:
-    """Return units with FMI's exponents of the base units, and the units in which a tool may show them."""
+    """Return the element of units, with their exponents of base units, and the units in which a tool may show them."""
     definitions = Element("UnitDefinitions")
     for name in sorted(names):
         element, unit = SubElement(definitions, "Unit", name=name), _unit(name)
@@ -233,7 +233,7 @@ def _unit_definitions(names: set[str]) -> Element:
 
 
 def _of_unit(name: str) -> dict[str, str]:
-    """Return the attributes quantity, unit and displayUnit, as far as there are any."""
+    """Return the attributes quantity, unit and displayUnit of a unit, as far as it has them."""
     unit = _unit(name)
     display = unit.display[0][0] if unit.display else ""
     return without_blanks(quantity=unit.quantity, unit=fmi_name(name), displayUnit=display)
@@ -248,12 +248,12 @@ _KNOWN_UNITS = {fmi_name(name): unit for name, unit in UNITS.items()}
 
 
 def depends_on(d: Description, output: Variable) -> list[int]:
-    """Return the inputs, by their number among the variables, that an output follows at once."""
+    """Return the inputs that change an output at once, as positions in `d.variables`."""
     return [k for k, v in enumerate(d.variables) if v.causality == "input" and v.block in output.follows]
 
 
 def depends_initially_on(d: Description, output: Variable) -> list[int]:
-    """Return the inputs and parameters, by their number, that an output depends on at the start."""
+    """Return the inputs and parameters on which an output depends at the start, as positions in `d.variables`."""
     return [k for k, v in enumerate(d.variables) if v.causality != "output" and v.block in output.begins_with]
 
 

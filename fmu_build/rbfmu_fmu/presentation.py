@@ -1,8 +1,8 @@
-"""What an FMU has only to be shown: picture, page, licences, terminals and groups of variables, by place in it.
+"""Files of an FMU that are only shown: picture, page and licences, and those with terminals and groups of variables.
 
-None of it changes what an FMU computes, and its identity does not rest on it. Terminals are FMI 3.0's, and FMI 2.0.4
-has them as well. An OspModelDescription is that by which libcosim connects groups (OSP-IS 1.0.1); it looks for it
-beside the FMU or the system file, not in the FMU, which has it to be taken out.
+They do not change what an FMU computes, and its identity does not depend on them. FMI 3.0 defines terminals; FMI 2.0.4
+allows them too. libcosim connects groups of variables by an OspModelDescription (OSP-IS 1.0.1). It looks for this file
+beside the FMU or the system file, not inside the FMU, from which users can extract it.
 """
 
 import importlib.metadata
@@ -31,21 +31,22 @@ from rbfmu_kernels.rotations.matrix import matrix_from_quaternion
 LICENSES = "documentation/licenses"
 PYTHONFMU = "- the library of pythonfmu and its Python modules: MIT licence, pythonfmu.txt\n"
 HEADS = ("name", "unit", "meaning", "components", "start")
-"""Of the page's tables."""
+"""The headings of the page's tables."""
 
 
 def presentation_files(
     d: Description, version: FmiVersion, needs_python: bool, with_terminals: bool = False
 ) -> dict[str, bytes]:
-    """Return the files; needs_python: of the pythonfmu kind; with_terminals: list them in FMI 2.0 as well.
+    """Return the files by their paths in the FMU.
 
-    FMI 2.0.4 allows the file, but FMI Library 3 and FMU Container fail at it in an FMU of FMI 2.0.
+    needs_python: whether it is of the pythonfmu kind; with_terminals: list terminals in FMI 2.0 too. FMI 2.0.4 allows
+    that file, but FMI Library 3 and FMU Container fail when an FMU of FMI 2.0 has it.
     """
     files = {version.icon: picture(d.scene), **licenses(needs_python)}
     files["documentation/index.html"] = page(d, version, needs_python).encode()
     if with_terminals or version.name != "2.0":
         files["terminalsAndIcons/terminalsAndIcons.xml"] = xml_bytes(terminals(d, version.references is not scalars))
-    if version.name == "2.0":  # the one that libcosim imports
+    if version.name == "2.0":  # libcosim imports only this version
         files[osp_place(d)] = xml_bytes(osp_description(d))
     if needs_python:
         files["documentation/externalDependencies.txt"] = _text("external_dependencies.txt").template.encode()
@@ -57,7 +58,7 @@ def _text(name: str) -> Template:
 
 
 def page(d: Description, version: FmiVersion, needs_python: bool) -> str:
-    """Return the page, which says how inputs change within a step, if they can."""
+    """Return the HTML page about an FMU; it also says how inputs can change within a step."""
     scene, plan = d.scene, d.plan
     run, pivot = scene.run, scene.body is not None and scene.body.pivot
     said = {"name": scene.name, "icon": version.icon, "status": STATUS["description"], "version": rbfmu.__version__}
@@ -80,7 +81,7 @@ def page(d: Description, version: FmiVersion, needs_python: bool) -> str:
 
 
 def _formulas(scene: rbfmu.Scene) -> str:
-    """Return the scene's formulas as they stand in it, or that no load depends on the position."""
+    """Return a table of the scene's formulas, or the sentence that no load depends on the position."""
     if not scene.loads.formulas:
         return "<p>No load depends on the position.</p>\n"
     loads = scene.loads
@@ -103,7 +104,7 @@ def _by_whom(scene: rbfmu.Scene) -> str:
 
 
 def _table(d: Description, causality: str) -> str:
-    """Return a table with a row a block, or nothing where there are none."""
+    """Return a table with a row for each block; empty if there are none."""
     rows = [map(escape, _row(variables)) for variables in blocks(d, causality).values()]
     return f"<h3>{causality.capitalize()}s</h3>\n{_html_table(HEADS, rows)}" if rows else ""
 
@@ -117,7 +118,7 @@ def _row(variables: list[Variable]) -> tuple[str, ...]:
 
 
 def licenses(with_pythonfmu: bool) -> dict[str, bytes]:
-    """Return the notices by their place in an FMU; with_pythonfmu: of the kind that contains pythonfmu."""
+    """Return the licences by their paths in an FMU; with_pythonfmu: for the kind that contains pythonfmu."""
     texts = {"license.txt": _text("licenses.txt").substitute(pythonfmu=PYTHONFMU if with_pythonfmu else "")}
     texts |= {"rbfmu.txt": _own(), "fmi.txt": _of_headers()}
     if with_pythonfmu:
@@ -128,13 +129,13 @@ def licenses(with_pythonfmu: bool) -> dict[str, bytes]:
 
 
 def _own() -> str:
-    """Return the licence of rbfmu, which lies in the package or, of a clone, above it."""
+    """Return the licence of rbfmu, which is in the installed package, or in the folder above it in a clone."""
     package = Path(rbfmu.__file__).parent
     return next(path for path in (package / "LICENSE", package.parent / "LICENSE") if path.exists()).read_text("utf-8")
 
 
 def _of_headers() -> str:
-    """Return the copyright and the terms that stand in the headers of FMI, as FMPy ships them."""
+    """Return the copyright and the licence in the headers of FMI, as FMPy ships them."""
     text = (FMI_HEADERS / "fmi2Functions.h").read_text("utf-8")
     notice = re.search(r"Copyright.*?(?=\*/)", text, re.DOTALL)
     assert notice, text[:3000]
@@ -145,14 +146,14 @@ def _of_headers() -> str:
 
 INCHES, DPI = 2.0, 100
 AZIMUTH, ELEVATION = math.radians(30.0), math.radians(28.0)
-"""From where it is looked at: beside axis x towards y, from above; z is upwards."""
+"""The direction of view: from above, and from axis x turned towards y; z is upwards."""
 RIGHT = (-math.sin(AZIMUTH), math.cos(AZIMUTH), 0.0)
 EYE = (math.cos(ELEVATION) * math.cos(AZIMUTH), math.cos(ELEVATION) * math.sin(AZIMUTH), math.sin(ELEVATION))
 VIEW: Array = np.array([RIGHT, np.cross(EYE, RIGHT), EYE])
-"""Rows: the directions right, up and towards the eye, in b."""
+"""The directions right, up and towards the eye, as rows, in b."""
 COLOURS = {"x": "#c8372d", "y": "#2d8a3e", "z": "#2a5db0"}
 SHADES = {"x": "#b9c4d6", "y": "#94a3bb", "z": "#dbe2ee"}
-"""Of the faces across the body's own axes."""
+"""The colours of the faces that are perpendicular to each of the shape's axes."""
 EDGE = "#4a5568"
 AXIS = 0.8
 """The length of an axis beyond the box, in halves of its diagonal."""
@@ -177,7 +178,7 @@ def picture(scene: rbfmu.Scene) -> bytes:
 
 
 def _draw_box(axes: Any, shape: Shape, R_bp: Array) -> None:
-    """Draw the three faces that are seen; a box hides none of them by another."""
+    """Draw the three visible faces of the box; none of them hides another."""
     for k, name in enumerate(SHADES):
         normal = R_bp[:, k] if R_bp[:, k] @ VIEW[2] > 0.0 else -R_bp[:, k]
         across = [R_bp[:, j] * shape.sides[j] / 2.0 for j in range(3) if j != k]
@@ -188,7 +189,7 @@ def _draw_box(axes: Any, shape: Shape, R_bp: Array) -> None:
 
 
 def _draw_axes(axes: Any, shape: Shape, R_bp: Array) -> None:
-    """Draw the axes of b from o, beyond the box, and the centre of mass."""
+    """Draw the axes of b, from o to beyond the box, and the centre of mass."""
     corners = [np.array(shape.centre) + R_bp @ (np.array(s) * shape.sides / 2.0) for s in product((-1, 1), repeat=3)]
     for k, name in enumerate(COLOURS):
         length = max(0.0, *(corner[k] for corner in corners)) + AXIS * shape.radius
@@ -196,16 +197,16 @@ def _draw_axes(axes: Any, shape: Shape, R_bp: Array) -> None:
         arrow = {"arrowstyle": "-|>", "color": COLOURS[name], "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", (x, y), (0.0, 0.0), arrowprops=arrow)
         axes.annotate(name, (1.08 * x, 1.08 * y), color=COLOURS[name], fontsize=9, ha="center", va="center")
-        axes.plot([0.0, 1.12 * x], [0.0, 1.12 * y], alpha=0.0)  # what the view must have in it
+        axes.plot([0.0, 1.12 * x], [0.0, 1.12 * y], alpha=0.0)  # invisible: the limits of the axes must include it
     x, y, _ = VIEW @ np.array(shape.centre)
     axes.plot([x], [y], marker="o", markersize=4.5, mfc="white", mec="black", mew=1.0)
 
 
-# --- files that group variables which belong and connect together
+# --- files with groups of variables that belong together and are connected together
 
 _TABLES = tomllib.loads(Path(__file__).with_name("groups.toml").read_text(encoding="utf-8"))
 GROUPS: dict[str, dict[str, Any]] = _TABLES["terminals"]
-"""By the name of a terminal: what it is, and the blocks that it has where an FMU has them."""
+"""The terminals by name: the meaning of each, and its blocks, of which a terminal has those of the FMU."""
 QUATERNION = ("eta", "epsilon_x", "epsilon_y", "epsilon_z")
 TERMINALS_VERSION = "3.0"
 """The version of FMI that defines the file, also in an FMU of another version."""
@@ -214,13 +215,13 @@ OSP_NAMESPACE = "https://open-simulation-platform.com/OspModelDescription/1.0.1"
 OSP_FOLDER = "extra/com.open-simulation-platform"
 
 KINDS: dict[str, str] = _TABLES["kinds"]
-"""The element of each block, in the order that the schema has."""
+"""The XML element for each block, in the order of the schema."""
 MECHANICAL_PORTS: dict[str, list[str]] = _TABLES["ports"]
-"""By name, two groups in the same axes of which one is put in and the other comes out; their product is a power."""
+"""The ports by name: the XML element, an input and an output in the same axes, whose product is a power."""
 
 
 def terminals(d: Description, arrays: bool = False) -> Element:
-    """Return terminalsAndIcons.xml; arrays: a variable is a whole block, not one of its numbers."""
+    """Return terminalsAndIcons.xml; arrays: whether a variable is a whole block, not one of its numbers."""
     root = Element("fmiTerminalsAndIcons", fmiVersion=TERMINALS_VERSION)
     known, listed = blocks(d, "input", "output"), Element("Terminals")
     for name, row in GROUPS.items():
@@ -237,19 +238,22 @@ def terminals(d: Description, arrays: bool = False) -> Element:
 
 
 def _members(variables: list[Variable]) -> dict[str, str]:
-    """Return the variables of a block by the names that they have in a terminal."""
+    """Return the names of a block's variables by their names in a terminal."""
     names = QUATERNION if len(variables) == 4 else [v.component or "value" for v in variables]
     return {name: v.name for name, v in zip(names, variables, strict=True)}
 
 
 def osp_place(d: Description) -> str:
-    """Return where it lies in an FMU; its name is the one that libcosim looks for, where every system takes it."""
+    """Return the path of OspModelDescription.xml in an FMU, with the scene's name, for which libcosim looks.
+
+    A scene's name that is no file name on some system is left out.
+    """
     prefix = f"{d.scene.name}_" if re.fullmatch(r"[A-Za-z0-9_ .-]+", d.scene.name) else ""
     return f"{OSP_FOLDER}/{prefix}OspModelDescription.xml"
 
 
 def osp_description(d: Description) -> Element:
-    """Return it, with the groups of all inputs and outputs. A group that is part of a port does not stand alone."""
+    """Return OspModelDescription.xml, with groups of all inputs and outputs; groups in a port are listed only there."""
     root = Element("OspModelDescription", xmlns=OSP_NAMESPACE, version="1.0")
     groups, known = SubElement(root, "VariableGroups"), blocks(d, "input", "output")
     ports = {

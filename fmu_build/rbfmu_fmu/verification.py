@@ -1,4 +1,4 @@
-"""Verify an FMU: valid, complete, and equal to direct calls of the kernels that it was made from."""
+"""Verification of an FMU: it is valid and complete, and agrees with direct calls of the kernels it was made from."""
 
 import json
 import tempfile
@@ -30,19 +30,19 @@ from rbfmu_kernels.rotations.euler_angles import ZYX, quaternion_from_euler
 
 MAX_STEPS = 10_000
 HELD_STEPS = 10
-"""Communication steps between changes of the inputs."""
+"""The number of communication steps between changes of the inputs."""
 
 
 class VerificationError(ValueError):
-    """The file cannot be verified at all: it is no FMU, or none that rbfmu built."""
+    """The error of a file that cannot be verified: it is not an FMU, was not built by rbfmu, or cannot run here."""
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What was found: problems in words, and the largest difference of each output to the kernels, in its unit.
+    """The result of a verification: problems in words, and the largest difference of each output from the kernels.
 
-    to_full: how far the planned model lies from the full one under the same inputs, as the scene's accuracy counts; NaN
-    where the full one cannot meet the accuracy.
+    differences: in the output's unit; to_full: the difference between the planned and the full model under the same
+    inputs, as the scene's accuracy counts it; NaN if the full model cannot meet a tenth of the accuracy.
     """
 
     seed: int
@@ -56,19 +56,20 @@ class Verification:
 
     @property
     def passed(self) -> bool:
-        """Return whether there is no problem, no difference, and every step done."""
+        """Return whether there are no problems and no differences, and all steps were taken."""
         same = all(d == 0.0 for d in self.differences.values())
         return same and not self.problems and self.steps_done == self.steps_asked
 
 
 def verify(path: str | Path, seed: int = 1) -> Verification:
-    """Drive an FMU through FMPy with seeded piecewise-constant inputs and compare with direct kernel calls.
+    """Run an FMU in FMPy with seeded piecewise-constant inputs, and compare it with direct calls of the kernels.
 
-    At most 10,000 steps of the scene. Raises VerificationError where the file is no FMU of rbfmu's.
+    At most 10,000 steps of the scene are taken. Raises VerificationError if the file is not an FMU built by rbfmu, or
+    cannot run here.
 
-    Differences must be zero, not small: an FMU runs the kernels that a direct call runs, from the same buffer, so that
-    any difference is a fault of the packing (a wrong place, unit or order of calls) and not one of arithmetic. Inputs
-    are random and of about 1 m/s2 and 1 rad/s2, as a port that is wired wrongly shows only where it moves the body.
+    Differences must be exactly zero: an FMU runs the same kernels as a direct call, on the same buffer, so that any
+    difference is an error of the packing (a wrong place, unit or order of calls) and not of arithmetic. Inputs are
+    random, of about 1 m/s2 and 1 rad/s2, since a wrongly connected port shows only if it moves the body.
     """
     path, seed = path_of(path), whole(0, 2**63).read(seed, "seed")
     d, problems = _inside(path)
@@ -103,7 +104,7 @@ def _check_runs_here(path: Path) -> None:
 
 
 def check_plain(folder: str) -> None:
-    """Refuse a folder for unzipped FMUs in which pythonfmu would crash."""
+    """Raise VerificationError if pythonfmu would crash in this folder for unzipped FMUs."""
     if found := CRASHES_IN_PATH.search(folder):
         expected = "expected a plain path; set TMPDIR to one"
         raise VerificationError(f"FMUs are unzipped to {folder!r}, and pythonfmu crashes at {found[0]!r}: {expected}")
@@ -111,7 +112,7 @@ def check_plain(folder: str) -> None:
 
 @contextmanager
 def _errors_of_fmpy(path: Path) -> Iterator[None]:
-    """Say what FMPy, which raises exceptions of any class, cannot do with a file."""
+    """Turn exceptions of FMPy, which may be of any class, into a VerificationError that names the file."""
     try:
         yield
     except VerificationError:
@@ -121,7 +122,7 @@ def _errors_of_fmpy(path: Path) -> Iterator[None]:
 
 
 def _inside(path: Path) -> tuple[Description, list[str]]:
-    """Return what an FMU was built of, and whether that were other kernels."""
+    """Return an FMU's description, made from the scene and plan in it, and a problem if it has other kernels."""
     try:
         with zipfile.ZipFile(path) as archive:
             data = json.loads(archive.read("resources/scene.json"))
@@ -143,7 +144,7 @@ def _inside(path: Path) -> tuple[Description, list[str]]:
 
 
 def _gaps(path: Path, d: Description) -> list[str]:
-    """Return variables, units and dependencies that an importer needs and does not find."""
+    """Return problems in words: variables, units and dependencies that an importer needs and does not find."""
     model = fmpy.read_model_description(str(path), validate=False)
     found, version = {v.name: v for v in model.modelVariables}, version_in(model)
     names = {one.name: k for k, one in enumerate(version.references(d))}
@@ -158,7 +159,7 @@ def _gaps(path: Path, d: Description) -> list[str]:
 
 
 def _with_dependencies(path: Path, model: fmpy.model_description.ModelDescription) -> dict[str, set[str]]:
-    """Return names of variables whose dependencies are said; older FMPy reads silence as no dependency."""
+    """Return the names of variables with listed dependencies; older FMPy reads a missing list as no dependency."""
     with zipfile.ZipFile(path) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
     nested = version_in(model).nested
@@ -173,7 +174,7 @@ def _with_dependencies(path: Path, model: fmpy.model_description.ModelDescriptio
 def _signal(d: Description, steps: int, random: np.random.Generator) -> Array:
     """Return piecewise-constant inputs (steps, n): about 1 m/s2 for forces, 1 rad/s2 for torques, 1 rad/s for rates.
 
-    Those of your own are about their start, beside which formulas may have no value.
+    Inputs vary about their start values, as formulas may have no value far from those of your own inputs.
     """
     sizes = input_sizes(d.scene)
     levels = random.normal(size=(steps // HELD_STEPS + 1, len(d.inputs))) * [sizes[v.block] for v in d.inputs]
@@ -181,15 +182,15 @@ def _signal(d: Description, steps: int, random: np.random.Generator) -> Array:
 
 
 def version_in(model: fmpy.model_description.ModelDescription) -> model_description.FmiVersion:
-    """Return the version of FMI that FMPy's description of a model is of."""
+    """Return the version of FMI of a model, from FMPy's description of it."""
     fmi = 3 if model.fmiVersion.startswith("3") else 2
     return model_description.version_of(fmi, scalars=fmi == 3 and not any(v.dimensions for v in model.modelVariables))
 
 
 class Unit:
-    """One instance of an FMU that lies unzipped in a folder, of either version.
+    """One instance of an FMU, of FMI 2 or 3, that is unzipped in a folder.
 
-    fmu: FMPy's, for calls that both versions have alike; messages: those of refused calls.
+    fmu: FMPy's instance, for calls that are the same in both versions; messages: the FMU's warnings and errors.
     """
 
     def __init__(self, folder: str, d: Description):
@@ -206,9 +207,9 @@ class Unit:
         self._get_integers = getattr(self.fmu, f"get{version.integer}")
 
     def _log(self, *said: object) -> None:
-        """Keep a message: FMI 2.0 gives the instance's name besides status, category and text.
+        """Keep a message; said: status, category and text, and in FMI 2.0 the instance's name before the status.
 
-        An FMU of pythonfmu's calls this while its own error is set, with which calls from here fail in Python 3.13.
+        A pythonfmu FMU calls this while its own exception is set, with which calls from here fail in Python 3.13.
         """
         clear_error()
         *_, status, _, message = said
@@ -216,7 +217,7 @@ class Unit:
             self.messages.append(message.decode())
 
     def start(self, begin: float, end: float, inputs: Sequence[float]) -> None:
-        """Initialise with these inputs."""
+        """Initialise the instance with these inputs; begin, end: the times of the run, s."""
         if self._old:
             self.fmu.setupExperiment(startTime=begin, stopTime=end)
             self.fmu.enterInitializationMode()
@@ -231,13 +232,13 @@ class Unit:
             self._set(self._inputs, list(values))
 
     def outputs(self) -> list[float]:
-        """Return all outputs, the counts of events and, as the last one, `status`."""
+        """Return all outputs, the counts of events and, as the last number, `status`."""
         return [*self._get(self._outputs, *self._counted), *self._get_integers(self._integers)]
 
 
 @contextmanager
 def unit_of(path: Path, d: Description) -> Iterator[Unit]:
-    """Yield an instance of an FMU, which is unzipped for it; free it afterwards."""
+    """Unzip an FMU and yield an instance of it; free that afterwards."""
     with tempfile.TemporaryDirectory(prefix="rbfmu_", ignore_cleanup_errors=True) as folder:
         fmpy.extract(str(path), folder)
         unit = Unit(folder, d)
@@ -246,9 +247,9 @@ def unit_of(path: Path, d: Description) -> Iterator[Unit]:
 
 
 def _through_fmpy(path: Path, d: Description, time: Array, inputs: Array) -> tuple[Array, list[str]]:
-    """Return the outputs, a column each, at each time up to a refused step, and what was said.
+    """Return the outputs, a column each, at each time up to a refused step, and the FMU's messages.
 
-    Not by `simulate_fmu`, which compares times by 1e-9 of their size.
+    FMPy's `simulate_fmu` is not used, as it compares times with a relative tolerance of 1e-9.
     """
     with unit_of(path, d) as unit:
         try:
@@ -269,7 +270,7 @@ def _through_fmpy(path: Path, d: Description, time: Array, inputs: Array) -> tup
 
 
 def _through_kernels(d: Description, time: Array, inputs: Array) -> Array:
-    """Return the outputs, a column each, at the same times; NaN from a refused step on."""
+    """Return the outputs that the kernels compute, a column each, at the same times; NaN from a refused step on."""
     kernels, z, places = d.plan.kernels, np.array(d.start_buffer), [v.offset for v in d.inputs]
     wanted = [*(v.offset for v in d.outputs), *(count.offset for count in d.counts)]
     rows = np.full((len(time), len(wanted)), np.nan)
@@ -284,14 +285,14 @@ def _through_kernels(d: Description, time: Array, inputs: Array) -> Array:
 
 
 def _distance_to_full(d: Description, time: Array, inputs: Array, planned: Array) -> float:
-    """Return the distance between the planned and the full model under the same inputs."""
+    """Return the largest difference between the planned and the full model under the same inputs; NaN without plan."""
     scene, accuracy = d.scene, max(d.scene.run.accuracy / 10.0, 1e-12)
     try:
         full = plan(scene.replace(run={"stop": float(time[-1]), "accuracy": accuracy}), full=True)
     except SceneError:
         return np.nan
     rows = _through_kernels(describe(scene, full), time, inputs)
-    of_events = {f"{name}_time" for name in scene.events}  # which a little change moves by a whole spin
+    of_events = {f"{name}_time" for name in scene.events}  # a small change may move such a time by a whole turn
     blocks = [v.block for v in d.outputs if v.block not in of_events]
     columns = {name: [k for k, block in enumerate(blocks) if block == name] for name in blocks}
     a, b = ({n: m[: len(planned), c] for n, c in columns.items()} for m in (planned, rows))

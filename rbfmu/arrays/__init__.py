@@ -1,4 +1,4 @@
-"""The array functions: each is made from the scalar kernel of the same name."""
+"""The array functions; each is made from the scalar kernel with the same name."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -132,12 +132,12 @@ spatial_inertia = array_function(_kernels.spatial_inertia)
 
 _LATER = ("check_inertia", "free_rotation", "inertia_of_points")
 
-if not TYPE_CHECKING:  # type checkers see all names above; to them any other would be one of these
+if not TYPE_CHECKING:  # type checkers see all names above; with `__getattr__` they would accept any other name too
     __all__ = ["set_threads", *_LATER]
     __all__ += [name for name, value in globals().items() if hasattr(value, "__wrapped__")]
 
     def __getattr__(name: str) -> Any:
-        """Load what is more than a kernel when it is first used: free rotation alone takes as long as all others."""
+        """Import functions that need more than a kernel at first use: free rotation takes as long as all the others."""
         if name not in _LATER:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         value = globals()[name] = getattr(import_module("rbfmu.arrays.bodies"), name)

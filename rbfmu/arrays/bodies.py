@@ -1,7 +1,7 @@
-"""Array functions of bodies that are more than a kernel over leading axes: their inertia, and exact free motion.
+"""Array functions that need more than a kernel over leading axes: inertia of points, its check, exact free rotation.
 
-Free motion takes one setup per body, however many times are asked for; several times of many bodies are computed for
-some bodies at once, in the lanes of a vector, to the same bits.
+Free rotation is set up once per body, whatever the number of times. For many bodies at several times, some bodies are
+computed side by side in the lanes of a vector register, with the same bits.
 """
 
 import math
@@ -20,14 +20,14 @@ _principal_axes = from_kernel.array_function(_inertia.principal_axes)
 
 
 def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, Array, Array]:
-    """Return (mass, r_oc, M_c) of particles: their mass, centre of mass, and inertia about that.
+    """Return (mass, r_oc, M_c) of particles: their total mass, their centre of mass, and their inertia about it.
 
     Shapes: masses (n), positions (n, 3) -> (), (3), (3, 3); leading axes broadcast.
     Units: masses in kg, together above 0, positions in m, from o; M_c in kg m^2.  Frames: all in one frame.
-    Error <= 1 eps of the mass and of the largest position, 2 eps of the trace, for any n, where no mass is negative:
-    sums are compensated, and a cloud far away loses no digits but those of its positions. With negative masses, for
-    holes, that of M_c is 2 eps of the trace that their sizes have.
-    Singular: where the masses' sum is not above 0, a ValueError.  Source: E&G (7.30); lecture, "Inertia dyadic".
+    Error <= 1 eps of the mass and of the largest position, 2 eps of the trace, for any n, if no mass is negative: sums
+    are compensated, so that a cloud far from o loses only the digits that its positions lack. With negative masses, as
+    for holes, the error of M_c is 2 eps of the trace that their absolute values give.
+    Singular: ValueError if the sum of the masses is not above 0.  Source: E&G (7.30); lecture, "Inertia dyadic".
     """
     m = from_kernel.as_floats("inertia_of_points", "masses", masses)
     r = from_kernel.as_floats("inertia_of_points", "positions", positions)
@@ -42,7 +42,7 @@ def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, A
         raise ValueError(f"inertia_of_points: leading shapes {axes} do not broadcast") from None
     clouds = math.prod(leading)
     mass, r_oc, M_c = np.empty(clouds), np.empty((clouds, 3)), np.empty((clouds, 3, 3))
-    m = np.array(np.broadcast_to(m, (*leading, n))).reshape(clouds, n)  # copies: packed, as the kernel was compiled for
+    m = np.array(np.broadcast_to(m, (*leading, n))).reshape(clouds, n)  # contiguous, as the kernel needs them
     r = np.array(np.broadcast_to(r, (*leading, n, 3))).reshape(clouds, n, 3)
     _inertia.inertia_of_clouds(m, r, mass, r_oc, M_c)
     if np.any(mass <= 0.0):
@@ -51,13 +51,13 @@ def inertia_of_points(masses: ArrayLike, positions: ArrayLike) -> tuple[Array, A
 
 
 def check_inertia(M: ArrayLike) -> None:
-    """Raise a ValueError that says why M is no inertia matrix of a rigid body, where it is none.
+    """Raise a ValueError with the reason if M is not an inertia matrix of a rigid body.
 
-    It is none where it is not finite, not symmetric, or a principal moment is negative or above the sum of the other
-    two. One zero moment is a slender beam and allowed, all three are a particle.
+    It is not one if it is not finite or not symmetric, or if a principal moment is negative or above the sum of the
+    other two. Zero moments are allowed: one is zero for a slender beam, all three for a particle.
     Shapes: M (3, 3), with any leading axes.
     Units: any, commonly kg m^2.  Frames: any.
-    Error: each condition may be broken by 1e-12 of the trace.  Singular: nowhere.  Source: lecture, "Inertia dyadic".
+    Error: a condition may be violated by 1e-12 of the trace.  Singular: nowhere.  Source: lecture, "Inertia dyadic".
     """
     M = from_kernel.as_floats("check_inertia", "M", M)
     reasons = np.asarray(_reasons(M))
@@ -83,7 +83,7 @@ def _words_of(reason: int, M: Array) -> str:
 # Exact free motion
 
 _FEW = 8
-"""Bodies from which on lanes pay."""
+"""The number of bodies from which on lanes are faster."""
 _impossible = "free_rotation: some of these moments are of no body (negative, infinite, or 0 beside two that differ)"
 _one_time_per_body, _setup = (
     from_kernel.array_function(kernel, singular=_free.free_rotation_is_singular, warning=_impossible)
@@ -112,7 +112,7 @@ def _times_exceed_bodies(moments: ArrayLike, q_0: ArrayLike, omega_b_0: ArrayLik
 
 
 def _in_lanes(*arrays: Array) -> tuple[Array, Array] | None:
-    """Return the motions (..., n, 4) and (..., n, 3) of bodies (..., 1) at n times; None where they are not such."""
+    """Return q_ab (..., n, 4) and omega_b (..., n, 3) of bodies (..., 1) at n times; None for other shapes."""
     if config.DISABLE_JIT or len(arrays) != 4 or any(a.dtype.kind not in "iuf" for a in arrays):
         return None
     if any(a.shape[-1:] != (n,) for a, n in zip(arrays, (3, 4, 3), strict=False)):
@@ -130,5 +130,5 @@ def _in_lanes(*arrays: Array) -> tuple[Array, Array] | None:
 
 
 def _flat(a: Array, shape: tuple[int, ...], width: int) -> Array:
-    """Return an array broadcast to a shape as rows of `width` numbers."""
+    """Return an array, broadcast to a shape, as rows of `width` numbers."""
     return np.require(np.broadcast_to(a, shape).reshape(-1, width), float, ("C", "W"))

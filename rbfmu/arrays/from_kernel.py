@@ -1,4 +1,4 @@
-"""Array functions from scalar kernels: NumPy broadcasting, `out=`, compiled at the first call, threads on request."""
+"""Array functions made from scalar kernels: they broadcast, take `out=`, compile at the first call, can use threads."""
 
 import inspect
 import itertools
@@ -22,9 +22,9 @@ from rbfmu_kernels.types import Array, Function, Shape, python_function
 Arguments = tuple[Any, ...]
 Keywords = dict[str, Any]
 
-CHUNK = 16384  # items that a thread takes at a time, at least
-CHUNKS = 4  # of a large call, for each thread: the cores are seldom equally free, and a chunk costs some microseconds
-THRESHOLD = 16 * CHUNK  # items from which on threads pay
+CHUNK = 16384  # the least number of items that a thread takes at a time
+CHUNKS = 4  # per thread in a large call: cores are seldom equally free, and a chunk costs some microseconds
+THRESHOLD = 16 * CHUNK  # the number of items from which on threads are faster
 
 Singular = Callable[..., bool]
 _threads = 1
@@ -32,26 +32,27 @@ _pool: ThreadPoolExecutor | None = None
 
 
 def set_threads(n: int) -> None:
-    """Let array functions use n threads, the caller's included, on some 3e5 items and more. The default is 1.
+    """Let array functions use n threads, including the caller's, for about 3e5 items and more. The default is 1.
 
-    With more than one, calls on fewer items take some 0.3 us longer.
+    With more than one thread, calls on fewer items take about 0.3 us longer. Raises ValueError for a wrong n.
     """
     global _threads, _pool
     if not isinstance(n, Integral) or isinstance(n, bool) or n < 1:
         raise ValueError(f"set_threads: n must be a whole number of at least 1, got {n!r}")
     n = int(n)
-    # The pool before is not shut down: calls that hold it end with it, and then its threads end with their pool.
+    # The former pool is not shut down, as calls may still use it. Its threads end when the last of these calls ends.
     _threads, _pool = n, ThreadPoolExecutor(n - 1, "rbfmu") if n > 1 else None
 
 
 def array_function(kernel: Function, *constants: int, singular: Singular | None = None, warning: str = "") -> Function:
-    """Return the array function of a scalar kernel: same name, arguments and docstring, any leading axes.
+    """Return the array function of a scalar kernel: with its name, arguments and docstring, for any leading axes.
 
-    singular: a kernel of the first few arguments; where it is true for an item, the warning of that text is given.
+    constants: leading arguments of the kernel that are fixed; singular: a kernel of the first few arguments; if it is
+    true for an item, `warning` is given as a RuntimeWarning.
     """
-    loops: Any = None  # gufuncs of whole arrays, and of pieces, made at the first call
+    loops: Any = None  # two gufuncs, for whole arrays and for pieces of them, made at the first call
     shapes = core_shapes(kernel)[0].values()
-    limits = [(len(shape) + 1, math.prod(shape)) for shape in shapes]  # core axes and one more, numbers of an item
+    limits = [(len(shape) + 1, math.prod(shape)) for shape in shapes]  # (number of core axes + 1, numbers of an item)
     report = partial(warn_of_singular, warning) if singular else None
 
     @documented_by(kernel)
@@ -60,10 +61,10 @@ def array_function(kernel: Function, *constants: int, singular: Singular | None 
         if kwargs:
             args, kwargs = in_order(kernel, args, kwargs)
             if report and "axes" in kwargs:
-                kwargs["axes"] = [(), *kwargs["axes"]]  # the mark's
+                kwargs["axes"] = [(), *kwargs["axes"]]  # the first is for the mark
         if loops is None:
             loops = gufuncs(Item(kernel, constants, singular))
-        pool = _pool  # another thread may set it meanwhile
+        pool = _pool  # another thread may change it during the call
         try:
             given = plain_arrays(args, len(limits))
             few = pool is None or _are_few(given, limits)
@@ -81,16 +82,16 @@ def array_function(kernel: Function, *constants: int, singular: Singular | None 
 
 
 def checked_function(kernel: Function, singular: Singular | None, warning: str, *constants: int) -> Function:
-    """Return the array function of a kernel, whose warning begins with its name."""
+    """Return the array function of a kernel; its warning begins with its name."""
     said = f"{python_function(kernel).__name__}: {warning}"
     return array_function(kernel, *constants, singular=singular, warning=said)
 
 
 def sequence_function(kernel: Function, singular: Singular | None = None, warning: str = "") -> Function:
-    """Return the array function of a kernel of Euler angles: it is compiled once for each sequence.
+    """Return the array function of a kernel of Euler angles, which is compiled once for each sequence.
 
-    singular: as of `array_function`; warning: what is said then, with {seq} for the sequence's name, and {poles} for
-    the middle angles where its outer axes are one.
+    singular: as in `array_function`; warning: its text, in which {seq} is replaced by the sequence's name, and {poles}
+    by the middle angles, in degrees, at which the outer axes are parallel.
     """
     functions: dict[str, Function] = {}
 
@@ -108,9 +109,9 @@ def sequence_function(kernel: Function, singular: Singular | None = None, warnin
 
 
 def plain_arrays(args: Arguments, count: int) -> Arguments:
-    """Return arguments with the first `count` as NumPy's own arrays.
+    """Return the arguments, the first `count` of them as NumPy's own arrays.
 
-    Tables of pandas and xarray would make the call themselves: they align labels, and name shapes that nobody gave.
+    Objects of pandas and xarray would take over the call: they align labels, and their errors name other shapes.
     """
     given = [a if type(a) is np.ndarray and a.dtype is _FLOAT64 else _plain_array(a) for a in args[:count]]
     return (*given, *args[count:])
@@ -120,7 +121,7 @@ _FLOAT64 = np.dtype(np.float64)
 
 
 def _is_masked(value: object) -> bool:
-    """Return whether an array has a mask; of plain arrays, which most are, without loading NumPy's masked ones."""
+    """Return whether an array has a mask; for plain arrays, the usual case, NumPy's masked arrays are not imported."""
     return type(value) is not np.ndarray and isinstance(value, np.ma.MaskedArray)
 
 
@@ -129,7 +130,7 @@ def _plain_array(value: object) -> Array:
         raise ValueError(MASKED)
     array = np.asarray(value)
     if array.dtype == object and all(isinstance(number, Real) for number in array.flat):
-        with suppress(OverflowError):  # else whole numbers beyond 64 bits, or a row of a table that has words elsewhere
+        with suppress(OverflowError):  # objects: whole numbers beyond 64 bits, or a row of a table with words elsewhere
             return array.astype(np.float64)
     return array
 
@@ -138,15 +139,15 @@ MASKED = "must have no mask; x.filled(np.nan) of such an array x gives NaN where
 
 
 def _are_few(args: Arguments, limits: list[tuple[int, int]]) -> bool:
-    """Return, after a quick look, whether arguments have one leading axis at most and fewer items than a bound."""
-    for array, (axes, size) in zip(args, limits):  # noqa: B905, SIM110 - each costs half as much as the rest
+    """Return, quickly, whether each argument has at most one leading axis and fewer than `THRESHOLD` items."""
+    for array, (axes, size) in zip(args, limits):  # noqa: B905, SIM110 - each would cost half as much as the rest
         if array.ndim > axes or array.size >= THRESHOLD * size:
             return False
     return True
 
 
 def _in_threads(pool: Any, loops: Any, kernel: Function, args: Arguments, kwargs: Keywords, *mark: Array) -> Any:
-    """Make the call in chunks along its longest leading axis; as a whole where it is small or unusual."""
+    """Make the call in chunks along its longest leading axis; make it as a whole if it is small or unusual."""
     whole, pieces = loops
     arguments, results = core_shapes(kernel)
     shapes = [*arguments.values()]
@@ -166,7 +167,7 @@ def _in_threads(pool: Any, loops: Any, kernel: Function, args: Arguments, kwargs
     rows = max(1, max(CHUNK, items // (CHUNKS * _threads)) * leading[axis] // items)
     inputs = [np.broadcast_to(a, leading + s) for a, s in zip(arrays, shapes, strict=True)]
     of_chunk = pieces if sum(o.nbytes for o in outs) >= STREAMED else whole
-    starts = iter(range(0, leading[axis], rows))  # shared: whoever is free takes the next chunk
+    starts = iter(range(0, leading[axis], rows))  # shared by all threads: a free one takes the next chunk
 
     def work() -> None:
         for start in starts:
@@ -183,10 +184,10 @@ def _in_threads(pool: Any, loops: Any, kernel: Function, args: Arguments, kwargs
 
 
 def _overlap(arrays: Sequence[Array], outs: Sequence[Array]) -> bool:
-    """Return whether a chunk's results may be written over what another chunk reads or writes.
+    """Return whether the results of a chunk may overwrite what another chunk reads or writes.
 
-    NumPy reads a copy where results overlap arguments, within one call; each chunk is a call of its own. An argument
-    that is the result itself is cut as that is, so that each chunk overlaps itself alone.
+    If results overlap arguments, NumPy reads a copy, but only within one call, and each chunk is a call of its own. An
+    argument that is itself the result is cut in the same way, so that a chunk overlaps only itself.
     """
     pairs = [*itertools.product(arrays, outs), *itertools.combinations(outs, 2)]
     return any(a is not o and np.may_share_memory(a, o, 1) for a, o in pairs)  # type: ignore[arg-type]  # as hard as ufuncs try
@@ -194,7 +195,7 @@ def _overlap(arrays: Sequence[Array], outs: Sequence[Array]) -> bool:
 
 _NUMPY_KEYWORDS = {"out", "where", "axes", "order", "subok", "casting", "dtype"}
 _SHORT = {"R": "R_ab", "q": "q_ab"}
-"""Names by which an attitude may be given as well, as in `euler_from_quaternion("ZYX", q=q)`."""
+"""Further names that an attitude may have as a keyword, as in `euler_from_quaternion("ZYX", q=q)`."""
 _NAMED, _KEYWORD = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
 
 
@@ -202,7 +203,7 @@ _NAMED, _KEYWORD = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KE
 
 
 def documented_by(kernel: Function) -> Callable[[Function], Function]:
-    """Give an array function the name, the docstring with shapes and the arguments of its kernel, and `out`."""
+    """Give an array function the name, arguments and docstring of its kernel, with shapes added, and `out`."""
     function = python_function(kernel)
     names = function.__code__.co_varnames[: function.__code__.co_argcount]
     parameters = [inspect.Parameter(name, _NAMED) for name in names]
@@ -210,7 +211,7 @@ def documented_by(kernel: Function) -> Callable[[Function], Function]:
 
     def decorate(call: Function) -> Function:
         named: Any = wraps(function, assigned=("__name__", "__qualname__"))(call)
-        named.__module__ = "rbfmu"  # where pickle looks for it, to send it to another process
+        named.__module__ = "rbfmu"  # there pickle looks for it when it is sent to another process
         named.__signature__ = inspect.Signature(parameters)
         named.__doc__ = _with_shapes(inspect.getdoc(function) or "", kernel)
         return named  # type: ignore[no-any-return]
@@ -219,7 +220,7 @@ def documented_by(kernel: Function) -> Callable[[Function], Function]:
 
 
 def _with_shapes(text: str, kernel: Function) -> str:
-    """Return a docstring with a line about shapes before that about units: `q_ab (4), v_b (3) -> (3)`."""
+    """Return a docstring with a line about shapes before the one about units: `q_ab (4), v_b (3) -> (3)`."""
     arguments, results = core_shapes(kernel)
     taken = ", ".join(f"{name} {_in_brackets(shape)}" for name, shape in arguments.items())
     given = ", ".join(map(_in_brackets, results))
@@ -232,12 +233,15 @@ def _in_brackets(shape: Shape) -> str:
 
 
 def _names(kernel: Function) -> list[str]:
-    """Return the names of all arguments, that of a sequence of Euler angles among them."""
+    """Return the names of all arguments, including a sequence of Euler angles."""
     return [*inspect.signature(python_function(kernel)).parameters]
 
 
 def in_order(kernel: Function, args: Arguments, kwargs: Keywords) -> tuple[Arguments, Keywords]:
-    """Put arguments given by name in their places. What is left of the keywords is NumPy's, such as `out`."""
+    """Return (args, kwargs) with arguments given by name put in their places, and only NumPy's keywords, such as `out`.
+
+    Raises TypeError for keywords that are unknown, given twice or missing.
+    """
     if kwargs.keys() <= _NUMPY_KEYWORDS:
         return args, kwargs
     name, names = python_function(kernel).__name__, list(core_shapes(kernel)[0])
@@ -255,11 +259,11 @@ def in_order(kernel: Function, args: Arguments, kwargs: Keywords) -> tuple[Argum
     return (*args, *by_name), {key: value for key, value in kwargs.items() if key in _NUMPY_KEYWORDS}
 
 
-# What NumPy refused, in words that name the argument
+# Errors of NumPy, in words that name the argument
 
 
 def clear_error(kernel: Function, args: Arguments, kwargs: Keywords, refused: Exception) -> Exception:
-    """Return the error to raise in place of NumPy's."""
+    """Return the error to raise in place of NumPy's `refused`."""
     shapes, results = core_shapes(kernel)
     name = python_function(kernel).__name__
     if not len(shapes) <= len(args) <= len(shapes) + len(results):
@@ -293,7 +297,7 @@ def _of_arguments(name: str, shapes: dict[str, Shape], args: Arguments) -> Excep
 
 
 def no_numbers(value: object) -> str:
-    """Return what is wrong with a value that has to be real numbers; nothing if it is such."""
+    """Return what is wrong with a value that must be real numbers; empty if nothing is."""
     if _is_masked(value):
         return MASKED
     try:
@@ -304,7 +308,7 @@ def no_numbers(value: object) -> str:
 
 
 def _brief(value: object) -> str:
-    """Return a value as text that is short, however many numbers it has."""
+    """Return a short text for a value, whatever its size."""
     return f"an array of {value.dtype}" if isinstance(value, np.ndarray) else reprlib.repr(value)
 
 
@@ -339,7 +343,7 @@ def _of_out(name: str, results: list[Shape], leading: tuple[int, ...], out: obje
 
 
 def _holds(shape: tuple[int, ...], leading: tuple[int, ...], core: Shape) -> bool:
-    """Return whether results fit into an array: NumPy repeats them along further leading axes."""
+    """Return whether results can be written to an array; NumPy repeats them along further leading axes."""
     axes = len(shape) - len(core)
     if axes < len(leading) or shape[axes:] != core:
         return False
@@ -348,17 +352,17 @@ def _holds(shape: tuple[int, ...], leading: tuple[int, ...], core: Shape) -> boo
 
 
 def as_floats(function: str, argument: str, value: object) -> Array:
-    """Return an argument as an array of floats. Raises ValueError."""
+    """Return an argument as an array of floats. Raises ValueError if it is not real numbers."""
     if wrong := no_numbers(value):
         raise ValueError(f"{function}: {argument} {wrong}")
     return np.asarray(_plain_array(value), dtype=np.float64)
 
 
-# Warnings at singular arguments, in the functions' own words: NumPy would speak of a division by zero
+# Warnings at singular arguments, with texts of our own, as NumPy would warn of a division by zero
 
 
 def warn_of_singular(message: str) -> None:
-    """Give a RuntimeWarning at the caller's line, unless NumPy's error state for divisions forbids it."""
+    """Give a RuntimeWarning at the caller's line; NumPy's error state for divisions may ignore it or raise instead."""
     mode = np.geterr()["divide"]
     if mode == "raise":
         raise FloatingPointError(message)

@@ -1,4 +1,4 @@
-"""Attitude and rates from measured quaternions, by a smooth spline through them."""
+"""Attitude, rates and accelerations from measured quaternions, by a smooth spline through them."""
 
 import numpy as np
 
@@ -7,22 +7,22 @@ from rbfmu.extras import needed
 from rbfmu.types import Array, ArrayLike
 
 FEWEST = 4
-"""Times that a cubic spline without conditions at its ends needs."""
+"""The least number of times for a cubic spline without conditions at its ends."""
 
 
 class AttitudeSpline:
-    """A smooth attitude: `spline(t)` is q_ab (..., 4) at times t (...) in s, of one sign throughout.
+    """A smooth attitude: `spline(t)` returns q_ab (..., 4), without changes of sign, at times t (...) in s.
 
-    Times before the first or after the last that it was made of raise ValueError.
+    Times before the first or after the last given time raise ValueError.
     """
 
     def __init__(self, times: Array, q_ab: Array) -> None:
-        """q_ab: unit, and without jumps of sign."""
+        """Make the spline of q_ab (m, 4), of length 1 and without changes of sign, at times (m) in s that increase."""
         self.times = times
         self._spline = needed("scipy.interpolate", "ensemble").CubicSpline(times, q_ab)
 
     def __call__(self, t: ArrayLike) -> Array:
-        """Return q_ab (..., 4)."""
+        """Return q_ab (..., 4), of length 1."""
         return np.asarray(normalize(self._derivative(t, 0)))
 
     def omega_b(self, t: ArrayLike) -> Array:
@@ -30,14 +30,14 @@ class AttitudeSpline:
         return self._turning(self._derivative(t, 0), self._derivative(t, 1))
 
     def alpha_b(self, t: ArrayLike) -> Array:
-        """Return the angular acceleration d omega_ab_b / dt (..., 3), rad/s^2; between two times it is smooth."""
+        """Return the angular acceleration d omega_ab_b / dt (..., 3), rad/s^2; smooth between the given times."""
         s, ds, dds = (self._derivative(t, order) for order in (0, 1, 2))
         growth = 2.0 * np.sum(s * ds, axis=-1, keepdims=True) / np.sum(s * s, axis=-1, keepdims=True)
         return np.asarray(self._turning(s, dds) - growth * self._turning(s, ds))
 
     @staticmethod
     def _turning(s: Array, ds: Array) -> Array:
-        """Return the angular velocity of s / |s|: what changes the length of s drops out of the formula for unit q."""
+        """Return the angular velocity of s / |s|; the part of ds along s drops out of the formula for unit q."""
         return np.asarray(omega_b_from_quaternion_rate(s, ds) / np.sum(s * s, axis=-1, keepdims=True))
 
     def _derivative(self, t: ArrayLike, order: int) -> Array:
@@ -49,13 +49,13 @@ class AttitudeSpline:
 
 
 def attitude_spline(times: ArrayLike, q_ab: ArrayLike) -> AttitudeSpline:
-    """Return a spline through attitudes, whose rates and accelerations are continuous.
+    """Return a spline through attitudes, with continuous rates and accelerations.
 
-    It is SciPy's CubicSpline (not-a-knot) through quaternions whose signs are made continuous, scaled to length 1; so
-    it is the same in any frames. SciPy's RotationSpline, which is exact for a constant rate, takes the mean rate of
-    the first and of the last step for the rates at the ends, and is far off there. Between two times the body must
-    turn by less than half a turn, and by less than a quarter for good rates. Noise is not smoothed: random errors e of
-    attitudes h apart give the rates errors of some 2 e / h, at the ends of some 5 e / h.
+    It is SciPy's CubicSpline (not-a-knot) through quaternions whose signs are made continuous, scaled to length 1. It
+    does not depend on the choice of frames. SciPy's RotationSpline is exact for a constant rate, but is far off at the
+    ends, since it uses the mean rates of the first and of the last step there. Between two times the body must turn by
+    less than half a turn, and by less than a quarter for good rates. Noise is not smoothed: random errors e of
+    attitudes h apart cause errors of the rates of about 2 e / h, and of about 5 e / h at the ends.
     Shapes: times (m), q_ab (m, 4), m >= 4.
     Units: times in s, increasing; q_ab has either sign and any length.  Frames: q_ab takes coordinates in b to a; rates
     are those of b relative to a, in b.

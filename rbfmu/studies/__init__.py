@@ -1,4 +1,4 @@
-"""Studies of methods: what their tables have in common, files of rows and numbers in words."""
+"""Studies of methods. This module has what they share: TOML tables, CSV files of rows, and numbers as text."""
 
 import csv
 import math
@@ -9,18 +9,18 @@ from pathlib import Path
 from typing import Any
 
 Progress = Callable[[int, int, str], object]
-"""What is called with (done, total, text)."""
+"""A function that is called with (done, total, text)."""
 WIDTH = 80
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"), (1e-15, "fs"))
 
 
 def tables_of(name: str) -> dict[str, Any]:
-    """Return the tables of a TOML file that stands in a folder here."""
+    """Return the tables of a TOML file; name: its path from this folder."""
     return tomllib.loads((Path(__file__).parent / name).read_text(encoding="utf-8"))
 
 
 def write_rows(path: Path, rows: Iterable[Mapping[str, object]], head: Iterable[str]) -> Path:
-    """Write a CSV file whose first lines, after #, say where the figures come from."""
+    """Write a CSV file; head: lines that say where the figures come from, written first, each after a #."""
     rows = list(rows)
     with path.open("w", newline="", encoding="utf-8") as file:
         file.writelines(f"# {' '.join(line.split())}\n" for line in head)
@@ -31,17 +31,17 @@ def write_rows(path: Path, rows: Iterable[Mapping[str, object]], head: Iterable[
 
 
 def wrap_lines(lines: Iterable[str]) -> list[str]:
-    """Return lines, none of which is beyond the width."""
+    """Return the lines, wrapped to at most `WIDTH` characters."""
     return [part for line in lines for part in textwrap.wrap(line, WIDTH, subsequent_indent="  ")]
 
 
 def join_parts(parts: Iterable[Iterable[str]]) -> str:
-    """Return parts of lines as a text, with an empty line between those that have any."""
+    """Return all lines as one text, with an empty line between the parts; parts without lines are left out."""
     return "\n\n".join(filter(None, ("\n".join(line.rstrip() for line in part) for part in parts)))
 
 
 def cost_text(seconds: float) -> str:
-    """Return two digits and a unit: 0.41 fs, 8.1 ps, 170 ns, 1.4 ms."""
+    """Return a time with two digits and a unit: 0.41 fs, 8.1 ps, 170 ns, 1.4 ms."""
     size, unit = next(((size, unit) for size, unit in UNITS if seconds >= 0.9995 * size), UNITS[-1])
     return f"{two_digits(seconds / size)} {unit}"
 

@@ -1,10 +1,10 @@
 """The 8th-order Runge-Kutta pair DOP853 for the motion of a body, with error control inside a communication step.
 
-A contestant and a subject of laws: series cost 1.7 to 12 times less at the same accuracy (`rbfmu chart`), so that no
-plan takes it. It is compiled, as the peer of SciPy's that is called from Python at each stage, and needs no package.
-Works in its model's buffer: 12 stages of 16 numbers are too many for tuples. States: see `equations_of_motion`. As a
-model, `tolerance` is the largest estimated error of a substep, or 0 for substeps of at most `substep` without error
-control. Inputs may change within a step: see `body.driven`.
+Charts and laws measure it, but no plan uses it: series cost 1.7 to 12 times less at the same accuracy (`rbfmu chart`).
+It is compiled and needs no further package, while SciPy's DOP853 is called from Python at each stage.
+It works in its model's buffer, as 12 stages of 16 numbers are too many for tuples. States: see `equations_of_motion`.
+In a plan, `tolerance` is the largest estimated error of a substep; 0 means substeps of at most `substep` s without
+error control. Inputs may change within a step: see `body.driven`.
 Source: E. Hairer, S. P. Norsett & G. Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993, II.5 and II.10.
 """
 
@@ -32,21 +32,21 @@ from rbfmu_kernels.types import Buffer
 STAGES = 12
 _TABLEAU = np.loadtxt(Path(__file__).with_name("dop853.csv"), delimiter=",")
 A = _TABLEAU[: STAGES + 1]
-"""A[s, l]: weight of rate l in stage s; row 12 holds the weights of the result."""
+"""A[s, l]: the weight of rate l in stage s; row 12 has the weights of the result."""
 C = np.sum(A, axis=1)
-"""C[s]: the time of stage s in the step."""
+"""C[s]: the time of stage s as a part of the step."""
 E5, E3 = _TABLEAU[STAGES + 1], A[STAGES] - _TABLEAU[STAGES + 2]
-"""Weights of the rates in the two error estimates: those of order 5, and the result's less those of order 3."""
+"""The weights of the rates in the two error estimates; E3 is the result's weights less those of order 3."""
 
 _LAYOUT = with_work_space(DRIVEN, motion.STATE_SIZE * (STAGES + 1))
-"""The work space has a trial state, and then the stages' rates."""
+"""The work space has the trial state, followed by the rates of the stages."""
 _AT = _LAYOUT.at
 _WORK: int = _AT.work
 
 
 @kernel
 def _stage_rates(s: int) -> int:
-    """Return where the rates of stage s begin."""
+    """Return the place where the rates of stage s begin."""
     return _WORK + motion.STATE_SIZE * (s + 1)
 
 
@@ -63,7 +63,7 @@ def _put_rates(z: Buffer, y: int, k: int, n: int, body: Body, loads: Loads) -> N
 
 @kernel
 def _combine(z: Buffer, n: int, s: int, h: float) -> None:
-    """Set the trial state to y + h sum_l A[s, l] k_l; s is a literal: the sum unrolls and zeros vanish."""
+    """Set the trial state to y + h sum_l A[s, l] k_l; s is a literal, so that the sum is unrolled without zeros."""
     for j in range(n):
         total = 0.0
         for l in range(s):
@@ -79,7 +79,7 @@ def _loads_at(loads: motion.LoadPolynomial, t: float) -> Loads:
 
 @kernel
 def _stage(z: Buffer, n: int, s: int, t: float, h: float, body: Body, loads: motion.LoadPolynomial) -> None:
-    """Compute stage s > 0 (a literal): its trial state and rates, with the loads at t + c_s h."""
+    """Compute the trial state and the rates of stage s > 0 (a literal), with the loads at t + c_s h."""
     _combine(z, n, s, h)
     now = _loads_at(loads, t + C[s] * h) if motion.is_changing(loads) else loads.value
     _put_rates(z, _WORK, _stage_rates(s), n, body, now)
@@ -87,9 +87,10 @@ def _stage(z: Buffer, n: int, s: int, t: float, h: float, body: Body, loads: mot
 
 @kernel(inline=False)
 def dop853_step(z: Buffer, n: int, t: float, h: float, body: Body, loads: motion.LoadPolynomial) -> None:
-    """Step with order 8 to the trial state, not normalised; the stages' rates stay.
+    """Take a step of order 8 into the trial state, whose quaternion is not normalised; the rates of all stages remain.
 
-    t: time since the polynomial's beginning.  Stable to h d / I = 6.394 (damping) and h omega / 2 = 5.96 (attitude).
+    t: the time since the start of the loads' polynomial, s.
+    Stable up to h d / I = 6.394 (damping) and h omega / 2 = 5.96 (attitude).
     """
     now = _loads_at(loads, t) if motion.is_changing(loads) else loads.value
     _put_rates(z, STATE_START, _stage_rates(0), n, body, now)
@@ -109,7 +110,11 @@ def dop853_step(z: Buffer, n: int, t: float, h: float, body: Body, loads: motion
 
 @kernel(inline=False)
 def _error(z: Buffer, n: int, h: float) -> float:
-    """Estimate the step's error: attitude in rad, the rest relative to the size of its vector (at least 1 for r, v)."""
+    """Return the estimated error of the step.
+
+    Attitude in rad; position and velocity relative to their largest component, or to 1 if that is smaller; rates
+    relative to their largest component, or as the angle in rad that their error makes over the span if that is more.
+    """
     y, span = STATE_START, z[_AT.span]
     rate = max(largest_component(vec3_at(z, y + OMEGA)), largest_component(vec3_at(z, _WORK + OMEGA)), 1e-300)
     rate = rate if rate * span <= 1.0 else 1.0 / span
@@ -132,7 +137,7 @@ def _error(z: Buffer, n: int, h: float) -> float:
 
 @kernel
 def _accept(z: Buffer, n: int) -> None:
-    """Take the trial state as the state, its quaternion scaled to length 1."""
+    """Copy the trial state to the state, with its quaternion scaled to length 1."""
     copy_numbers(z, _WORK + OMEGA, STATE_START + OMEGA, n - OMEGA)
     motion.put_unit_attitude(z, STATE_START, quaternion_at(z, _WORK))
 
@@ -141,7 +146,7 @@ def _accept(z: Buffer, n: int) -> None:
 def _march(z: Buffer, n: int, h: float, body: Body, loads: motion.LoadPolynomial) -> int:
     """Advance the state by h in equal steps of at most `substep`, without error control.
 
-    STEP_REJECTED where that needs too many; the state is then unchanged.
+    Return STEP_REJECTED, with the state unchanged, if too many steps are needed.
     """
     count = substeps_in(h, z[_AT.substep])
     for i in range(count):
@@ -152,14 +157,13 @@ def _march(z: Buffer, n: int, h: float, body: Body, loads: motion.LoadPolynomial
 
 @kernel(inline=False)
 def _follow(z: Buffer, n: int, h: float, body: Body, loads: motion.LoadPolynomial) -> int:
-    """Advance the state by h, each step's estimated error at most its share of `tolerance`.
+    """Advance the state by h; the estimated error of each step is at most its share of `tolerance`.
 
-    z[STEP_SIZE] keeps the step size, and next to it stands the count of the steps tried.
-
-    Equal parts reach h: each step is the rest divided by the number of steps that the kept size would need.
-    STEP_REJECTED where the motion is not finite or needs too many steps; the caller then restores state and size.
+    z[STEP_SIZE] is the step size; the number after it counts the steps tried. Each step is the time left, divided by
+    the number of steps of that size that it needs, so that the last step is not shorter than the others.
+    Return STEP_REJECTED if the motion is not finite or needs too many steps; the caller then restores state and size.
     """
-    rest, low, steps = h, 0.0, 0  # rest + low: the time left, so that a thousand steps end where h does
+    rest, low, steps = h, 0.0, 0  # rest + low: the time left, without round-off, so that many steps end exactly at h
     while rest > 0.0:
         steps += 1
         count = substeps_in(rest, z[STEP_SIZE])
@@ -184,7 +188,7 @@ def _follow(z: Buffer, n: int, h: float, body: Body, loads: motion.LoadPolynomia
 
 @kernel
 def _set_up(z: Buffer) -> int:
-    """Set the step size to begin with: half a radian at the rate and acceleration of the start."""
+    """Set the first step size to 0.5 / (|omega| + sqrt |alpha|) at the start: a turn of about half a radian."""
     omega = vec3_at(z, STATE_START + OMEGA)
     alpha = motion.angular_acceleration(quaternion_at(z, STATE_START), omega, body_of(z), loads_of(z))
     rate_scale = math.sqrt(dot(omega, omega)) + math.sqrt(math.sqrt(dot(alpha, alpha)))
@@ -194,7 +198,7 @@ def _set_up(z: Buffer) -> int:
 
 @kernel
 def _advance(z: Buffer, h: float) -> int:
-    """Advance by h; reject the step and change nothing where the motion cannot be followed."""
+    """Advance by h; reject the step and change nothing if the motion is not finite or needs too many substeps."""
     keep(z)
     body, loads = body_of(z), load_polynomial_of(z)
     n = max(ROTATION, part_to_integrate(z, body, loads))
@@ -206,7 +210,7 @@ LOADED_DOP853 = make_model("LOADED_DOP853", _LAYOUT, _set_up, _advance)
 
 
 class Dop853Plan(Plan):
-    """The plan of a body under loads by DOP853, which no scene's own plan takes and no FMU needs."""
+    """The plan of a body under loads by DOP853; planning never selects it, and no FMU contains it."""
 
     spec = ModelSpec("body under loads", LOADED_DOP853.name)
     kernels = LOADED_DOP853
@@ -224,4 +228,4 @@ def _steps(start: motion.State, h: float, n: int, body: Body, loads: Loads) -> m
 
 
 DOP853 = OneStepMethod("DOP853", _steps, 8, float(STAGES))
-"""The method without error control, of attitude and rates alone."""
+"""The method in equal steps, without error control, for attitude and rates alone."""

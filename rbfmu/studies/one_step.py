@@ -1,4 +1,4 @@
-"""What a one-step method is; and one of the reader's own, from a file: as Numba compiles it, or else as Python."""
+"""One-step methods, and how a user's own is loaded from a file: compiled by Numba, or else run as Python."""
 
 import inspect
 import math
@@ -17,17 +17,17 @@ from rbfmu_kernels.rotations.quaternion import normalize
 
 F = TypeVar("F", bound=Callable[..., object])
 compiled: Callable[[F], F] = njit(error_model="numpy", nogil=True)
-"""Compiles what takes any state: a method's step, or a loop of such."""
+"""Compile a function of states of any form: a method's step, or a loop of steps."""
 kept: Callable[[Any], Any] = kernel(inline=False)
-"""Does the same, and keeps the code on disk."""
+"""Compile in the same way, and keep the code on disk."""
 
 
 Form = Any
-"""A state, or its rates, in a method's own form: a tuple, for which Numba compiles anew."""
+"""A state, or its rates, in a method's own form: a tuple. Numba compiles once for each of its types."""
 
 
 def convert(kind: Callable[..., Form], attitude: Callable[[Any], object]) -> Callable[[Form], Form]:
-    """Return a function that makes a state of another kind, whose attitude is a function of the state's."""
+    """Return a function that converts a state to another kind, and its attitude by the function `attitude`."""
     return lambda state: kind(state[0], state[1], attitude(state[2]), state[3])
 
 
@@ -40,9 +40,10 @@ Steps = Callable[[Form, float, int, Body, Loads], Form]
 
 @dataclass(frozen=True)
 class OneStepMethod:
-    """A one-step method, its order, and its evaluations of the right-hand side per step.
+    """A one-step method.
 
-    Where the number varies that is 0, where it is not known NaN.
+    order: 0 if it is not known; evaluations: of the right-hand side per step, 0 if their number varies, NaN if it is
+    not known; start, state_of: convert a `State` to the method's own form and back; compiler: what compiled `steps`.
     """
 
     name: str
@@ -58,7 +59,7 @@ class OneStepMethod:
         return self.state_of(self.path(state, h, [n], body, loads)[0])
 
     def path(self, state: State, h: float, counts: Iterable[int], body: Body, loads: Loads = NO_LOADS) -> list[Form]:
-        """Return the states in the method's own form after so many steps of h each, one after the other."""
+        """Return the states, in the method's own form, after the first count of steps of h s, after the second, ..."""
         y = self.start(state)
         return [y := self.steps(y, h, n, body, loads) for n in counts]
 
@@ -83,11 +84,11 @@ def of_step(name: str, step: Callable[..., Form], order: int, evaluations: float
     return OneStepMethod(name, compiled_loop(name, step), order, evaluations, *forms)
 
 
-# A method of the reader's own
+# A user's own method
 
 
 class _Own(OneStepMethod):
-    """A method of a file: what its step raises is told with its name, whatever it is."""
+    """A method from a user's file; any exception of its step becomes a ValueError that names the method."""
 
     def path(self, state: State, h: float, counts: Iterable[int], body: Body, loads: Loads = NO_LOADS) -> list[Form]:
         try:
@@ -102,7 +103,7 @@ _TRIED = (1.0, 0.0, 0.0, 0.0), (0.3, 1.0, 0.2)
 
 
 def method_of_file(path: str | Path) -> OneStepMethod:
-    """Return the method of a file, named as the file is; ValueError says what is wrong with it."""
+    """Return the method whose `step` is in a user's file, with the file's name. Raises ValueError if it has none."""
     path = path_of(path)
     try:
         step = runpy.run_path(str(path)).get("step")
@@ -110,13 +111,13 @@ def method_of_file(path: str | Path) -> OneStepMethod:
         if not callable(step) or len(inspect.signature(step).parameters) != 5:
             raise ValueError(f"{EXPECTED}, got {'none' if step is None else step}")
         _check(step(*_TRIED, 0.01, Body(1.0, _I, _I, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0), NO_LOADS))
-    except Exception as error:  # whatever a reader's file raises
+    except Exception as error:  # a user's file may raise anything
         kind = "" if type(error) is ValueError else f"{type(error).__name__}: "
         raise ValueError(f"{path}: {kind}{error}") from error
     try:
         name, loop = path.stem, compiled_loop(path.stem, _step_of(compiled(step)), compiled)
         loop(State((0.0,) * 3, (0.0,) * 3, *_TRIED), 0.01, 1, Body(1.0, _I, _I, (0.0,) * 3, (0.0,) * 3, 1.0), NO_LOADS)
-    except (NumbaError, TypeError):  # the latter of an object that is called as a function
+    except (NumbaError, TypeError):  # TypeError: an object that can be called, but is no function
         name, loop = f"{path.stem} (as Python)", _interpreted(step)
     return _Own(name, loop, 0, math.nan, compiler=compiled)
 
@@ -132,7 +133,7 @@ def _check(found: Any) -> None:
 
 
 def _step_of(step: Any) -> Any:
-    """Return the step of a state: arrays and tuples serve for attitude and rates, and the centre of mass stays."""
+    """Return a step of whole states from one that returns (q, omega), arrays or tuples; the centre of mass stays."""
 
     @compiled
     def step_of_state(state: State, h: float, body: Body, loads: Loads) -> State:
@@ -150,7 +151,7 @@ def _interpreted(step: Callable[..., Any]) -> Steps:
         try:
             for _ in range(n):
                 q, omega = (tuple(map(float, part)) for part in step(q, omega, h, body, loads))
-        except ArithmeticError:  # where compiled code gives NaN
+        except ArithmeticError:  # compiled code gives NaN instead
             q, omega = (math.nan,) * 4, (math.nan,) * 3
         return State(state.r_c, state.v_c, q, omega)
 

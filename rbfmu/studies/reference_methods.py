@@ -34,7 +34,7 @@ class OtherState(NamedTuple):
 
 _inlined: Callable[[F], F] = njit(error_model="numpy", forceinline=True)
 Advance = Callable[[Form, float, Form], Form]
-"""Gives state + s rates."""
+"""A function (state, s, rates) that returns state + s rates."""
 NONE: Vec3 = (0.0, 0.0, 0.0)
 NO_TURN: Quaternion = (1.0, 0.0, 0.0, 0.0)
 MAX_ROUNDS = 100
@@ -44,7 +44,7 @@ MAX_ROUNDS = 100
 
 
 def _advance_by(kind: Callable[..., Form], add: Callable[[Any, float, Any], object]) -> Advance:
-    """Return a function that gives state + s rates as a state of a kind, where `add` does so for attitudes."""
+    """Return the function state + s rates for states of a kind; `add` is the same function for attitudes."""
 
     @_inlined
     def advance(state: Form, s: float, rates: Form) -> Form:
@@ -82,7 +82,7 @@ def semi_implicit_euler_step(state: State, h: float, body: Body, loads: Loads) -
 
 
 def _sum_of(advance: Advance) -> Callable[[Form, Form, Form, Form], Form]:
-    """Return a function that gives k1 + 2 k2 + 2 k3 + k4, so that a state is rounded once and not four times."""
+    """Return a function that adds k1 + 2 k2 + 2 k3 + k4; a step then rounds the state once, not four times."""
 
     @_inlined
     def add_up(k1: Form, k2: Form, k3: Form, k4: Form) -> Form:
@@ -92,11 +92,11 @@ def _sum_of(advance: Advance) -> Callable[[Form, Form, Form, Form], Form]:
 
 
 def rk4(rates: Callable[..., Form], advance: Advance) -> Callable[..., Form]:
-    """Return a step of the classical method of Runge and Kutta; `more` is passed to the rates.
+    """Return a step of the classical Runge-Kutta method of order 4; `more` is passed to the rates.
 
-    The order is 4. On q as on any vector each step scales |q| by 1 - (h omega)^6 / 9216, and steps are stable up to
-    h omega = 4 sqrt 2 (attitude) and h d / I = 2.785 (damping). On the nine numbers of R, |R^T R - I| =
-    n (h omega)^6 / 72 after n steps; on yaw, pitch and roll (ZYX) it is singular where cos(pitch) = 0.
+    Applied to q without normalisation, a step scales |q| by 1 - (h omega)^6 / 9216. Steps are stable up to
+    h omega = 4 sqrt 2 (attitude) and h d / I = 2.785 (damping). Applied to the nine numbers of R, it gives
+    |R^T R - I| = n (h omega)^6 / 72 after n steps. For yaw, pitch, roll (ZYX) it is singular where cos(pitch) = 0.
     """
     add_up = _sum_of(advance)
 
@@ -130,7 +130,7 @@ def _difference(a: State, b: State) -> float:
 
 @kernel(inline=False)
 def midpoint(state: State, h: float, body: Body, loads: Loads) -> tuple[State, float]:
-    """Return (y, rounds), y = state + h / 2 f(y), by fixed-point iteration; rounds = MAX_ROUNDS where it fails."""
+    """Return (y, rounds) with y = state + h / 2 f(y), by fixed-point iteration; rounds = MAX_ROUNDS if it fails."""
     middle, change, rounds, omega = state, 1.0, 0.0, state.omega_b
     size = 1.0 + abs(omega[0]) + abs(omega[1]) + abs(omega[2])
     while change > 1e-15 * size and rounds < MAX_ROUNDS:
@@ -241,7 +241,7 @@ MOST_ROUNDS = 10_000  # the iteration is slow near the largest step that has a s
 
 @kernel(inline=False)
 def _moser_veselov_steps(state: State, h: float, n: int, moments: Vec3, inverse: Vec3) -> State:
-    """Take n steps with modified `inverse` moments, each by a Cayley vector c: R = (1 + skew(c))(1 - skew(c))^-1."""
+    """Take n steps with modified inverse moments; each turns by R = (1 + skew(c)) (1 - skew(c))^-1, c = (x, y, z)."""
     r, v, q, omega = state
     m = (moments[0] * omega[0], moments[1] * omega[1], moments[2] * omega[2])
     i, j, k = 1.0 / inverse[0], 1.0 / inverse[1], 1.0 / inverse[2]
@@ -267,7 +267,7 @@ def _moser_veselov_steps(state: State, h: float, n: int, moments: Vec3, inverse:
 
 
 def _coefficients(moments: Vec3) -> tuple[list[float], list[float]]:
-    """Return weights of C, H, C^2, CH, H^2, ... H^4 (orders 4, 4, 6, 6, 6, ... 10) in both series of `_modified`."""
+    """Return coefficients of C, H, C^2, CH, H^2, ... H^4 (orders 4, 4, 6, 6, 6, ... 10) in s and d of `_modified`."""
     a, b, c = moments
     D = a * b * c
 
@@ -319,7 +319,7 @@ _DEGREES = [(n - j, j) for n in (1, 2, 3, 4) for j in range(n + 1)]
 
 
 def _modified(order: int, h: float, moments: Vec3, omega: Vec3) -> Vec3:
-    """Return modified inverse moments s(C, H) / I + d(C, H), C = h^2 |m|^2 / 2, H = h^2 m . omega / 2."""
+    """Return the inverse moments (1 + s(C, H)) / I + d(C, H), C = h^2 |m|^2 / 2, H = h^2 m . omega / 2, m = I omega."""
     m = (moments[0] * omega[0], moments[1] * omega[1], moments[2] * omega[2])
     C, H = 0.5 * h * h * dot(m, m), 0.5 * h * h * dot(m, omega)
     terms = [C**i * H**j for i, j in _DEGREES if 2 * (i + j) + 2 <= order]

@@ -1,7 +1,7 @@
-"""A motion to look at: of a scene, which is simulated at the instants of its pictures, or of a result.
+"""Motions to look at in 3D: of a scene, which is simulated at the instants of the pictures, or of a result.
 
-What is shown: the body's shape, which is a scene's or the box with the same mass and inertia; its motion; and ghosts,
-which are members of a scene's ensemble, beside the scene's own motion. `page` draws it.
+Shown are the body, in the shape that the scene gives or as the box with the same mass and inertia; its motion; and
+ghosts, which are members of the scene's ensemble, beside the scene's own motion. `page` draws them.
 """
 
 import math
@@ -31,15 +31,15 @@ from rbfmu_kernels.compile.tiered import evaluated
 
 
 THINNEST = 0.1
-"""The least side of what is drawn, of the largest: so that rods and sheets are seen."""
+"""The shortest side that is drawn, as a part of the longest, so that rods and sheets are visible."""
 ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 UNTURNED: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
 class Shape(NamedTuple):
-    """What is drawn of a body: sides along its own axes p (m), its centre in b (m), and q_bp.
+    """The shape in which a body is drawn: its sides along its axes p (m), its centre in b (m), and q_bp.
 
-    kind: box, cylinder (about z) or ellipsoid.
+    kind: box, cylinder (about z) or ellipsoid; text: what the page says about it.
     """
 
     kind: str
@@ -50,7 +50,7 @@ class Shape(NamedTuple):
 
     @property
     def radius(self) -> float:
-        """Return half the longest way through it (m)."""
+        """Return half the diagonal of the box with these sides, m."""
         return float(np.linalg.norm(self.sides)) / 2.0
 
 
@@ -63,11 +63,11 @@ DRAWN: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
     "sphere": ("ellipsoid", lambda shape: (2.0 * shape["radius"],) * 3),
     "ellipsoid": ("ellipsoid", lambda shape: [2.0 * semiaxis for semiaxis in shape["semiaxes"]]),
 }
-"""By the kind of a scene's table `body.shape`: what is drawn, and its sides."""
+"""The kind of shape that is drawn, and a function for its sides, by the kind in a scene's table `body.shape`."""
 
 
 def shape_of(scene: Scene | None, as_box: bool = False) -> Shape:
-    """Return the shape to draw for a scene; as_box: as a box also where its body was made of another one."""
+    """Return the shape to draw for a scene; as_box: as the equivalent box, even if the scene gives a shape."""
     if scene is None or scene.body is None:
         return PLAIN
     if (given := scene.body.given_shape) and not as_box:
@@ -82,7 +82,7 @@ def shape_of(scene: Scene | None, as_box: bool = False) -> Shape:
 
 
 def equivalent_box(mass: float, moments: Vec3 | Array) -> Vec3:
-    """Return the sides (m) of the homogeneous box with these principal moments (kg m2), along their axes."""
+    """Return the sides (m) along the principal axes of the homogeneous box with this mass and these moments (kg m2)."""
     squares = 6.0 * (np.sum(moments) - 2.0 * np.asarray(moments)) / mass
     x, y, z = np.sqrt(np.maximum(squares, 0.0)).tolist()
     return x, y, z
@@ -100,7 +100,7 @@ def longest(vectors: Array) -> float:
 
 
 class Ghost(NamedTuple):
-    """The attitude q_ab (n, 4) and the place of o in a (n, 3), m, of a member."""
+    """A member's motion: its attitude q_ab (n, 4), and the position of o in a (n, 3), m."""
 
     quaternion: Array
     position: Array
@@ -108,7 +108,10 @@ class Ghost(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Motion:
-    """A motion at the instants of its pictures, with the page that plays it; up: against gravity, or z."""
+    """A motion at the instants of its pictures, with the page that plays it.
+
+    played: how long it is played, s; up: the direction against gravity in a, or z without gravity.
+    """
 
     title: str
     result: Result
@@ -124,7 +127,7 @@ class Motion:
 
     @cached_property
     def quaternion(self) -> Array:
-        """Return q_ab (n, 4). Raises ValueError where the result has no attitude."""
+        """Return q_ab (n, 4). Raises ValueError if the result has no attitude."""
         known = self.result.quantities
         if "quaternion" in known:
             return known["quaternion"]
@@ -135,17 +138,17 @@ class Motion:
 
     @cached_property
     def position(self) -> Array:
-        """Return the place of o in a (n, 3), m; zero where the result does not say."""
+        """Return the position of o in a (n, 3), m; zero if the result does not have it."""
         return self.result.quantities.get("position", np.zeros((len(self.result.time), 3)))
 
     @property
     def angular_momentum(self) -> Array | None:
-        """Return h_a (n, 3), kg m2/s, or None."""
+        """Return the angular momentum in a (n, 3), kg m2/s; None if it is not known."""
         return self.result.quantities.get("angular_momentum_a")
 
     @property
     def rate(self) -> Array | None:
-        """Return omega_ab_a (n, 3), rad/s, or None."""
+        """Return omega_ab_a (n, 3), rad/s; None if it is not known."""
         known = self.result.quantities
         if "omega_a" in known or "omega_b" not in known:
             return known.get("omega_a")
@@ -153,12 +156,12 @@ class Motion:
 
     @property
     def largest_rate(self) -> float:
-        """Return the largest rate, rad/s; 0 where it is not known."""
+        """Return the largest |omega|, rad/s; 0 if it is not known."""
         return 0.0 if self.rate is None else longest(self.rate)
 
     @cached_property
     def largest_turn(self) -> float:
-        """Return the largest angle from one picture to the next (rad)."""
+        """Return the largest angle in rad by which the body turns from one picture to the next."""
         return float(np.max(angle_between(self.quaternion[:-1], self.quaternion[1:])))
 
     @cached_property
@@ -172,15 +175,15 @@ class Motion:
         return f'<iframe srcdoc="{escape(self.page)}" width="100%" height="620" style="border:none"></iframe>'
 
 
-# Of what it is made
+# Motions from scenes and results
 
 
 MOST_GHOSTS = 50
 
 
 def ghosts_of(scene: Scene, count: int) -> tuple[Ghost, ...]:
-    """Return the first members of the scene's ensemble at its communication points, without those that failed."""
-    from rbfmu.ensembles import chunks, planning, variables  # which no other motion needs, nor an FMU's picture
+    """Return the motions of the ensemble's first `count` members at communication points, without failed ones."""
+    from rbfmu.ensembles import chunks, planning, variables  # neither other motions nor an FMU's picture need these
 
     moving = [name for name in ("position", "quaternion") if name in scene.outputs.quantities]
     shown = scene.replace({"outputs.quantities": moving, "ensemble.keep": [variables.ALL]})
@@ -194,24 +197,24 @@ def ghosts_of(scene: Scene, count: int) -> tuple[Ghost, ...]:
 FPS = 30.0
 """Pictures a second."""
 REAL_TIME = (4.0, 60.0)
-"""Spans (s) that are shown as they pass; others take `PLAYED` s."""
+"""Runs whose length (s) is between these two are played in real time; others are played in `PLAYED` s."""
 PLAYED = 20.0
 MAX_PICTURES = 3000
 MAX_TURN = 0.25
-"""The largest angle (rad) from one picture to the next, 25 pictures a turn; a faster spin is played slower."""
+"""The largest angle (rad) from one picture to the next, 25 pictures a turn; faster spins are played more slowly."""
 FEWEST = 5.0
-"""Pictures a second, where no more instants are known."""
+"""The least number of pictures a second; a motion with few known instants is played faster."""
 
 
 class Pictures(NamedTuple):
-    """How many pictures, and how long they are played (s)."""
+    """The number of pictures, and how long they are played, s."""
 
     number: int
     played: float
 
 
 def pictures(span: float, largest_rate: float, rows: float = math.inf) -> Pictures:
-    """Return the pictures of a span (s) in which the body turns at most this fast (rad/s); rows: instants known."""
+    """Return the pictures of a run of `span` s with at most this |omega|, rad/s; rows: the number of known instants."""
     played = span if REAL_TIME[0] <= span <= REAL_TIME[1] else PLAYED
     smooth = min(max(FPS * played, largest_rate * span / MAX_TURN), MAX_PICTURES - 1.0)
     return Pictures(int(min(math.ceil(smooth) + 1, rows)), min(smooth / FPS, rows / FEWEST))
@@ -224,10 +227,12 @@ def motion_of_scene(
     scene: Scene, progress: Callable[[float], object] | None = None, ghosts: int = 0,
     driven: Mapping[str, Any] | None = None,
 ) -> Motion:  # fmt: skip
-    """Simulate a scene, and show it; driven: inputs, and how to interpolate them.
+    """Simulate a scene and return its motion.
 
-    Under inputs it is shown as its communication step lets, with ports at zero at the instants of the pictures.
-    ghosts: how many members of its ensemble are shown beside it. Raises SceneError, and ValueError for too many ghosts.
+    driven: inputs, and how to interpolate them. With inputs, pictures are taken from the scene's communication points.
+    Without, ports keep their start values, and the pictures' instants are the communication points.
+    ghosts: the number of members of its ensemble that are shown beside it. Raises SceneError, and ValueError for a
+    wrong number of ghosts.
     """
     if not isinstance(ghosts, int) or isinstance(ghosts, bool) or not 0 <= ghosts <= MOST_GHOSTS:
         raise ValueError(section.fault("ghosts", ghosts, f"a whole number from 0 to {MOST_GHOSTS}"))
@@ -240,9 +245,9 @@ def motion_of_scene(
     wanted = scene.replace({"outputs.quantities": tuple(name for name in QUANTITIES if name in shown)})
     if driven:
         return motion_of_result(simulate(wanted, **driven), scene.name, scene)
-    from rbfmu.planning.select import plan  # a result's motion does without
+    from rbfmu.planning.select import plan  # motions of results do not need it
 
-    warn(scene, doubts_of(scene.body) if scene.body else ())  # its steps are not those of the pictures
+    warn(scene, doubts_of(scene.body) if scene.body else ())  # doubts about its steps do not matter for pictures
     chosen = plan(wanted, progress=progress)
     wanted, result = _in_few_pictures(wanted, chosen)
     coarse = _motion(scene.name, result, scene)
@@ -254,7 +259,7 @@ def motion_of_scene(
 
 
 def _in_few_pictures(scene: Scene, chosen: Plan) -> tuple[Scene, Result]:
-    """Return a scene, which stops where an event ends its run, and its motion in as many pictures as rest takes."""
+    """Return a scene, which now ends where an event ends its run, and its motion in the pictures of a body at rest."""
     result = run_of(_at_pictures(scene, 0.0), chosen)
     if not any(scene.events[name].stop and len(times) for name, times in result.events.items()):
         return scene, result
@@ -264,14 +269,14 @@ def _in_few_pictures(scene: Scene, chosen: Plan) -> tuple[Scene, Result]:
 
 
 def _at_pictures(scene: Scene, largest_rate: float, stop: float | None = None) -> Scene:
-    """Return a scene, perhaps with another stop, whose communication points are the instants of its pictures."""
+    """Return a scene whose communication points are the instants of its pictures; stop: another end of its run, s."""
     stop = scene.run.stop if stop is None else stop
     span = stop - scene.run.start
     return scene.replace(run={"stop": stop, "step": span / (pictures(span, largest_rate).number - 1)})
 
 
 def motion_of_result(result: Result, title: str, scene: Scene | None = None) -> Motion:
-    """Return the motion of a result; scene: whose body it is. Raises ValueError without an attitude, or of gaps."""
+    """Return the motion of a result; scene: the one with its body. Raises ValueError for gaps or without attitude."""
     for name, values in {"time": result.time, **result.quantities}.items():
         refuse_gaps(name, values)
     quaternion_lengths(result.quantities.get("quaternion", np.empty((0, 4))))
@@ -309,13 +314,14 @@ def view(
     progress: Callable[[float], object] | None = None,
     ghosts: int = 0,
 ) -> Motion:
-    """Return a motion that a notebook plays in 3D; with a path, write the page that plays it in any browser as well.
+    """Return a motion that a notebook plays in 3D; if a path is given, write a page that plays it in any browser.
 
-    source: a scene, a result, or a file of either (.toml, .csv, .npz, .aem); scene: whose body a result moves, else a
-    plain body is drawn; stop: the end of what is shown, s, if it is not the run's; inputs, interpolate: what drives a
-    scene's ports, as for `simulate`; progress: is told which part of planning is done; ghosts: how many runs of the
-    scene's ensemble, up to 50, are shown as pale bodies beside its own motion. Raises SceneError, SimulationError,
-    ModuleNotFoundError without viser, and ValueError where a result has no attitude.
+    source: a scene, a result, or a file of either (.toml, .csv, .npz, .aem); scene: the scene whose body a result
+    moves (without it a plain body is drawn); stop: the end of the motion shown, s, by default that of the run; inputs,
+    interpolate: what drives a scene's ports, as for `simulate`; progress: called with the part of planning that is
+    done; ghosts: the number of runs of the scene's ensemble, up to 50, that are shown as pale bodies beside its own
+    motion. Raises SceneError, SimulationError, ModuleNotFoundError without viser, and ValueError if a result has no
+    attitude.
     """
     needed("viser", "view")
     title = "motion"
@@ -342,7 +348,7 @@ def view(
         name = source.name if isinstance(source, Scene) else str(source)
         with faults_of(name if stop is None else f"{name} with stop {stop!r}"):
             played = loaded if stop is None else loaded.replace(run={"stop": stop})
-            tables = input_tables(played, inputs, interpolate)  # read once, and refused before anything is planned
+            tables = input_tables(played, inputs, interpolate)  # read once; wrong inputs fail before planning
             driven = {"inputs": tables, "interpolate": interpolate} if tables else None
             motion = motion_of_scene(played, progress, ghosts, driven)
     if path is not None:

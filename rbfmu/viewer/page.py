@@ -1,4 +1,4 @@
-"""The page that plays a motion: a drawing recorded by viser, and a panel over it with title, values and colours."""
+"""The page that plays a motion: a drawing that viser records, and over it a panel with title, values and colours."""
 
 import base64
 import json
@@ -18,61 +18,61 @@ from rbfmu.arrays import rotate
 from rbfmu.types import Array
 from rbfmu.viewer import Motion, longest
 
-# Where things are drawn: in lengths of which 1 is half the body's size as drawn
+# Positions in the drawing, where the unit of length is the radius of the body as it is drawn
 
 
 LONGEST = 8.0
-"""The reach of a path, in sizes of the body, up to which the body is drawn to the scale of its path."""
+"""The reach of a path, in radii of the body, up to which body and path are drawn to the same scale."""
 AXIS_B, AXIS_A, LONGEST_ARROW = 1.6, 2.1, {"h": 2.6, "ω": 2.0}
-"""Lengths of the axes of b, of a, and of the longest angular momentum and rate."""
+"""The lengths of the axes of b, of those of a, and of the longest angular momentum and rate."""
 LETTER = 0.25
-"""How far letters stand out beyond tips."""
+"""The room for letters beyond the tips of axes and arrows."""
 STILL = 0.05
-"""The way of an axis' tip (rad) that is no trace."""
+"""The length (rad) up to which the way of an axis' tip is too short for a trace."""
 STROBE = 1.0
 """The angle between pictures (rad) from which on a spin looks wrong."""
 
 
 class Geometry:
-    """A motion as it is drawn."""
+    """The positions and directions in the drawing of a motion."""
 
     def __init__(self, motion: Motion) -> None:
         self.motion, shape = motion, motion.shape
         self.paths = np.vstack([motion.position, *(ghost.position for ghost in motion.ghosts)])
-        """Where o comes to (n, 3), m, also those of the ghosts."""
+        """All positions of o (n, 3), m, including those of the ghosts."""
         self.reach = float(np.linalg.norm(np.ptp(self.paths, axis=0))) / 2.0
-        """The half of the box round all paths of o, diagonally (m)."""
+        """Half the diagonal of the box around all paths of o (m)."""
         self.body_radius = shape.radius + float(np.linalg.norm(shape.centre))
         """The radius of the body about o (m)."""
         self.enlarged = max(1.0, self.reach / (LONGEST * self.body_radius))
-        """How many times too large the body is drawn beside all paths."""
+        """The factor by which the body is drawn too large compared with the paths."""
         self.unit = self.body_radius * self.enlarged
-        """The metres of a path in one length of the drawing."""
+        """The length in m along a path that has the length 1 in the drawing."""
         begin = motion.position[0]
         self.origin_a = begin if np.linalg.norm(begin) > 2.0 * self.reach + 4.0 * self.unit else np.zeros(3)
-        """Where the axes of a are drawn (m): at its origin, or at the path's beginning if that is far off."""
+        """Where the axes of a are drawn (m): at its origin, or at the start of the path if that is far away."""
         points = np.vstack([self.paths, self.origin_a[None]])
         self.middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
-        """The middle of what is drawn (m)."""
+        """The middle of all that is drawn (m)."""
         self.path, self.ghost_paths = self.place(motion.position), [self.place(g.position) for g in motion.ghosts]
-        """o in the drawing (n, 3), and that of each ghost."""
+        """The path of o in the drawing (n, 3), and that of each ghost."""
         lever = rotate(motion.quaternion, np.array(shape.centre) / self.body_radius)
         self.base = self.path if motion.pivot else self.path + lever
-        """Where arrows begin (n, 3): at the centre of mass, with a pivot at o."""
+        """Where arrows begin (n, 3): at the centre of mass, or at o if that is a pivot."""
         self.toward = _toward(np.array(motion.up), self.path[-1] - self.path[0])
-        """The direction from the middle to whom looks."""
+        """The direction from the middle to the viewer."""
         right = np.cross(motion.up, self.toward)
         right /= np.linalg.norm(right)
         self.screen = np.stack([right, np.cross(self.toward, right), self.toward])
-        """The directions to the right, upwards and to whom looks, as rows."""
+        """The directions to the right, upwards and to the viewer, as rows."""
 
     def place(self, points: Array) -> Array:
-        """Return points of a (..., 3), m, in the drawing."""
+        """Return points in a (..., 3), m, as points in the drawing."""
         return np.asarray((points - self.middle) / self.unit)
 
     @cached_property
     def points(self) -> Array:
-        """Return the outermost points of all that is drawn (n, 3): bodies, and tips of axes and arrows."""
+        """Return the outermost points of the drawing (n, 3): those of bodies, and the tips of axes and arrows."""
         arrows = [self.base + vectors for vectors in self.arrows.values()]
         tips = [self.path + AXIS_B * self._tips(k) for k in range(3)]
         paths = self.place(self.paths)
@@ -80,7 +80,10 @@ class Geometry:
         return np.vstack([self.place(self.origin_a) + AXIS_A * np.eye(3), *tips, *arrows, *bodies])
 
     def camera(self, field_of_view: float) -> tuple[Array, Array]:
-        """Return the point that is looked at, and where from, so that all that is drawn just fits, with its letters."""
+        """Return (point looked at, camera position), with which all that is drawn just fits, including letters.
+
+        field_of_view: the angle of view, rad.
+        """
         seen = self.points @ self.screen.T
         middle = (seen.min(axis=0) + seen.max(axis=0)) / 2.0
         aside = np.max(np.abs(seen - middle)[:, :2], axis=1) + LETTER
@@ -89,20 +92,23 @@ class Geometry:
 
     @cached_property
     def arrows(self) -> dict[str, Array]:
-        """Return angular momentum and rate (n, 3), as far as they are known, as arrows by their names."""
+        """Return the arrows (n, 3) of angular momentum and rate by their names, as far as these are known."""
         known = {"h": self.motion.angular_momentum, "ω": self.motion.rate}
         return {name: v * (LONGEST_ARROW[name] / (longest(v) or 1.0)) for name, v in known.items() if v is not None}
 
     @cached_property
     def traced(self) -> int | None:
-        """Return the axis of b whose tip goes the shortest way that is one, or None."""
+        """Return the axis (0, 1 or 2) of b whose tip leaves a trace, or None.
+
+        It is the one that moves least, but more than `STILL`. There is none if the spin looks wrong (`STROBE`).
+        """
         ways = [float(np.sum(np.linalg.norm(np.diff(self._tips(k), axis=0), axis=1))) for k in range(3)]
         moved = [k for k in range(3) if ways[k] > STILL]
         return min(moved, key=lambda k: (ways[k], -k)) if moved and self.motion.largest_turn < STROBE else None
 
     @cached_property
     def trace(self) -> Array:
-        """Return the way of the traced axis' tip (n, 3) in the drawing."""
+        """Return the path of the traced axis' tip in the drawing (n, 3)."""
         return self.path + AXIS_B * self._tips(self.traced or 0)
 
     def _tips(self, axis: int) -> Array:
@@ -110,7 +116,7 @@ class Geometry:
 
 
 def _toward(up: Array, way: Array) -> Array:
-    """Return the direction to look from: across the way of o, a little from above."""
+    """Return the direction from which the motion is seen: across the way of o, and a little from above."""
     side = np.eye(3)[int(np.argmin(np.abs(up)))]
     across = np.cross(up, way)
     if np.linalg.norm(across) > 1.0:
@@ -128,17 +134,17 @@ Color = tuple[int, int, int]
 BODY, TRACE, FIXED = (130, 165, 205), (190, 90, 150), (120, 120, 120)
 ARROW = {"h": (213, 94, 0), "ω": (0, 130, 95)}
 CHUNKS = 200
-"""Pieces of the trace, each of which appears when the tip has passed."""
+"""The number of pieces of the trace; each appears after the tip has passed it."""
 TAIL = 60.0
-"""The length of the trace that stays, in sizes of the body."""
+"""The length of the trace that remains visible, in radii of the body."""
 FIELD_OF_VIEW = 0.7
 LETTERS = ("x", "y", "z")
 SEEN = {"h": "#dca640", "ω": "#15a092", "trace": "#c95fa6"}
-"""What colours look like in the drawing's light."""
+"""Colours for the legend: how these arrows and the trace look in the light of the drawing."""
 
 
 def motion_page(motion: Motion) -> str:
-    """Return the page that plays a motion."""
+    """Return the HTML page that plays a motion, with its panel."""
     geometry = Geometry(motion)
     panel = files("rbfmu.viewer").joinpath("panel.html").read_text(encoding="utf-8")
     data = json.dumps(_data(geometry)).replace("<", "\\u003c")
@@ -200,7 +206,7 @@ def _pace(factor: float) -> str:
 
 
 def record_page(geometry: Geometry) -> str:
-    """Return the page that plays the motion."""
+    """Return the HTML page of viser that plays the motion, without a panel."""
     with _server() as server:
         _look(server, geometry)
         scene, motion = server.scene, geometry.motion
@@ -218,7 +224,7 @@ def record_page(geometry: Geometry) -> str:
 
 @contextmanager
 def _server() -> Iterator[ViserServer]:
-    """Run viser's server on this machine alone; it says nothing."""
+    """Run viser's server, which only this machine can reach, without its messages."""
     console = rich.get_console()
     with ExitStack() as stack:
         stack.callback(setattr, console, "quiet", console.quiet)
@@ -239,7 +245,7 @@ def _look(server: ViserServer, geometry: Geometry) -> None:
 
 
 Show = Callable[[int], None]
-"""What brings a part of the drawing to where it is in picture k."""
+"""A function that moves a part of the drawing to its place in picture k."""
 
 
 def _axes(scene: SceneApi, name: str, length: float, radius: float, frame: str, position: Array) -> FrameHandle:
@@ -250,7 +256,7 @@ def _axes(scene: SceneApi, name: str, length: float, radius: float, frame: str, 
 
 
 def _moving(frame: FrameHandle, quaternion: Array, path: Array) -> Show:
-    """Move a frame with what is drawn in it: q_ab (n, 4), and o (n, 3) in the drawing."""
+    """Return what moves a frame and all that is drawn in it; quaternion: q_ab (n, 4); path: o in the drawing (n, 3)."""
 
     def show(k: int) -> None:
         frame.wxyz, frame.position = quaternion[k], path[k]
@@ -259,25 +265,25 @@ def _moving(frame: FrameHandle, quaternion: Array, path: Array) -> Show:
 
 
 def _body(scene: SceneApi, geometry: Geometry) -> Show:
-    """Draw the body and the axes of b, which move with it."""
+    """Draw the body and the axes of b; return what moves both."""
     centre = np.array(geometry.motion.shape.centre) / geometry.body_radius
     axes = _axes(scene, "/b", AXIS_B, 0.03, "b", geometry.path[0])
     _add_shape(scene, "/b/body", geometry, 0.85)
-    if any(centre):  # thicker than an axis, which may lie in it
+    if any(centre):  # a stem from o to the centre, thicker than the axes, which may lie inside it
         scene.add_cylinder("/b/stem", radius=0.06, height=float(np.linalg.norm(centre)), color=FIXED,
                            wxyz=_turn_of_z(centre), position=centre / 2.0)  # fmt: skip
     return _moving(axes, geometry.motion.quaternion, geometry.path)
 
 
 def _turn_of_z(way: Array) -> Array:
-    """Return the unit quaternion of a turn that takes z to the direction of a vector."""
+    """Return a unit quaternion that turns the z axis into the direction of a vector."""
     x, y, z = way / np.linalg.norm(way)
     half = np.array([1.0 + z, -y, x, 0.0])
     return half / np.linalg.norm(half) if z > -1.0 + 1e-9 else np.array([0.0, 1.0, 0.0, 0.0])
 
 
 def _add_shape(scene: SceneApi, name: str, geometry: Geometry, opacity: float) -> None:
-    """Draw the body's shape in the frame that the name begins with."""
+    """Draw the body's shape in the frame that is the first part of its name."""
     shape = geometry.motion.shape
     sides, centre = np.array(shape.sides) / geometry.body_radius, np.array(shape.centre) / geometry.body_radius
     place = {"wxyz": shape.q_bp, "position": centre, "color": BODY, "opacity": opacity}
@@ -290,7 +296,7 @@ def _add_shape(scene: SceneApi, name: str, geometry: Geometry, opacity: float) -
 
 
 def _ghosts(scene: SceneApi, geometry: Geometry) -> Iterator[Show]:
-    """Draw members of the ensemble: pale bodies."""
+    """Draw members of the ensemble as pale bodies; yield what moves each."""
     paths = geometry.ghost_paths
     for number, (ghost, path) in enumerate(zip(geometry.motion.ghosts, paths, strict=True)):
         frame = scene.add_frame(f"/ghost_{number}", show_axes=False)
@@ -299,7 +305,7 @@ def _ghosts(scene: SceneApi, geometry: Geometry) -> Iterator[Show]:
 
 
 def _arrow(scene: SceneApi, name: str, vectors: Array, base: Array) -> Show:
-    """Draw a vector of a from the body; it is hidden where it is zero."""
+    """Draw a vector, given in a, as an arrow from the body; it is hidden while it is nearly zero."""
     ends, sizes = np.stack([base, base + vectors], axis=1), np.linalg.norm(vectors, axis=1)
     arrow = scene.add_arrows(f"/{name}", ends[:1], ARROW[name], shaft_radius=0.035, head_radius=0.09, head_length=0.25)
     label = scene.add_label(f"/{name}_label", name, anchor="center-center")
@@ -316,7 +322,7 @@ def _arrow(scene: SceneApi, name: str, vectors: Array, base: Array) -> Show:
 
 
 def _trace(scene: SceneApi, geometry: Geometry) -> Show:
-    """Draw the path of o, and the way of an axis' tip, which appears in pieces and goes again when it is long."""
+    """Draw the path of o and the trace of an axis' tip; its pieces appear in turn, and vanish `TAIL` behind the tip."""
     if np.ptp(geometry.path, axis=0).any():
         _line(scene, "/path", geometry.path, FIXED)
     tip = geometry.trace
@@ -333,7 +339,7 @@ def _trace(scene: SceneApi, geometry: Geometry) -> Show:
 
 
 def _set_visible(part: SceneNodeHandle, visible: bool) -> None:
-    """Record it only where it changes: each setting is a message in the page."""
+    """Set the visibility only if it changes, as each setting adds a message to the page."""
     if part.visible != visible:
         part.visible = visible
 

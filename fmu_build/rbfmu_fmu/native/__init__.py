@@ -1,1 +1,1 @@
-"""The native kind of FMU, which needs nothing: object code of the kernels below a C layer."""
+"""The native kind of FMU, which needs nothing else in the importer: object code of the kernels under a C layer."""

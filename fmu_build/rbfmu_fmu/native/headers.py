@@ -1,4 +1,4 @@
-"""The C headers that are generated: the rules of calls; of a scene numbers, names, and derivatives at the start."""
+"""Generated C headers: the rules of calls, and for a scene its numbers, its names, and derivatives at the start."""
 
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -21,21 +21,21 @@ from rbfmu_kernels.buffer import CHANGED, FAULTS, OK, PAST_STOP, STEP_REJECTED
 from rbfmu_kernels.quantities import elements
 
 MAX_DERIVATIVE_ORDER = 2
-"""The highest order of a derivative with respect to time that the C layer's table has room for."""
+"""The highest order of time derivatives for which the table of the C layer has room."""
 
 
 def headers(d: Description, version: FmiVersion, guid: str = "") -> dict[str, str]:
-    """Return C sources by file name."""
+    """Return the generated C headers by file name."""
     return {"call_rules.h": call_rules(), "scene.h": scene_header(d, version, guid), "slopes.h": slopes_header(d)}
 
 
 def _filled(name: str, parts: Mapping[str, object]) -> str:
-    """Return a header that stands beside this file as a template, with its parts."""
+    """Return a header made from its template, which is beside this file, and the parts to fill in."""
     return Template(Path(__file__).with_name(f"{name}.txt").read_text(encoding="ascii")).substitute(parts)
 
 
 def call_rules() -> str:
-    """Return C source of call_rules.py."""
+    """Return the rules in call_rules.py as C source."""
     rules = (f"[{name.upper()}] = {{{_bits(rule.phases)}, {_c(rule.refusal)}}}," for name, rule in CALLS.items())
     settable = (f"[{name.upper()}] = {{{_c(name)}, {_bits(phases)}}}," for name, phases in SETTABLE.items())
     return _filled("call_rules.h", {
@@ -50,9 +50,9 @@ def _table(rows: Iterable[str]) -> str:
 
 
 def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
-    """Return C source of the scene's numbers and names."""
+    """Return the scene's numbers and names as C source."""
     inputs, parameters = (sum(v.causality == c for v in d.variables) for c in ("input", "parameter"))
-    # the Reals that each value reference stands for; that of the time stands for one more
+    # the Reals of each value reference; the time is one more Real
     elements = [one.elements for one in version.references(d)] + [(len(d.variables),)] * version.has_time
     run, unknown, sizes = d.scene.run, max(FAULTS) + 1, [*map(len, elements)]
     faults = FAULTS | {unknown: ("", "initialisation failed")}
@@ -79,16 +79,16 @@ def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
 
 
 _IDENTITIES = {"guid": "guid", "instantiationToken": "instantiation token"}
-"""What identifies an FMU, in words."""
+"""The name of an FMU's identity in messages, by its attribute."""
 
 
 def _rates(variable: Variable) -> list[object]:
-    """Return the places of a variable's derivatives, as many as the C layer's table has room for."""
+    """Return the places of a variable's derivatives, MAX_DERIVATIVE_ORDER of them, for the C layer's table."""
     return [*variable.rates, *["NOT_PROVIDED"] * MAX_DERIVATIVE_ORDER][:MAX_DERIVATIVE_ORDER]
 
 
 def _bits(phases: Iterable[int]) -> str:
-    """Return a set of phases as C."""
+    """Return a set of phases as a C expression of bits."""
     return " | ".join(f"1 << {[*PHASES][k]}" for k in phases) or "0"
 
 
@@ -97,12 +97,12 @@ def _row(items: Iterable[object]) -> str:
 
 
 def _c(text: str) -> str:
-    """Return a C string of plain ASCII."""
+    """Return a C string literal for a text, which must be plain ASCII."""
     assert text.isascii(), text
     return json.dumps(text)
 
 
-# --- derivatives of outputs by parameters in Initialization Mode
+# --- derivatives of outputs with respect to parameters in Initialization Mode
 
 Shown = Mapping[str, Sequence[Number]]
 _IN_C = {kind: text.replace("math.", "") for kind, text in source.VALUES.items()} | {
@@ -113,17 +113,17 @@ _IN_C = {kind: text.replace("math.", "") for kind, text in source.VALUES.items()
 
 
 def slopes_header(d: Description) -> str:
-    """Return C source of `add_changes`, which adds to the changes of outputs what those of parameters make of them.
+    """Return C source of `add_changes`, which adds to the changes of outputs those that changed parameters cause.
 
-    What a parameter changes of the state at the start, and with it and by itself of the outputs, is the same for a
-    closed form as for a series: it comes of the graph of the motion, by forward accumulation, whatever the plan chose.
+    Parameters change outputs at the start, directly and through the initial state, by the same amount for a closed form
+    as for a series. So the derivatives are taken from the graph of the motion, by forward accumulation, for any plan.
     """
     blocks, parameters = d.plan.kernels.BLOCKS, {v.offset for v in d.variables if v.causality == "parameter"}
     sizes = {name: model_buffer.size_of_block(block) for name, block in blocks.items() if block.start in parameters}
     set_by = [element for name, size in sizes.items() for element in elements(name, size)]
     start, shown = (_prescribed if d.scene.body is None else _of_body)(set_by, d.scene)
-    outputs = [v for v in d.outputs if v.block in shown]  # the last time of an event is none of the motion's
-    own = {name: f"{STATE}{name}" for name in d.scene.states}  # which may be called as a block of the body's, such as q
+    outputs = [v for v in d.outputs if v.block in shown]  # without the times of events, which the motion does not have
+    own = {name: f"{STATE}{name}" for name in d.scene.states}  # own states may have a name of the body's blocks, as q
     places = [v.offset - blocks[own.get(v.block, v.block)].start for v in outputs]
     changes = changes_of([shown[v.block][i] for v, i in zip(outputs, places, strict=True)], start.changes)
     lines, found = source.lines_of(start.graph, changes, _leaves_in_c(start.graph, blocks), _IN_C)
@@ -140,13 +140,13 @@ def slopes_header(d: Description) -> str:
 
 
 def _moved_by(d: Description, names: Collection[str]) -> str:
-    """Return how much parameters change on which an output depends, as C."""
+    """Return the C expression for how much those parameters change on which an output depends."""
     of_these = (v for v in d.variables if v.causality == "parameter" and v.block in names)
     return " + ".join(f"fabs(change[{v.offset}])" for v in of_these) or "0.0"
 
 
 def _leaves_in_c(graph: Graph, blocks: Mapping[str, slice]) -> dict[str, str]:
-    """Return the leaves of a graph as C; a model that reads no time has none."""
+    """Return the C expressions of the graph's leaves by name; the time is missing if the model has none."""
     found = {}
     for name in (str(one.value) for one in graph.operations if one.kind in LEAVES):
         block, _, index = name.removeprefix(CHANGE).partition("[")
@@ -177,6 +177,6 @@ def _of_body(set_by: Iterable[str], scene: Scene) -> tuple[Start, Shown]:
 
 
 def _roll_pitch_yaw(R: Sequence[Sequence[Number]]) -> list[Number]:
-    """Return the angles of R = R_z(yaw) R_y(pitch) R_x(roll) by its elements; at the pole they have no derivative."""
+    """Return roll, pitch and yaw of R = R_z(yaw) R_y(pitch) R_x(roll); at the pole they have no derivative."""
     level = square_root(R[0][0] * R[0][0] + R[1][0] * R[1][0])
     return [arctangent(R[2][1], R[2][2]), arctangent(-1.0 * R[2][0], level), arctangent(R[1][0], R[0][0])]

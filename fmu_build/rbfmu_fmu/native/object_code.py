@@ -1,12 +1,12 @@
-"""Compiles a model's entry functions ahead of time to object files that need no Python and no Numba.
+"""Ahead-of-time compilation of a model's entry functions to object files that need no Python and no Numba.
 
-Numba compiles each entry; the inner function of the overload (not its Python or C wrapper) is kept, given a plain C
-signature, merged, optimised by LLVM for the plain instruction set of a platform, and checked to be self-contained. What
-Numba hands over is optimised for no processor, so that the bytes do not hang on the machine that compiles.
+Numba compiles each entry. Of the result, only the inner function is kept, not its Python or C wrapper. It gets a plain
+C signature; LLVM merges all entries, optimises them for the plain instruction set of a platform, and they are checked
+to be self-contained. Numba's output is not optimised for a processor, so that bytes do not depend on the machine.
 
-Object code is kept on disk beside Numba's compiled code: a model is compiled for a platform once. It is known by all
-that it is made with: sources, versions, model, platform. Where nothing can be written or read, or a file is damaged,
-the model is compiled anew.
+Object code is kept on disk beside Numba's compiled code, so that a model is compiled once for a platform. It is
+identified by all it is made from: sources, versions, model, platform. If a file cannot be written or read, or is
+damaged, the model is compiled again.
 """
 
 import hashlib
@@ -29,29 +29,29 @@ from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile import code_cache, decorator, numba_private
 
 ENTRIES = ("initialize", "step", "outputs", "output_rates", "feedthrough")
-"""The entry functions are `int64 NAME(double *buffer)`, but for SECOND; a model may do without some."""
+"""The entry functions, `int64 NAME(double *buffer)` except those in SECOND; a model need not have all of them."""
 
 SECOND = {"step": types.float64, "feedthrough": types.CPointer(types.float64)}
-"""What an entry takes after the buffer."""
+"""The second argument of entries that have one."""
 
-# sin, cos, atan2 and their kin are not among them: C libraries differ in their last digit. The kernels have their own
+# sin, cos, atan2 and the like are missing here: C libraries differ in their last digit. The kernels have their own
 # (`numerics/`), which are the same instructions on every platform.
 LIBM = frozenset({"sqrt", "fabs", "copysign", "floor", "ceil", "memcpy", "memset", "memmove"})
-"""An object may leave only these symbols to the platform: correctly rounded everywhere, or no arithmetic."""
+"""The only symbols that an object may need from the platform: they are correctly rounded, or have no arithmetic."""
 
 MOST = 100
-"""The number of object files that are kept, some 100 kB each; the oldest go."""
+"""The largest number of object files that are kept, about 100 kB each; the oldest are deleted."""
 COMPILER, ENTRY = Path(__file__), Path(__file__).with_name("entry.ll.txt").read_text(encoding="ascii")
-"""The source of what compiles, besides the kernels; and that of an entry, in LLVM's language."""
+"""The file with the source of this compiler; and the template of an entry, in LLVM's language."""
 
-_LOCK = threading.Lock()  # LLVM modules of one Numba process are not made for concurrent use
+_LOCK = threading.Lock()  # the LLVM modules of a Numba process must not be used concurrently
 
 
 def object_files(model: Model, platform: Platform) -> dict[str, bytes]:
-    """Return relocatable object files of the model's entries by name, the same bytes each time.
+    """Return relocatable object files of the model's entries by name, with the same bytes each time.
 
-    model.o runs on every processor of the platform; for each of its features there is a step_FEATURE.o besides, with
-    nothing but a `step_FEATURE` that gives the same bits.
+    model.o runs on every processor of the platform. For each of the platform's features there is also a step_FEATURE.o,
+    which has only a function `step_FEATURE` with the same results, bit by bit. Raises BuildError.
     """
     with _LOCK:
         objects = {"model.o": _object_file(model, platform, "")}
@@ -61,7 +61,7 @@ def object_files(model: Model, platform: Platform) -> dict[str, bytes]:
 @cache
 def _object_file(model: Model, platform: Platform, feature: str) -> bytes:
     known = isinstance(model, Model) and model.step.__module__.startswith("rbfmu_kernels.")
-    if not known:  # its source is not among those that tell what is kept from what is stale
+    if not known:  # changes of its source would not be noticed, so its code is not kept
         return _compile(model, platform, feature)
     return keep_or_compile(f"{model.name} {platform} {feature}", lambda: _compile(model, platform, feature))
 
@@ -82,7 +82,7 @@ def _compile(model: Model, platform: Platform, feature: str) -> bytes:
 
 
 def _keep_step(module: llvm.ModuleRef, name: str) -> None:
-    """Rename the step; optimisation removes what it does not call."""
+    """Rename the step, and make all entries internal; optimisation then removes what the step does not call."""
     module.get_function("step").name = name
     for function in module.functions:
         if function.name in ENTRIES:
@@ -91,7 +91,7 @@ def _keep_step(module: llvm.ModuleRef, name: str) -> None:
 
 @cache
 def _source(model: Model) -> str:
-    """Return the LLVM source of all entries, which is for no platform yet."""
+    """Return the LLVM source of all entries, which is not yet for a certain platform."""
     first, *others = [_entry_module(model, name) for name in ENTRIES if hasattr(model, name)]
     for other in others:
         first.link_in(other)
@@ -123,7 +123,7 @@ def _entry_module(model: Model, name: str) -> llvm.ModuleRef:
 
 
 def _c_signature(name: str, inner: str, typed: bool) -> str:
-    """Return LLVM source of `int64 NAME(double *, ...)` around Numba's `int32 inner(ret *, exc **, double *, ...)`.
+    """Return LLVM source of `int64 NAME(double *, ...)` that calls Numba's `int32 inner(ret *, exc **, double *, ...)`.
 
     typed: whether LLVM's pointers have types, as with Numba 0.61.
     """
@@ -137,10 +137,10 @@ def _c_signature(name: str, inner: str, typed: bool) -> str:
 
 
 def _optimise(module: llvm.ModuleRef, target: llvm.TargetMachine) -> str:
-    """Optimise twice: the second time finds more in loops that the first has unrolled.
+    """Return the module optimised twice, as the second time finds more in loops that the first has unrolled.
 
-    No pass may reorder sums: Numba marks no operation as fast, so LLVM keeps IEEE 754's order and the bits are those of
-    the kernels that Numba compiles for this process.
+    No pass may reorder sums: Numba marks no operation as fast, so LLVM keeps to IEEE 754 and the order of operations.
+    Results then have the same bits as those of the kernels that Numba compiles for this process.
     """
     for _ in range(2):
         builder = llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options(speed_level=3))
@@ -149,14 +149,14 @@ def _optimise(module: llvm.ModuleRef, target: llvm.TargetMachine) -> str:
 
 
 def _without_counters(source: str) -> str:
-    """Rename what holds a counter of the process, so that builds are reproducible: names by Numba, tables by LLVM."""
+    """Replace names that contain a counter of the process, by Numba or LLVM, so that builds are reproducible."""
     names: dict[str, str] = {}
     counted = r"(?:_ZN|NumbaEnv|switch\.table|\.const\.pickle)[\w.$%]+"  # pickles: Numba 0.61 names addresses
     return re.sub(counted, lambda found: names.setdefault(found[0], f"n{len(names)}"), source)
 
 
 def _check_self_contained(module: llvm.ModuleRef) -> None:
-    """Refuse what needs something that only a Python process has."""
+    """Raise BuildError if the module needs anything that only a Python process has."""
     values = [*module.functions, *module.global_variables]
     foreign = {v.name for v in values if v.is_declaration and not v.name.startswith("llvm.")} - LIBM
     if "inttoptr" in str(module):  # how LLVM spells a call through an address that Numba wrote into the code
@@ -166,7 +166,7 @@ def _check_self_contained(module: llvm.ModuleRef) -> None:
 
 
 def keep_or_compile(what: str, compile_anew: Callable[[], bytes]) -> bytes:
-    """Return object code from disk, or compile and keep it; what: the model and the platform."""
+    """Return object code from disk, or compile and keep it; what: the names of model and platform."""
     versions = [numba.__version__, llvmlite.__version__, sys.version, llvm.get_process_triple()]
     made_with = "\n".join([code_cache.SOURCES, *versions, COMPILER.read_text(encoding="utf-8"), ENTRY])
     folder = Path(numba.config.CACHE_DIR or Path(__file__).parent / "__pycache__") / "rbfmu_objects"

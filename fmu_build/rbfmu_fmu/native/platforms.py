@@ -1,6 +1,6 @@
-"""The platforms that FMUs are compiled for, by name, and how C and object files are linked for each.
+"""The platforms for which FMUs are compiled, by name, and how C sources and object files are linked for each.
 
-That is by the machine's own C compiler or, for any platform, by ziglang.
+ziglang links for any platform; without it, the machine's own C compiler links for this platform.
 """
 
 import shutil
@@ -18,13 +18,13 @@ from platform import machine
 from rbfmu.extras import remedy
 
 FMI_HEADERS = Path(str(find_spec("fmpy").origin)).parent / "c-code"  # type: ignore[union-attr]
-"""FMI's own headers, as FMPy ships them; FMPy is not loaded for them."""
+"""The folder of FMI's headers, as FMPy ships them; FMPy is not imported for them."""
 
 HEADERS = ("cosimulation.h", "instance.h", "model.h")
-"""The headers of `native/`, which stand beside every C source when it is compiled."""
+"""The headers of `native/`, which are in the folder of every C source when it is compiled."""
 
 ANY_VERSION = ("values.c", "steps.c", "derivatives.c", "messages.c", "saved_states.c")
-"""The C sources of an FMU that know no version of FMI."""
+"""The C sources of an FMU that are the same for all versions of FMI."""
 
 # The C layer rounds as the kernels do: without -ffp-contract=off a compiler may fuse a * b + c, which rounds once where
 # two operations round twice, and a processor with fused products would give other bits than one without (C11 6.5,
@@ -43,11 +43,11 @@ _ZIG = "ziglang"
 
 
 class BuildError(ValueError):
-    """An FMU that cannot be built here, and why."""
+    """The error of an FMU that cannot be built here, with the reason."""
 
 
 class NoLinkerError(BuildError):
-    """There is no C compiler for a platform, or the machine's own does not serve."""
+    """The error of a platform without a C compiler, or with one that fails."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Platform:
     zig: str
     suffix: str
     features: tuple[str, ...]
-    """What newer processors have: for each there is one more step, which is chosen at run time (native/model.h)."""
+    """Features of newer processors; for each there is another step function, chosen at run time (native/model.h)."""
 
 
 _ROWS = tomllib.loads(Path(__file__).with_name("platforms.toml").read_text(encoding="utf-8"))
@@ -68,9 +68,9 @@ PLATFORMS = {name: Platform(name, **row | {"features": tuple(row["features"])}) 
 
 
 def platforms_named(names: str | Iterable[str]) -> list[Platform]:
-    """Return platforms by their names or one name, in an order; "all" names every one; without names this one.
+    """Return the platforms with these names, or this name, in a fixed order; "all" names every one.
 
-    Raises BuildError where there is none of a name.
+    Without names, this platform is returned. Raises BuildError for an unknown name.
     """
     listed = [names] if isinstance(names, str) else names
     chosen = {name for given in listed for name in (PLATFORMS if given == "all" else [given])}
@@ -80,7 +80,7 @@ def platforms_named(names: str | Iterable[str]) -> list[Platform]:
 
 
 def this_platform() -> Platform:
-    """Return the platform that Python runs on. Raises BuildError where it is none of the above."""
+    """Return the platform on which Python runs. Raises BuildError if it is not in PLATFORMS."""
     if found := next(filter(is_this, PLATFORMS.values()), None):
         return found
     raise BuildError(f"{_here()} is no platform for FMUs: name one of {', '.join(PLATFORMS)}")
@@ -92,7 +92,7 @@ def is_this(one: Platform) -> bool:
 
 
 def _here() -> str:
-    """Return processor and system, as ziglang names them."""
+    """Return processor and system, named as by ziglang."""
     name = machine().lower()
     processor = {"amd64": "x86_64", "arm64": "aarch64"}.get(name, name)
     return f"{processor}-{ {'darwin': 'macos', 'win32': 'windows'}.get(sys.platform, sys.platform) }"
@@ -102,10 +102,10 @@ def link(
     layer: Sequence[str], objects: dict[str, bytes], platform: Platform, name: str,
     includes: dict[str, str] | None = None,
 ) -> bytes:  # fmt: skip
-    """Link object files and C sources of `native/` to a shared library, stripped, the same bytes each time.
+    """Link object files and C sources of `native/` to a stripped shared library, with the same bytes each time.
 
-    layer: names of the C sources; objects: contents by file name; name: of the library, without its suffix;
-    includes: generated C headers by file name, or headers to be used in place of those of `native/`.
+    layer: names of the C sources; objects: contents by file name; name: that of the library, without its suffix;
+    includes: generated C headers by file name, and headers that replace those of `native/`. Raises BuildError.
     """
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as place:
         folder, library = Path(place), f"{name}{platform.suffix}"
@@ -116,21 +116,21 @@ def link(
         command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], f"-I{FMI_HEADERS}"]
         command += [*layer, *objects, "-lm", "-o", library]
         done = subprocess.run(command, capture_output=True, cwd=folder, check=False, encoding="utf-8", errors="replace")
-        if done.returncode:  # a machine's own compiler may have no headers of C, as Debian's gcc by itself
+        if done.returncode:  # a machine's compiler may lack C's headers, as Debian's gcc does without further packages
             failed = f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}"
             raise BuildError(failed) if _ZIG in command else NoLinkerError(f"{failed}\n{_needed(platform)}")
         return (folder / library).read_bytes()
 
 
 def source(name: str) -> bytes:
-    """Return the contents of a C source or header of `native/`."""
+    """Return the content of a C source or header of `native/`."""
     return Path(__file__).with_name(name).read_bytes()
 
 
 def compiler(platform: Platform) -> list[str]:
-    """Return the command that compiles C for a platform. Raises NoLinkerError.
+    """Return the command that compiles C for a platform. Raises NoLinkerError if there is none.
 
-    ziglang comes first: it is the same compiler and C library on every machine, so that the bytes are the same too.
+    ziglang is preferred: it has the same compiler and C library on every machine, so that the bytes are the same too.
     """
     if find_spec(_ZIG):
         return [sys.executable, "-m", _ZIG, "cc", "-target", platform.zig]
@@ -147,20 +147,20 @@ def _needed(platform: Platform) -> str:
 
 
 def takes_minutes(platform: Platform) -> bool:
-    """Return whether ziglang compiles a C library first, which takes minutes once: for Linux it takes seconds."""
+    """Return whether ziglang first compiles a C library, which takes minutes, once; for Linux it takes seconds."""
     try:
         return _ZIG in compiler(platform) and platform.suffix != ".so"
-    except NoLinkerError:  # linking says so
+    except NoLinkerError:  # linking will raise it again
         return False
 
 
 def universal(libraries: list[bytes]) -> bytes:
-    """Join libraries for one or two processors of macOS into one (Mach-O, by <mach-o/fat.h>)."""
+    """Return libraries for one or two processors of macOS joined into one (Mach-O, by <mach-o/fat.h>)."""
     if len(libraries) == 1:
         return libraries[0]
     align, place, header, body = 14, 1 << 14, struct.pack(">II", 0xCAFEBABE, len(libraries)), b""
     for library in libraries:
-        processor = library[4:12][::-1]  # subtype, type: big-endian here
+        processor = library[4:12][::-1]  # (subtype, type), converted to big-endian
         body += bytes(-len(body) % place)
         header += processor[4:] + processor[:4] + struct.pack(">III", place + len(body), len(library), align)
         body += library

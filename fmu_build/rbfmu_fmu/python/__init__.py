@@ -1,1 +1,1 @@
-"""The kind of FMU that pythonfmu makes: the importer's process needs Python."""
+"""The kind of FMU that uses pythonfmu: the importer's process needs Python."""

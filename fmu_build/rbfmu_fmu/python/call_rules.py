@@ -1,7 +1,8 @@
-"""The rules of FMI calls: which call an instance allows when, when a variable may be set, and categories of messages.
+"""The rules of FMI calls: the phases in which calls are allowed and variables may be set, and categories of messages.
 
-This is their only place. The C layer gets them as a generated header (native/headers.py), the pythonfmu slave has this
-file beside it, and so do the tests' model and the test that compares them with the standard's table. It needs nothing.
+They are defined only here. The C layer gets them as a generated header (native/headers.py). The pythonfmu slave imports
+this file, and so do the tests' model and the test that compares the rules with the standard's table. It imports only
+the standard library.
 """
 
 from typing import NamedTuple
@@ -12,14 +13,14 @@ PHASES = {
     "STEPPING": "while stepping",
     "TERMINATED": "after termination",
 }
-"""By name, in the order of an instance's life: how a message says when a call was refused."""
+"""The phases of an instance's life by name, in their order, each with the words that a refusal ends with."""
 
 INSTANTIATED, INITIALIZING, STEPPING, TERMINATED = range(len(PHASES))
 PHASE_TEXTS = tuple(PHASES.values())
 
 
 class Rule(NamedTuple):
-    """The phases in which a call is allowed, and what is said of it in the others, before the phase's text."""
+    """The phases in which a call is allowed, and the message in all others, which the phase's words follow."""
 
     phases: tuple[int, ...]
     refusal: str
@@ -34,18 +35,18 @@ CALLS = {
     "get_outputs": Rule((INITIALIZING, STEPPING, TERMINATED), "outputs have no values"),
     "set_input_derivatives": Rule((INSTANTIATED, INITIALIZING, STEPPING), "derivatives of inputs cannot be set"),
 }
-"""Calls that some phase refuses. Every other one is allowed in all phases: inputs, parameters and `status` can always
-be read, states saved and restored, and an instance reset and freed."""
+"""The calls that are refused in some phase. All others are allowed in every phase: reading inputs, parameters and
+`status`, saving and restoring states, resetting and freeing an instance."""
 
 SETTABLE = {
     "input": (INSTANTIATED, INITIALIZING, STEPPING),
     "parameter": (INSTANTIATED, INITIALIZING),
     "output": (),
 }
-"""By causality: the phases in which variables may be set."""
+"""The phases in which variables may be set, by causality."""
 
 SET_REFUSAL = "%s %s cannot be set %s"
-"""The message where a phase does not allow that: causality, name, the phase's text."""
+"""The message if a variable may not be set in a phase, given its causality, its name, and the phase's words."""
 
 LOG_CATEGORIES = {
     "logStatusWarning": "what may be less accurate than expected",
@@ -54,14 +55,14 @@ LOG_CATEGORIES = {
     "logStatusFatal": "why a call was refused after which no other is allowed",
     "logAll": "all messages",
 }
-"""By name, what a message of the category says."""
+"""The categories of messages, each with what its messages say."""
 
 
 def refusal(call: str, phase: int) -> str:
-    """Return the message where a phase does not allow a call."""
+    """Return the message for a call that is not allowed in a phase."""
     return f"{CALLS[call].refusal} {PHASE_TEXTS[phase]}"
 
 
 def set_refusal(causality: str, name: str, phase: int) -> str:
-    """Return the message where a phase does not allow that a variable is set."""
+    """Return the message for a variable that may not be set in a phase."""
     return SET_REFUSAL % (causality, name, PHASE_TEXTS[phase])

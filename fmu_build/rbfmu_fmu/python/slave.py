@@ -1,6 +1,6 @@
-"""The pythonfmu slave, which is bundled into every FMU beside its model.
+"""The pythonfmu slave, which is bundled into every pythonfmu FMU together with its model.
 
-It relies on pythonfmu's interface; what rests on its inside is in `pythonfmu_traps`.
+It uses pythonfmu's interface; what depends on pythonfmu's internals is in `pythonfmu_traps`.
 """
 
 import ctypes
@@ -21,11 +21,11 @@ OK, STEP_REJECTED, PAST_STOP = range(3)
 _INFINITY = math.inf
 _MAY_STEP, _MAY_SET_INPUTS = CALLS["do_step"].phases, SETTABLE["input"]
 _LIVE: "weakref.WeakValueDictionary[type, Slave]" = weakref.WeakValueDictionary()
-"""Instances by their classes, each of which the FMU's script makes for one."""
+"""The instances by their classes; the FMU's script makes a class for each."""
 
 
 class Slave(Fmi2Slave):  # type: ignore[misc]
-    """One instance. A saved state holds all its memory: `_buffer`, the phase and the status."""
+    """One instance. A saved state has all its memory: `_buffer`, phase, status, and whether outputs are stale."""
 
     access: Access  # set by the FMU's script
 
@@ -63,7 +63,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     # --- values
 
     def get_real(self, references: list[int]) -> list[float]:
-        """Return values; outputs follow inputs that were set since the step. Reading all outputs at once is fastest."""
+        """Return values; outputs account for inputs set after the last step. Reading all outputs at once is fastest."""
         try:
             if references == self._outputs:
                 if self._stale:
@@ -78,7 +78,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise self._survivable("fmi2GetReal", error) from None
 
     def set_real(self, references: list[int], values: list[float]) -> None:
-        """Set finite values, of any variable that may be set in this phase, or of none."""
+        """Set variables to finite values; if one of them may not be set in this phase, set none and raise."""
         try:
             if not math.isfinite(sum(values)):
                 self._refuse_not_finite(references, values)
@@ -95,7 +95,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise self._survivable("fmi2SetReal", error) from None
 
     def get_integer(self, references: list[int]) -> list[int]:
-        """Return values of the Integer variables: `status`, and the counts of events after it."""
+        """Return the values of Integer variables: `status`, and the counts of events."""
         try:
             status, counts = len(self.access.offsets), self.access.counts
             for r in references:
@@ -131,7 +131,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise ValueError("with these inputs an output is not finite")
         self._stale = False
 
-    # --- life: `setup_experiment` and `terminate` do no harm in any phase, and refusing them there would be fmi2Fatal
+    # --- life: `setup_experiment` and `terminate` are harmless in any phase, and to refuse them would be fmi2Fatal
 
     def _allow(self, call: str) -> None:
         if self._phase not in CALLS[call].phases:
@@ -140,7 +140,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def setup_experiment(
         self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
     ) -> None:
-        """Tell the time to a model that has it. A tolerance does nothing but be named: the accuracy is the scene's."""
+        """Set the start time, if the model has one. A tolerance only causes a warning: the scene gives the accuracy."""
         if not math.isfinite(start_time):
             error = ValueError(f"start time = {start_time!r}: expected a finite number")
             raise self._survivable("fmi2SetupExperiment", error)
@@ -151,7 +151,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             self._tell(f"fmi2SetupExperiment: {text}", Fmi2Status.warning)
 
     def enter_initialization_mode(self) -> None:
-        """Begin initialisation, in which parameters and inputs can still be set."""
+        """Begin initialisation, during which parameters and inputs can still be set."""
         try:
             self._allow("enter_initialization")
             self._phase = INITIALIZING
@@ -177,7 +177,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             raise ValueError(self._said_of(*self.access.description["faults"][str(fault)]))
 
     def _said_of(self, block: str, expected: str) -> str:
-        """Say a fault in words, with the values of its block or, where that is CHANGED, of the changed parameters."""
+        """Return a fault in words, with the values of its block, or of the changed parameters if that is CHANGED."""
         variables, changed = self.access.description["variables"], self.access.description["changed"]
         found = [v for v in variables if v["block"] == block]
         if block == changed:
@@ -189,7 +189,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         return f"{values or block.strip(changed) or 'parameters'}: {expected}"
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Take all of a step or, returning False (fmi2Discard), nothing of it."""
+        """Take a step and return True; or return False (fmi2Discard), with nothing changed but `status`."""
         try:
             if self._phase not in _MAY_STEP:  # faster than _allow
                 raise RuntimeError(refusal("do_step", self._phase))
@@ -212,9 +212,10 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         return False
 
     def terminate(self) -> None:
-        """End stepping; values can still be read, those of outputs where initialisation had ended.
+        """End stepping; values can still be read, and those of outputs if initialisation had ended.
 
-        An exception here would be fmi2Fatal, and the end of the process later, though nobody has asked for an output.
+        If outputs are not finite, only reading them is refused. An exception here would be fmi2Fatal, which later ends
+        the process.
         """
         if self._stale and self._phase == STEPPING:
             self._stale = bool(self._outputs_of(self._where))
@@ -222,15 +223,15 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._gil.release()
 
     def _survivable(self, call: str, error: BaseException) -> BaseException:
-        """Log an error that is about to be raised, and return it."""
+        """Log an error that is about to be raised, prepare the library for it, and return it."""
         traps.keep_after_exception(self)
         traps.drop_messages_without_category(self._logger, self.instance_name)
         self._tell(f"{call}: {error}", Fmi2Status.fatal)
         return error
 
     def _tell(self, text: str, status: Fmi2Status) -> None:
-        self.log(text, status)  # and so with a category: without a status NULL is passed, which ends some importers
-        tell(f"[{self.instance_name}] {text}")  # FMPy shows logs when debugging only
+        self.log(text, status)  # the status gives a category; without it NULL is passed, which ends some importers
+        tell(f"[{self.instance_name}] {text}")  # FMPy shows logs only when debugging
 
     def __del__(self) -> None:
         self._gil.release()
@@ -265,7 +266,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
 def _refusal_of(call: str, kind: str) -> Callable[..., list[object]]:
     def refuse(self: Slave, references: list[int], values: Sequence[object] = ()) -> list[object]:
-        """Refuse any value reference: no variable has this type, or none of it can be set."""
+        """Refuse any value reference: no variable has this type, or none of this type can be set."""
         if references:
             name = self.access.name_of(traps.reference_given(references[0]))
             raise self._survivable(call, ValueError(f"{name} is no {kind}"))

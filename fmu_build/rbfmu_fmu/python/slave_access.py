@@ -1,6 +1,6 @@
-"""What all instances of one pythonfmu FMU share: its variables, its saved states and the model's code.
+"""What all instances of one pythonfmu FMU share: its variables, the format of saved states, and the model's code.
 
-It is bundled beside the slave, and imports neither rbfmu nor, where the shipped object code loads, Numba or NumPy.
+It is bundled with the slave. It does not import rbfmu, nor Numba or NumPy if the shipped object code can be loaded.
 """
 
 import contextlib
@@ -25,16 +25,16 @@ LIBRARY, OBJECT = ".so", ".o"
 """The suffixes of shipped code: a shared library on every platform, or an object file that llvmlite loads."""
 
 FORMULAS = ".formulas"
-"""The module of a scene's own formulas."""
+"""The bundled module with the model of a scene's formulas."""
 
 INPUTS_TOGETHER = 12
-"""Numbers of the loads that may be inputs: between them is nothing else, so that all are set at once."""
+"""How many numbers the loads that may be inputs have. In the buffer nothing is between them: all are set at once."""
 
-_OWNERS: list[object] = []  # of loaded code
+_OWNERS: list[object] = []  # the objects that keep loaded code alive
 
 
 class Entries(NamedTuple):
-    """A model's entry functions, which work on an array or on the address of a buffer."""
+    """A model's entry functions; their argument is an array if `on_array`, else the address of a buffer."""
 
     initialize: Callable[..., int]
     step: Callable[..., int]
@@ -43,7 +43,7 @@ class Entries(NamedTuple):
 
 
 class Access:
-    """Knows how value references reach a model's buffer, which code runs on it, and which bytes are a saved state."""
+    """Maps value references to places in the buffer, loads the model's code, and checks saved states."""
 
     def __init__(self, folder: str, identity: str) -> None:
         with open(os.path.join(folder, "description.json"), encoding="utf-8") as file:
@@ -69,23 +69,23 @@ class Access:
         self._entries: Entries | None = None
 
     def name_of(self, reference: int) -> str:
-        """Return what a value reference stands for, by its name if it has one."""
+        """Return the name of the variable with a value reference, or the reference in words if there is none."""
         names = [*self.names, "status", *(name for name, *_ in self.description["counts"])]
         return names[reference] if reference < len(names) else f"value reference {reference}"
 
     def entries(self) -> Entries:
-        """Return the entries that were compiled ahead of time or, without those, let Numba compile them now."""
+        """Return the entries that were compiled ahead of time; if they cannot be used, let Numba compile them."""
         if self._entries is None:
             shipped = _shipped_entries(self._folder, self.description["shipped_code"])
             self._entries = shipped or _numba_entries(self.description["model"])
         return self._entries
 
     def state_head(self, content: bytes) -> bytes:
-        """Return what stands before the content of a saved state: the FMU's identity and a checksum."""
+        """Return the first bytes of a saved state: the FMU's identity and a checksum of the content."""
         return self.identity + zlib.crc32(content).to_bytes(4, "little")
 
     def state_content(self, state: bytes) -> bytes:
-        """Return phase, status, stale and buffer; raise ValueError where this is no state of this FMU."""
+        """Return the content of a saved state: phase, status, stale and buffer. Raises ValueError if it is not ours."""
         size = len(self.identity) + 4
         head, content = state[:size], state[size:]
         if len(content) != 3 + len(self.start) or head != self.state_head(content):
@@ -94,7 +94,7 @@ class Access:
 
 
 def _struct(offsets: list[int]) -> tuple[struct.Struct, int]:
-    """Return (struct, first byte) for ascending offsets all at once. Packing zeroes what lies between them."""
+    """Return (struct, first byte) for numbers at ascending offsets; packing sets the numbers between them to zero."""
     layout, end = "", offsets[0] if offsets else 0
     first = 8 * end
     for offset in offsets:
@@ -104,7 +104,7 @@ def _struct(offsets: list[int]) -> tuple[struct.Struct, int]:
 
 
 def _shipped_entries(folder: str, checksums: dict[str, int]) -> Entries | None:
-    """Load the shipped code for this platform; return None where there is none, or no loader for it."""
+    """Load the shipped code for this platform; return None if there is none, or it cannot be loaded."""
     if os.environ.get("RBFMU_COMPILE") == "1":
         return None
     try:
@@ -115,7 +115,7 @@ def _shipped_entries(folder: str, checksums: dict[str, int]) -> Entries | None:
         with open(path, "rb") as file:
             code = file.read()
         if zlib.crc32(code) != checksums[names[0]]:
-            raise ValueError(f"{path} is damaged")  # loading it could end the process
+            raise ValueError(f"{path} is damaged")  # loading damaged code could end the process
         address = _addresses_in_library(path) if path.endswith(LIBRARY) else _addresses_in_object(code)
         pointer, result = ctypes.c_void_p, ctypes.c_int64
         of_buffer = ctypes.PYFUNCTYPE(result, pointer)
@@ -136,7 +136,7 @@ def _addresses_in_library(path: str) -> Callable[[str], int]:
 
 
 def _addresses_in_object(code: bytes) -> Callable[[str], int]:
-    """Load the object file of an FMU that was built where there was no linker."""
+    """Load the object file of an FMU that was built on a machine without a linker."""
     import llvmlite.binding as llvm
 
     if hasattr(llvm, "initialize_native_target"):
@@ -160,7 +160,7 @@ def _numba_entries(model: str) -> Entries:
 
 
 def tell(text: str) -> None:
-    """Write one line to stderr, where there is one; never raise, which pythonfmu would not survive."""
+    """Write one line to stderr, if there is one; never raise, as pythonfmu would not survive an exception."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         sys.stderr.write(f"{text}\n")
         sys.stderr.flush()

@@ -1,7 +1,7 @@
 """The study behind `rbfmu chart`: accuracy against cost of every method, on a scene of your own or on eight motions.
 
-All methods and installed peers are run on a scene as it is, with its ports at zero, and judged by its true motion.
-Charts of many motions say together which plan to use, beside the best of the others.
+All methods and installed peers are run on a scene, with its ports constant at their start values (zero by default), and
+are compared with its true motion. Charts of many motions together compare each plan with the best other methods.
 """
 
 import math
@@ -20,7 +20,7 @@ __all__ = ["Chart", "chart", "run_charts", "write_charts"]
 QUICK_MOTIONS = ("a", "c", "d")
 DECADES = tuple(10.0**-k for k in range(2, 15))
 DEAREST = 1.3
-"""The largest cost of a plan relative to the best other method; a plan is made without knowing the true error."""
+"""The largest cost that a plan may have, relative to the best other method; planning does not know the true error."""
 REFUSED = "refused"
 _PLAN = "{:>6}  {:7}  {:19}  {:>7}  {:19}  {}"
 
@@ -29,11 +29,11 @@ _PLAN = "{:>6}  {:7}  {:19}  {:>7}  {:19}  {}"
 def chart(
     scene: Scene, quick: bool = False, progress: Progress | None = None, method: str | Path | None = None
 ) -> Chart:
-    """Chart accuracy against cost of every method and installed peer on a scene, or that of a scene file.
+    """Chart accuracy against cost of every method and installed peer on a scene, or on that of a scene file.
 
-    quick: few methods and settings, to see that it runs; progress: called with (done, total, text); method: a
-    file with a method of your own (`rbfmu.studies.one_step`), which competes.
-    A full chart takes one or two minutes. Raises SceneError where the accuracy asked cannot be met.
+    quick: few methods and settings, for a first try; progress: called with (done, total, text); method: a file with
+    a method of your own (`rbfmu.studies.one_step`), which is measured as well.
+    A full chart takes one or two minutes. Raises SceneError if the accuracy asked cannot be met.
     """
     what = measure.extent(quick, method)
     progress = progress or (lambda done, total, text: None)
@@ -41,20 +41,20 @@ def chart(
     return replace(measure.measure(cases.case_of(scene), what, progress), whole=scene.run.stop - scene.run.start)
 
 
-# The charts of the eight motions, and what they say together
+# The charts of the eight motions, and their summary
 
 
 def run_charts(folder: Path, quick: bool, progress: Progress, method: Path | None = None) -> list[Path]:
-    """Chart the eight motions (quick: three of them, by few methods); return the files, `answers.txt` first of texts.
+    """Chart the eight motions (quick: three of them, by few methods), and return the files written.
 
-    progress, method: as in `chart`.
+    progress, method: as in `chart`. The first of the text files is `answers.txt`.
     """
     keys, what = QUICK_MOTIONS if quick else tuple(cases.CASES), measure.extent(quick, method)
     return write_charts(folder, measure.charts_of(keys, what, progress))
 
 
 def write_charts(folder: Path, charts: Sequence[Chart]) -> list[Path]:
-    """Write all measurements, what to use for an accuracy, and each chart; return the files."""
+    """Write all measurements, the method to use for each accuracy, and each chart; return the files."""
     from rbfmu.studies.chart.drawing import draw_answers, draw_kept
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -80,7 +80,7 @@ def _head_of(chart: Chart) -> dict[str, object]:
 
 
 def answers(chart: Chart) -> Iterator[dict[str, object]]:
-    """Yield, accuracy by accuracy, the cheapest method of the library, of plans, of common integrators and of peers."""
+    """Yield a row per accuracy: the cheapest method of the library, of plans, of common integrators and of peers."""
     for accuracy in DECADES:
         found = _head_of(chart) | {"accuracy": accuracy}
         for side, families in SIDES.items():
@@ -90,15 +90,15 @@ def answers(chart: Chart) -> Iterator[dict[str, object]]:
         yield found
 
 
-# Each plan beside the best of the others
+# Each plan compared with the best other methods
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A plan for an accuracy, the best other method at the plan's error, the best peer at that accuracy.
+    """A plan for an accuracy, the best other method at the plan's error, and the best peer at that accuracy.
 
-    method: what the plan chose; error, cost: its own, for a simulated second, infinite where it is refused; stopped:
-    whether the time limit stopped a peer before that accuracy.
+    method: the method that the plan chose; error: the plan's; cost: its processor time for a simulated second, s; both
+    are infinite if planning refuses. stopped: whether the time limit stopped a peer before it reached the accuracy.
     """
 
     chart: Chart
@@ -117,7 +117,7 @@ class Verdict:
 
     @property
     def dearness(self) -> float:
-        """Return the cost relative to the best other method's, 0 where none is as accurate."""
+        """Return the cost over that of the best other method; 0 if none is as accurate."""
         return self.cost / self.rival.cost if self.rival else 0.0
 
     @property
@@ -139,7 +139,7 @@ class Verdict:
 
     @property
     def outputs(self) -> str:
-        """Return whether outputs are few or many."""
+        """Return the word for the number of outputs: few or many."""
         return "many" if self.chart.many else "few"
 
     @property
@@ -150,7 +150,7 @@ class Verdict:
 
     @property
     def against(self) -> str:
-        """Return the best peer's cost relative to the plan's."""
+        """Return the best peer's cost over the plan's, as text; without a plan, the peer's cost."""
         if self.peer is None:
             return ""
         if self.is_refused:
@@ -159,7 +159,7 @@ class Verdict:
 
 
 def verdicts(charts: Sequence[Chart]) -> list[Verdict]:
-    """Return a verdict for each chart and each accuracy that plans were asked for."""
+    """Return a verdict for each chart and each accuracy for which a plan was asked."""
     asked = {row.value for chart in charts for row in chart.rows if row.family == "planned"}
     return [_verdict(chart, accuracy) for chart in charts for accuracy in sorted(asked, reverse=True)]
 
@@ -175,7 +175,7 @@ def _verdict(chart: Chart, accuracy: float) -> Verdict:
 
 
 def plans_text(found: Sequence[Verdict], machine: Iterable[str]) -> str:
-    """Return what plans and the best peers cost, chart by chart, and the plans that miss their goal."""
+    """Return as text the costs of plans and of the best peers, chart by chart, and the plans that miss their goal."""
     return join_parts((*_plans(found), _dearness(found), wrap_lines(machine)))
 
 

@@ -1,8 +1,8 @@
-"""A scene as a case on which methods compete: its outputs, its accuracy, its true motion; and eight motions as such.
+"""Cases, on which methods are compared: a scene with its outputs, accuracy and true motion; and eight such motions.
 
-The true motion is what `planning.reference` gives in double-double arithmetic; that of the eight motions was computed
-once, to 40 digits. What solvers integrate are the states that the quantities come of, by the equations of motion on a
-graph, with formulas or without.
+`planning.reference` computes the true motion in double-double arithmetic; that of the eight motions was computed once,
+to 40 digits. Solvers integrate the states on which the quantities depend. The equations of motion are a graph, with
+or without formulas.
 """
 
 import json
@@ -32,30 +32,31 @@ from rbfmu_kernels.quantities import OUTPUT, elements
 WHOLE = (*elements("q", 4), *elements("omega", 3), *elements("r_c", 3), *elements("v_c", 3))
 """The names of a body's states: q_ab, omega_b, r_c and v_c."""
 POINTS, MAX_OUTPUTS = 200, 20_000
-"""The largest number of points at which errors are measured, and of communication steps of a charted run."""
+"""POINTS: the largest number of points at which errors are measured. MAX_OUTPUTS: the largest number of communication
+steps of a charted run."""
 FLOOR = 1e-15
-"""The least error that is told from round-off: the true motion is rounded to doubles."""
+"""Errors below this count as round-off, since the true motion is rounded to doubles."""
 CHECKPOINTS = 5
-"""The number of points at which the eight motions are known, and of the outputs of a run with few outputs."""
+"""The number of points at which the eight motions are known, and of outputs in a run with few outputs."""
 OUTPUT_STEP = 0.01
 """The time in s between the outputs of a run with many outputs."""
 DRIFTS = {name: f"{name.replace(' ', '_')}_drift" for name in ("energy", "momentum", "vertical momentum")}
-"""The columns of the drifts of what a motion may conserve."""
+"""The columns for the drifts of what a motion may conserve, by its name."""
 REFERENCES = Path(__file__).with_name("reference_motions.json")
 """The file is written by examples/references/reference_motions.py."""
 
 
 Found = Sequence[State] | Motion
-"""What a method returns at the checkpoints: states, or the quantities by which it is judged."""
+"""The result of a method at the checkpoints: states, or the quantities by which it is judged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A scene with its outputs at all communication points, and its ports at zero.
+    """A scene with outputs at all communication points, and with its ports constant at their start values.
 
     outputs: the number of equally spaced states that a method returns over the run; points: the largest number of
-    checkpoints among the outputs. Of the eight motions, key: that of its true motion; keeps: what it conserves out of
-    `DRIFTS`; accuracies: those that plans are made for (none: that of the scene, and further digits).
+    checkpoints among the outputs. Only for the eight motions: key, of the true motion; keeps, the names in `DRIFTS` of
+    what it conserves; accuracies, for which plans are made (none: for that of the scene, and further digits).
     """
 
     scene: Scene
@@ -87,18 +88,18 @@ class Case:
 
     @property
     def checkpoints(self) -> slice:
-        """Return the checkpoints among the outputs, equally spaced up to the last."""
+        """Return which outputs are checkpoints: they are equally spaced, and the last output is one."""
         every = math.ceil(self.outputs / self.points)
         return slice((self.outputs - 1) % every, None, every)
 
     @property
     def outputs_between(self) -> list[int]:
-        """Return the number of outputs up to each checkpoint from the one before."""
+        """Return the number of outputs from each checkpoint (or the start) to the next."""
         return np.diff(range(1, self.outputs + 1)[self.checkpoints], prepend=0).tolist()
 
     @property
     def many(self) -> bool:
-        """Return whether outputs are more than checkpoints."""
+        """Return whether there are more outputs than checkpoints."""
         return self.outputs > self.points
 
     def with_many_outputs(self) -> "Case":
@@ -117,55 +118,55 @@ class Case:
 
     @cached_property
     def question(self) -> Question:
-        """Return the question of that."""
+        """Return the question of that scene."""
         return Question(self.asked)
 
     # The equations of motion
 
     @cached_property
     def general(self) -> Plan:
-        """Return a plan of the model of everything that may act, whose buffer holds body, loads and states."""
+        """Return a plan of the full model, whose buffer has the body, all loads and all states."""
         return methods.whole_series(self.asked, methods.ORDERS_OF_SERIES[0], 1.0)
 
     @cached_property
     def buffer(self) -> Array:
-        """Return the buffer of that model at the start."""
+        """Return the buffer of the full model at the start."""
         return start_run(self.asked, self.general, self.names)
 
     @cached_property
     def equations(self) -> formulas.FormulaModel:
-        """Return the equations of motion of all states that the quantities come of."""
+        """Return the equations of motion of all states on which the quantities depend."""
         free: dict[str, list[str]] = {"inputs.ports": [], "inputs.parameters": []}  # formulas may read ports
         return formulas.equations_of(self.asked if self.scene.has_formulas else self.asked.replace(free))
 
     @cached_property
     def states(self) -> tuple[str, ...]:
-        """Return the names of the numbers that solvers integrate: those alone that the quantities come of."""
+        """Return the names of the states that solvers integrate: only those on which the quantities depend."""
         return tuple(name for name in self.equations.rates if name != "t")
 
     @property
     def turns(self) -> bool:
-        """Return whether the quantities come of the rotation."""
+        """Return whether the quantities depend on the rotation."""
         return any(name.startswith("omega") for name in self.states)
 
     @property
     def only_turns(self) -> bool:
-        """Return whether they come of attitude and rates alone."""
+        """Return whether they depend on attitude and rates alone."""
         return self.turns and {*self.states} <= {*WHOLE[:7]}
 
     def place(self, name: str) -> int:
-        """Return where the buffer has a state, or a number of the equations."""
+        """Return the place in the buffer of a state, or of a number in the equations."""
         block, _, index = name.partition("[")
         return int(self.general.kernels.BLOCKS[block].start) + (int(index[:-1]) - 1 if index else 0)
 
     @property
     def integrated(self) -> Array:
-        """Return the numbers that solvers integrate, at the start."""
+        """Return the start values of the states that solvers integrate."""
         return self.buffer[[*map(self.place, self.states)]]
 
     @property
     def times(self) -> Array:
-        """Return the times of the start and of all outputs, from 0 on."""
+        """Return the times in s of the start, which is 0 here, and of all outputs."""
         return np.arange(self.outputs + 1.0) * self.interval
 
     @property
@@ -180,41 +181,41 @@ class Case:
 
     @cached_property
     def start(self) -> State:
-        """Return position and velocity of the centre of mass, q_ab, omega_b; at rest if nothing asked for turns."""
+        """Return position and velocity of the centre of mass, q_ab, and omega_b (0 if no quantity needs rotation)."""
         start = motion_of(self.question.start.z)
         return start if self.turns else start._replace(omega_b=(0.0, 0.0, 0.0))
 
     @property
     def moments(self) -> tuple[float, float, float]:
-        """Return the diagonal of the inertia about the reference point: the principal moments in principal axes."""
+        """Return the diagonal of the inertia matrix of the equations of motion: the moments, if axes are principal."""
         M = self.body.inertia
         return M[0][0], M[1][1], M[2][2]
 
     @property
     def torque_free(self) -> bool:
-        """Return whether no load makes a torque."""
+        """Return whether no load has a torque."""
         return not self.question.start.has_torque
 
     @property
     def top(self) -> bool:
-        """Return whether splitting with the symmetric free rotation applies."""
+        """Return whether splitting with the free rotation of a symmetric body can be used."""
         return not self.torque_free and self.question.start.is_symmetric and not any(self.body.damping_b)
 
     @property
     def turns_freely(self) -> bool:
-        """Return whether attitude and rates of a torque-free body in principal axes are all that is asked for."""
+        """Return whether only attitude and rates are asked for, of a torque-free body in principal axes."""
         mixed = [x for i, row in enumerate(self.body.inertia) for j, x in enumerate(row) if i != j]
         return self.torque_free and self.only_turns and not any(mixed) and all(self.moments)
 
     @cached_property
     def rate(self) -> float:
-        """Return the largest |omega| that is known, rad/s; 0 where no quantity comes of the rotation."""
+        """Return the largest known |omega|, rad/s; 0 if no quantity depends on the rotation."""
         rates = self.truth.get("omega_b", np.array([self.scene.initial.omega_b]))
         return float(np.max(np.linalg.norm(rates, axis=1))) if self.turns else 0.0
 
     @property
     def turned(self) -> float:
-        """Return the angle in rad that the body turns by, at most."""
+        """Return an upper bound of the angle by which the body turns, rad."""
         return self.rate * self.span
 
     # Errors
@@ -237,7 +238,7 @@ class Case:
         return least_sizes(self.question, self.truth) if self.scene.body else {}
 
     def error(self, states: Found) -> float:
-        """Return the largest error of states, or of quantities, at the checkpoints as the scene's accuracy counts."""
+        """Return the largest error of states, or of quantities, at the checkpoints, as an accuracy counts it."""
         with np.errstate(all="ignore"):
             found = self._judged_quantities(states)
             if not all(np.all(np.isfinite(found[name])) for name in self.names):
@@ -246,7 +247,7 @@ class Case:
             return largest_error(whole, self.truth, self.names, self.floors)
 
     def drifts(self, states: Found) -> dict[str, float]:
-        """Return the largest changes of what is conserved, relative to its start, at the checkpoints."""
+        """Return the largest drifts at the checkpoints, of the energy relative to its start, of momenta to |h|."""
         if not self.keeps:
             return {}
         with np.errstate(all="ignore"):
@@ -257,7 +258,10 @@ class Case:
         return {DRIFTS[name]: float(np.max(rows)) for name, rows in found.items()}
 
     def conserved(self, motion: Motion) -> dict[str, Array]:
-        """Return the energy (with that of the weight about a pivot) and the angular momentum as rows."""
+        """Return energy (n, 1), angular momentum (n, 3) and its vertical component (n, 1), both in a.
+
+        About a pivot, the potential energy of the weight is included.
+        """
         q, omega = motion["quaternion"], motion["omega_b"]
         h_b = arrays.angular_momentum(np.array(self.body.inertia), omega)
         h_a, energy = arrays.rotate(q, h_b), 0.5 * np.sum(omega * h_b, axis=-1, keepdims=True)
@@ -266,23 +270,23 @@ class Case:
         return {"energy": energy, "momentum": h_a, "vertical momentum": h_a[:, 2:]}
 
     def _judged_quantities(self, states: Found) -> Motion:
-        """Return the judged quantities of states; what is one already, as it is."""
+        """Return the judged quantities of states; quantities are returned as they are."""
         if isinstance(states, dict):
             return states
         return self._motion_of(((*q, *omega, *r, *v) for r, v, q, omega in states), WHOLE)
 
     def motion_of(self, rows: Array) -> Motion:
-        """Return what is judged from the numbers that solvers integrate, at the start and at all outputs."""
+        """Return the judged quantities at the checkpoints from a solver's states at the start and at all outputs."""
         return self._motion_of(rows[1:][self.checkpoints], self.states)
 
     def _motion_of(self, rows: Iterable[Sequence[float] | Array], states: Iterable[str]) -> Motion:
-        """Return what is judged from states at the checkpoints, by their names; quaternions may have any length."""
+        """Return the judged quantities from rows of named states at the checkpoints; quaternions need no length 1."""
         z, kernels, places = self.buffer.copy(), self.general.kernels, [*map(self.place, states)]
         blocks, outputs = kernels.BLOCKS, tiered(kernels.outputs)
         found: dict[str, list[Array]] = {name: [] for name in self.names}
         for time, row in zip(np.cumsum(self.outputs_between) * self.interval, rows, strict=True):
             z[places] = row
-            if "series.time" in blocks:  # which formulas may read
+            if "series.time" in blocks:  # formulas may depend on it
                 z[blocks["series.time"]] = self.scene.run.start + time, 0.0
             z[blocks["q"]] /= np.linalg.norm(z[blocks["q"]])
             outputs(z)
@@ -297,7 +301,10 @@ def state_of(r: Iterable[float], v: Iterable[float], q: Iterable[float], omega: 
 
 
 def case_of(scene: Scene) -> Case:
-    """Return the case of a scene, of whose run so much is charted as the reference follows in some seconds."""
+    """Return the case of a scene, its run cut to `MAX_OUTPUTS` steps, or to what the reference follows in some seconds.
+
+    A last communication step that is shorter than the others is left out. Raises SceneError if one step is too much.
+    """
     if scene.body is not None:
         Question(scene).start.check()
     steps = scene.run.count
@@ -307,7 +314,7 @@ def case_of(scene: Scene) -> Case:
         part = scene if outputs == steps else scene.replace({"run.stop": scene.run.start + outputs * scene.run.step})
         case = Case(part, outputs, POINTS)
         try:
-            _ = case.truth  # kept, where it can be followed
+            _ = case.truth  # computed here and kept, or refused as too long
             return case
         except reference.ReferenceTooLongError:
             if outputs == 1:
@@ -320,7 +327,7 @@ def case_of(scene: Scene) -> Case:
 
 
 def _known_motion(case: Case) -> Motion:
-    """Return the true motion of one of the eight at its checkpoints, with its start, and that of the body's origin."""
+    """Return the true attitude, rates and position of o for one of the eight motions, at its start and checkpoints."""
     motion, body = json.loads(REFERENCES.read_text(encoding="utf-8"))["motions"][case.key], case.question.body
     q, omega_b, r_c = (np.array(motion[name], dtype=float) for name in ("quaternion", "omega_b", "r_c"))
     after = {"quaternion": q, "omega_b": omega_b, "position": r_c - arrays.rotate(q, np.array(body.r_oc_b))}
@@ -328,7 +335,7 @@ def _known_motion(case: Case) -> Motion:
 
 
 def _known_case(key: str, tables: dict[str, Any]) -> Case:
-    """Return one of the eight, which is asked for attitude and rates if its tables name no quantities."""
+    """Return one of the eight motions; without quantities in its tables, attitude and rates are asked for."""
     keeps, stop = tuple(tables.pop("keeps", ())), tables["run"]["stop"]
     asked = {"outputs": {"quantities": ["quaternion", "omega_b"]}, "run": {"stop": stop, "step": stop / CHECKPOINTS}}
     return Case(Scene.from_dict(asked | tables | {"run": asked["run"]}, key), key=key, keeps=keeps, accuracies=_PLANNED)
@@ -340,6 +347,6 @@ CASES = {key: _known_case(key, tables) for key, tables in tables_of("chart/motio
 
 
 def few_and_many(keys: Sequence[str] = tuple(CASES)) -> list[Case]:
-    """Return each motion with few and with many outputs; the long one, of which these were millions, with few only."""
+    """Return each motion with few and with many outputs; the long motion, which would have millions, with few only."""
     found = [case for key in keys for case in (CASES[key], CASES[key].with_many_outputs())]
     return [case for case in found if case.outputs <= MAX_OUTPUTS]

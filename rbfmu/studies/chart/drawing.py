@@ -1,4 +1,4 @@
-"""The pictures of charts: which method to use on a scene, drifts, and plans beside peers on many scenes."""
+"""The pictures of charts: the method to use on a scene, drifts, and plans compared with peers on many scenes."""
 
 import math
 import textwrap
@@ -19,7 +19,8 @@ from rbfmu.studies.chart.result import KINDS, OWN_KINDS, STOPPED, TAKES_NO, Char
 
 DPI = 120
 GAIN = 0.8
-"""A point is drawn only if its error is below this part of the last one's, so that a line ends with its digits."""
+"""A point is drawn only if its error is below GAIN times that of the point before: a line ends where errors stop
+falling."""
 LEAST_DRIFT = 1e-17
 PALE, DARK = "#f3f3f3", "#333333"
 _HOW = (
@@ -30,11 +31,11 @@ _HOW = (
 
 
 def figure_of(chart: Chart) -> Figure:
-    """Return the picture of a chart: error against cost, seen in ten seconds."""
+    """Return the picture of a chart: error against cost."""
     figure = Figure(figsize=(10.5, 8.0), dpi=DPI)
     axes = figure.add_axes((0.085, 0.235, 0.635, 0.555))
     lines = lines_of(chart.above_round_off)
-    if chart.model in (row.method for row in lines.get("exact", ())):  # the plan itself
+    if chart.model in (row.method for row in lines.get("exact", ())):  # this point is the plan itself
         del lines["exact"]
     draw_lines(axes, lines, {end.method for end in chart.ends if end.stopped})
     _limits(axes, chart, [row for line in lines.values() for row in line])
@@ -65,7 +66,7 @@ def _name_ticks(axes: Axes) -> None:
     axes.yaxis.set_major_formatter(lambda cost, _: cost_text(cost).replace(".0 ", " "))
     axes.xaxis.set_major_formatter(lambda error, _: short_number(error))
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_minor_formatter("")  # it would name ticks within a decade
+        axis.set_minor_formatter("")  # else ticks within a decade get numbers
 
 
 def _accuracy_asked(axes: Axes, chart: Chart) -> None:
@@ -120,7 +121,7 @@ def lines_of(rows: Sequence[Row]) -> dict[str, list[Row]]:
 
 
 def draw_lines(axes: Axes, lines: dict[str, list[Row]], stopped: Collection[str] = ()) -> None:
-    """Draw the lines by kind, those of the library over all others; stopped: methods whose line ends in an arrow."""
+    """Draw a line for each kind, those of the library on top; stopped: methods whose line ends with an arrowhead."""
     for kind, line in reversed(lines.items()):
         x, y = [row.error for row in line], [row.seconds for row in line]
         style: dict[str, object] = {"color": KINDS[kind], "linewidth": 2.2 if kind in OWN_KINDS else 1.4}
@@ -137,9 +138,9 @@ def draw_lines(axes: Axes, lines: dict[str, list[Row]], stopped: Collection[str]
 
 
 def name_lines(axes: Axes, lines: dict[str, list[Row]], text: Callable[[str], str] = str, apart: float = 0.047) -> None:
-    """Write names in a column at the right, in the order of the lines' ends, each tied to its end.
+    """Write the kinds' names in a column at the right, in the order of the lines' ends, each tied to its line's end.
 
-    text: what is written for a kind; apart: the least distance of two, as a part of the axes' height.
+    text: returns the text for a kind; apart: the least distance of two names, as a part of the axes' height.
     """
     bottom, top = axes.get_ylim()
 
@@ -157,9 +158,9 @@ def name_lines(axes: Axes, lines: dict[str, list[Row]], text: Callable[[str], st
 
 
 def spread(places: Sequence[float], apart: float) -> list[float]:
-    """Return rising places, moved as little as may be so that they are `apart` and none is above 1.
+    """Return rising places, moved so little that they are `apart` or more from each other and at most 1.
 
-    Where places are too close, they are spread about their mean.
+    Places that are too close are spread about their mean.
     """
     groups: list[list[float]] = []
     for i, place in enumerate(places):
@@ -180,7 +181,7 @@ def spread(places: Sequence[float], apart: float) -> list[float]:
 
 
 def draw_kept(chart: Chart, path: Path) -> list[Path]:
-    """Draw the drift of conserved quantities against cost; no file if nothing is conserved."""
+    """Draw the drift of conserved quantities against cost; write no file if nothing is conserved."""
     kept = {}
     for name, column in cases.DRIFTS.items():
         drifts = [(row, getattr(row, column)) for row in chart.rows]
@@ -206,15 +207,15 @@ def draw_kept(chart: Chart, path: Path) -> list[Path]:
     return [path]
 
 
-# Plans beside peers
+# Plans compared with peers
 
 PEER, EXACT, NONE = "#f6b58a", "#8fd3bd", "#eeeeee"
-"""The colours of cells: a peer is cheaper than the plan, the plan is a closed form, no method is known."""
+"""The colours of cells: a peer is cheaper than the plan, the plan is a closed form, no method meets the accuracy."""
 CELLS = {"Taylor": "#a9d8f5", "DOP853": "#7fb3de", "splitting": "#e3b7cf"}
 
 
 def draw_answers(found: Sequence[Verdict], path: Path) -> Path:
-    """Draw charts by accuracy, few outputs and many: what to use, its cost, and what the other costs."""
+    """Draw a table of motions and accuracies, with few and many outputs: the method to use and its cost."""
     rows, accuracies = list(dict.fromkeys(v.chart.key for v in found)), list(dict.fromkeys(v.accuracy for v in found))
     n = len(accuracies)
     columns = {(many, a): i + many * (n + 0.3) for many in (False, True) for i, a in enumerate(accuracies)}
@@ -256,7 +257,7 @@ def _draw_cell(axes: Axes, x: float, y: float, v: Verdict) -> None:
 
 
 def cell_of(v: Verdict) -> tuple[str, str, str, str]:
-    """Return a cell's colour, the method to use, its cost, and a remark on the other."""
+    """Return a cell's colour, the method to use (the plan or a peer), its cost, and a remark on the other one."""
     if v.peer and v.lead < 1.0 and not v.even:
         remark = "plan refuses" if v.is_refused else f"rbfmu's plan: {times(1.0 / v.lead)}"
         return PEER, v.peer.method, cost_text(v.peer.cost), remark

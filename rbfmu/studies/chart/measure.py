@@ -1,4 +1,4 @@
-"""Measure a case: who competes on it, every method's settings from coarse to fine, then all of them timed in turns."""
+"""Measure a case: find the methods that suit it, run each at settings from coarse to fine, then time all in turns."""
 
 import math
 import os
@@ -26,21 +26,22 @@ from rbfmu.studies.chart.result import STOPPED, TAKES_NO, YOURS, Chart, End, Row
 from rbfmu_kernels.models.one_axis import ORDERS
 
 LARGEST_ERROR = 1.0
-"""The largest error that is recorded; a larger one is no answer."""
+"""The largest error that is recorded; a larger one is no useful result."""
 MAX_REFUSED = 30
-"""The number of settings in a row that a method does not run at, after which no more are tried."""
+"""After so many settings in a row at which a method cannot run, no more are tried."""
 MAX_IDLE = 5
-"""The number of finer settings in a row without a gain after which no more are tried."""
+"""After so many finer settings in a row without a smaller error, no more are tried."""
 _NOT_OWN = "it has attitude and rates, and the scene asks for more, or has formulas"
 
 
-# Who competes
+# The methods that are compared
 
 
 class Peer(NamedTuple):
     """Another program: its package, the extra of this library that installs it, and its methods.
 
-    most: the angle in rad that a body may turn by, which is less where it is called from Python at each step.
+    most: the largest angle in rad that a body may turn by in a run; it is smaller for programs that are called from
+    Python at each step.
     """
 
     package: str
@@ -50,7 +51,7 @@ class Peer(NamedTuple):
 
     @property
     def installed(self) -> str:
-        """Return the version that is installed, or nothing."""
+        """Return the version that is installed; empty if none is."""
         try:
             return version(self.package)
         except PackageNotFoundError:
@@ -79,13 +80,13 @@ def absent() -> list[str]:
 
 
 def contestants(case: Case) -> list[Method]:
-    """Return all methods that suit a case, the plan last."""
+    """Return all methods that can be used for a case, the plan last."""
     found = [] if case.scene.body is None else [*own_methods(), *peers()]
     return [*(method for method in found if not why_not(method, case)), planned()]
 
 
 def why_not(method: Method, case: Case) -> str:
-    """Return why a method is not tried on a case, else nothing."""
+    """Return why a method is not tried on a case; empty if it is."""
     if method.only and case.key not in method.only:
         return "set up for the motions of `rbfmu chart` alone"
     if case.scene.has_formulas and not method.takes_formulas:
@@ -103,9 +104,9 @@ def why_not(method: Method, case: Case) -> str:
 class Extent:
     """The limits of a measurement.
 
-    longest: the processor time of a run, s; a method whose finer settings would take more is stopped. Each run is timed
-    `repeats` times, each time for about `shortest` s; quick: few methods and settings; only: these methods alone, but
-    for `own`, a method of the reader's.
+    longest: the processor time of a run, s; a method is stopped when its finer settings would take more. Each run is
+    timed `repeats` times, each time for about `shortest` s. quick: few settings; only: the names of the methods that
+    are measured (none: all), besides `own`, a user's method.
     """
 
     longest: float = 0.1
@@ -120,12 +121,15 @@ QUICK = Extent(0.02, 2, 2e-4, True, tuple(tables_of("chart/kinds.toml")["quick"]
 
 
 def extent(quick: bool, method: str | Path | None) -> Extent:
-    """Return what is measured, with the method of a file, if one is given; ValueError says what is wrong with that."""
+    """Return the limits; method: a file with a user's method. Raises ValueError if something is wrong with that."""
     return replace(QUICK if quick else Extent(), own=None if method is None else one_step.method_of_file(method))
 
 
 def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str, float] | None = None) -> Chart:
-    """Return the chart of a case; first_calls: what is known of the time that methods take to compile, s."""
+    """Return the chart of a case. Raises SceneError if there is no plan.
+
+    first_calls: the times in s that methods take to compile, by name; new ones are added.
+    """
     name, chosen = case.scene.name, plan(case.asked)
     methods = [m for m in contestants(case) if not what.only or m.name in what.only]
     takes_step = "" if case.scene.body is not None and case.only_turns else _NOT_OWN
@@ -138,7 +142,7 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
         tried, end = explore(what, case, method, first_calls)
         found += tried
         ends.append(end)
-    order = random.Random(1)  # one that favours no method
+    order = random.Random(1)  # no method has an advantage by its place
     for repeat in range(what.repeats):
         progress(len(methods) + repeat, total, f"{name}: timing {repeat + 1}")
         again = [t for t in found if t.row.run_seconds < what.longest * (3.0 if repeat < 2 else 0.1)]
@@ -157,7 +161,7 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
 
 
 def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Chart]:
-    """Return a chart of each of the eight motions named, with few and with many outputs."""
+    """Return two charts of each of the eight motions named: with few and with many outputs."""
     cases, first_calls = few_and_many(keys), dict[str, float]()
     share = 1000
 
@@ -171,7 +175,7 @@ def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Cha
 class Tried:
     """A row of a chart with its run, which can be timed again; span: the simulated time, s.
 
-    The row's time is the least so far, its spread the ratio between those of every other time and of the times between.
+    The row has the least time so far. Its spread is the ratio, at least 1, of the least odd and the least even time.
     """
 
     row: Row
@@ -180,7 +184,7 @@ class Tried:
     times: list[float] = field(default_factory=list)
 
     def time(self, shortest: float) -> None:
-        """Time once more, for about `shortest` s."""
+        """Time the run once more, for about `shortest` s."""
         k = max(1, round(shortest / self.row.run_seconds))
         self.times.append(self.run.seconds(k) / k)
         halves = [min(half) for half in (self.times[::2], self.times[1::2]) if half]
@@ -189,9 +193,10 @@ class Tried:
 
 
 def explore(what: Extent, case: Case, method: Method, first_calls: dict[str, float]) -> tuple[list[Tried], End]:
-    """Try settings from coarse to fine until time or digits end; `first_calls` (s, by method) is filled here.
+    """Try settings from coarse to fine, until a run takes too long or errors no longer fall.
 
-    Below round-off no finer setting is tried, but for plans of accuracies that the case names.
+    first_calls: times to compile, s, by method; new ones are added. If an error is below round-off, no finer setting
+    is tried, unless the case names accuracies.
     """
     found: list[Tried] = []
     least, last, idle, refused, why = math.inf, math.inf, 0, 0, "all settings tried"
@@ -208,7 +213,7 @@ def explore(what: Extent, case: Case, method: Method, first_calls: dict[str, flo
         if error <= LARGEST_ERROR:
             found.append(tried)
         idle = 0 if error < 0.7 * least else idle + (error != last)
-        last = error  # errors are equal where both settings take one step to each output
+        last = error  # two errors are equal if both settings take one step to each output
         least = min(least, error)
         if 1.5 * tried.row.run_seconds > what.longest:
             why = STOPPED
@@ -221,7 +226,7 @@ def explore(what: Extent, case: Case, method: Method, first_calls: dict[str, flo
 
 
 def _first_run(case: Case, method: Method, value: float, first_calls: dict[str, float]) -> Tried:
-    """Return a run that is ready to be timed, its error, and its time in s; the very first call compiles."""
+    """Return a run with its error and one time; the first run of a method compiles, which is timed separately."""
     start = thread_time()
     run = method.run(case, value)
     error, drifts = case.error(run.found), case.drifts(run.found)
@@ -237,7 +242,7 @@ def _first_run(case: Case, method: Method, value: float, first_calls: dict[str, 
 
 
 def _not_charted(case: Case, ends: Sequence[End]) -> Iterator[str]:
-    """Yield a line for each peer that is not charted."""
+    """Yield a line for each peer that is not in the chart, with the reason."""
     if case.scene.body is None:
         yield "Peers: the scene has no body, and prescribed rates are theirs to supply"
         return
@@ -259,7 +264,7 @@ def _program(method: str) -> str:
 
 
 def too_small(case: Case, chosen: Plan) -> list[TooSmall]:
-    """Return the models that stand before the plan's and miss the accuracy, from the smallest."""
+    """Return the models smaller than the plan's that miss the accuracy or cannot be used, the smallest first."""
     if case.scene.body is None or case.scene.has_formulas:
         return []
     before = takewhile(lambda spec: spec.key != chosen.model, registry.MODELS.values())
@@ -269,7 +274,7 @@ def too_small(case: Case, chosen: Plan) -> list[TooSmall]:
 
 
 def _error_of(case: Case, spec: registry.ModelSpec) -> tuple[float, str]:
-    """Return the error of a model that leaves something out, or why it has none."""
+    """Return (error, reason) of a smaller model; reason: why it cannot be used, empty if only its error counts."""
     scene, asked = case.asked, case.question
     hidden = {registry.ANGULAR_MOMENTUM.key: asked.attitude or asked.rotation, registry.SPIN_UP.key: asked.attitude}
     if hidden.get(spec.key) and not spec.accepts(asked):
@@ -292,7 +297,7 @@ def _error_of(case: Case, spec: registry.ModelSpec) -> tuple[float, str]:
 
 
 def machine() -> list[str]:
-    """Return lines on the machine and the packages for a file's head."""
+    """Return lines about the machine and the packages, for the head of a file."""
     packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "llvmlite"))
     theirs = ", ".join(f"{name} {peer.installed}" for name, peer in PEERS.items() if peer.installed)
     processors = f"{_processor()}, {os.cpu_count()} processors, {platform.platform()}"

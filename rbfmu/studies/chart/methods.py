@@ -1,6 +1,6 @@
-"""The methods that compete: one of them at one setting on one case is a `Run` with its states and its time.
+"""The methods that charts compare; a `Run` is one method at one setting on one case, with its states and its time.
 
-One-step methods in equal steps, and what rbfmu offers: series, closed forms, DOP853, and its plans.
+Here are one-step methods in equal steps, and those of rbfmu: series, closed forms, DOP853, and its plans.
 """
 
 import math
@@ -27,22 +27,24 @@ from rbfmu_kernels.compile.decorator import named
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
 MOST_RADIANS = 1e6
-"""The angle beyond which a motion is one of many turns, which takes peers too long."""
+"""The angle beyond which a motion has so many turns that peers take too long."""
 MOST_STEPS = 1e12
-"""The number of steps between two outputs beyond which none are tried: a loop of nothing takes no time at all."""
+"""The number of steps between two outputs from which on no more are tried. A compiled loop that does nothing takes no
+time, so that the time limit would not end the search."""
 PLANNING = 30.0
 """The processor time, s, after which no tighter plans are made."""
 
 
 class NotFeasibleError(Exception):
-    """The error of a method that cannot do a case at a setting; the message says why."""
+    """The error of a method that cannot run a case at a setting; the message says why."""
 
 
 class Run(NamedTuple):
-    """A method at a setting: what it found at the checkpoints, and the time of k solutions with all outputs.
+    """A method at one setting on one case.
 
-    seconds: of the processor; evaluations: those of the right-hand side in one solution (0: none, NaN: not counted);
-    detail: the method that a plan chose.
+    found: its result at the checkpoints; seconds: measures the processor time of k solutions with all outputs, s;
+    evaluations: of the right-hand side in one solution (0: none, NaN: not counted); detail: the method that a plan
+    chose.
     """
 
     found: Found
@@ -53,12 +55,13 @@ class Run(NamedTuple):
 
 @dataclass
 class Method:
-    """A method that competes; those of a family share a colour, `setting` is the name and unit of what is varied.
+    """A method that charts compare.
 
-    settings: gives values from coarse to fine, to try until the error no longer falls or a run takes too long (quick:
-    few of them); run: makes a run at such a setting, or raises NotFeasibleError; why_not: says why a case is not its
-    own, if so; takes_formulas: whether it integrates what formulas give; only: the motions, by key, that it is set up
-    for (none named: any); refusal: why no finer setting was tried.
+    setting: the name and unit of what is varied; settings: yields its values from coarse to fine for a case (and
+    `quick`: few of them), which are tried until the error no longer falls or a run takes too long; run: makes a run at
+    such a value, or raises NotFeasibleError; why_not: returns why the method cannot be used for a case, else nothing;
+    takes_formulas: whether it can integrate formulas; only: the keys of the motions that it is set up for (none: any);
+    refusal: why no finer setting was tried.
     """
 
     name: str
@@ -75,8 +78,8 @@ class Method:
 def timer(repeat: Callable[[int], object]) -> Callable[[int], float]:
     """Return a function that measures the processor time of `repeat(k)` in s; waiting does not count.
 
-    The clock is the thread's: under a limit of processor time (`ulimit -t`, a cluster's queue) Linux moves that of the
-    process in steps of 4 ms.
+    The clock is that of the thread: under a limit of processor time (`ulimit -t`, a cluster's queue), Linux advances
+    the clock of the process in steps of 4 ms.
     """
 
     def seconds(k: int) -> float:
@@ -88,7 +91,10 @@ def timer(repeat: Callable[[int], object]) -> Callable[[int], float]:
 
 
 def step_counts(case: Case, quick: bool, largest: float = 16.0) -> Iterator[float]:
-    """Yield step sizes, from `largest` rad per step downwards by factors of 2 (quick: 4)."""
+    """Yield step sizes in s, from `largest` rad per step downwards by factors of 2 (quick: 4).
+
+    Each divides the time between two outputs into a whole number of steps.
+    """
     n, last = max(1.0, case.interval * case.rate / largest), 0
     while n < MOST_STEPS:
         if round(n) > last:
@@ -98,12 +104,12 @@ def step_counts(case: Case, quick: bool, largest: float = 16.0) -> Iterator[floa
 
 
 def tolerances(largest: int, smallest: int, quick: bool) -> Iterator[float]:
-    """Return powers of ten from large to small in half decades (quick: every three decades)."""
+    """Return the values from 10^largest down to 10^smallest in half decades (quick: in steps of three decades)."""
     return (10.0 ** (k / 2) for k in range(2 * largest, 2 * smallest - 1, -(6 if quick else 1)))
 
 
 def module(name: str) -> Any:
-    """Return a peer's module."""
+    """Return a peer's module. Raises NotFeasibleError if it is installed but cannot be imported."""
     try:
         return import_module(name)
     except ImportError as error:
@@ -118,7 +124,10 @@ def _steps(y: Form, h: float, n: int, body: Body, loads: Loads) -> Form:
 
 
 def _repeat(y: Form, h: float, n: int, outputs: int, body: Body, loads: Loads, k: int) -> Form:
-    """Solve k times by n steps to each output; h depends formally (by 0 *) on the last one, so that all are kept."""
+    """Solve k times, with n steps to each output.
+
+    By 0 *, each solution formally depends on the one before, so that the compiler cannot drop any of them.
+    """
     z = y
     for _ in range(k):
         step = h + 0.0 * z.omega_b[0]
@@ -138,16 +147,16 @@ def _midpoint_rounds(y: State, h: float, n: int, body: Body, loads: Loads) -> fl
 
 @cache
 def _around(template: Callable[..., Any], name: str, compiler: Callable[[Any], Any], **steps: Any) -> Any:
-    """Return a template with the steps of a method or a model, compiled."""
+    """Return a template, filled in with the steps of a method or a model, and compiled."""
     return compiler(named(template, f"{template.__name__} {name}", **steps))
 
 
 def fixed_steps(method: OneStepMethod, family: str, why_not: Callable[[Case], str], largest: float = 16.0) -> Method:
     """Return a one-step method in equal steps, such as those of `rbfmu.studies.reference_methods`.
 
-    largest: the step that is tried first, rad. A run of very many turns begins finer: the equation of Moser and Veselov
-    has no solution for steps of more than 1 rad, and near there each of millions of steps would take thousands of
-    rounds.
+    largest: the angle per step that is tried first, rad. For very many turns the first one is a quarter of that: the
+    equation of Moser and Veselov has no solution for steps of more than 1 rad, and near this limit each of millions of
+    steps would take thousands of iterations.
     """
 
     def settings(case: Case, quick: bool) -> Iterator[float]:
@@ -163,7 +172,7 @@ def _run_of_steps(method: OneStepMethod, case: Case, h: float) -> Run:
     around = partial(_around, name=method.name, compiler=method.compiler, _steps=method.steps)
     if hasattr(method.steps, "py_func"):
         seconds = timer(lambda k: around(_repeat)(start, h, n, outputs, body, loads, k))
-    else:  # the loop is not compiled: one long run, of which the calls are a small part
+    else:  # the loop is not compiled: one long run, in which the calls take a small part of the time
         seconds = timer(lambda k: method.steps(start, h, outputs * n * k, body, loads))
     evaluations = float(method.evaluations * outputs * n)
     if method.name == "implicit midpoint":
@@ -171,7 +180,7 @@ def _run_of_steps(method: OneStepMethod, case: Case, h: float) -> Run:
     return Run([method.state_of(y) for y in path], seconds, evaluations)
 
 
-# The product's models, stepped from output to output
+# The library's models, stepped from output to output
 
 
 def _step(z: Array, interval: float) -> int:
@@ -179,12 +188,12 @@ def _step(z: Array, interval: float) -> int:
 
 
 def _steps_repeated(z: Array, start: Array, interval: float, at: Indices, out: Array, k: int) -> int:
-    """Make k runs, and store the buffer's elements `at` in `out` at every output; start: what a run begins with.
+    """Make k runs; each starts with the numbers `start`, and stores the buffer's elements `at` in `out` at each output.
 
-    Return 1 where a fault ends them: each further step could take as long to fail.
+    Return 1 after the first step that fails, as each further step could take as long to fail; else 0.
     """
     for _ in range(k):
-        for i in range(len(start)):  # a slice would compile the words of an error, for 2 s
+        for i in range(len(start)):  # for a slice, Numba would compile an error message as well, which takes 2 s
             z[i] = start[i]
         for i in range(len(out)):
             if _step(z, interval):
@@ -195,7 +204,11 @@ def _steps_repeated(z: Array, start: Array, interval: float, at: Indices, out: A
 
 
 def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = math.nan, fixed: float = 0.0) -> Run:
-    """Return a run of a plan's model; per_substep: right-hand sides; fixed: substeps if it counts none."""
+    """Return a run of a plan's model.
+
+    per_substep: evaluations of the right-hand side in a substep; fixed: the number of substeps, if the model does not
+    count them.
+    """
     kernels, start = chosen.kernels, start_run(scene, chosen)
     scratch = next((kernels.BLOCKS[name].start for name in ("work", "series.work") if name in kernels.BLOCKS), None)
     z, start = model_buffer.aligned_zeros(len(start)), start[:scratch]
@@ -210,14 +223,14 @@ def run_of_unit(case: Case, scene: Scene, chosen: Plan, per_substep: float = mat
 
 
 def substeps(order: int, controlled: bool = True) -> Method:
-    """Return the series of a body under loads, with error control, or DOP853, with it or in equal steps.
+    """Return the method of series with error control, or DOP853 with error control or in equal steps.
 
-    order: the order of the Taylor series, 0 for DOP853.
+    order: the order of the Taylor series, 0 for DOP853; controlled: whether there is error control.
     """
     name = f"Taylor, order {order}" if order else f"DOP853, {'error control' if controlled else 'fixed steps'}"
 
     def settings(case: Case, quick: bool) -> Iterator[float]:
-        largest = -3 if case.scene.has_formulas else 0  # what is rougher may run away, in many substeps
+        largest = -3 if case.scene.has_formulas else 0  # a looser tolerance may diverge, in many substeps
         return tolerances(largest, -16 if order else -15, quick) if controlled else step_counts(case, quick)
 
     def run(case: Case, value: float) -> Run:
@@ -233,7 +246,7 @@ def substeps(order: int, controlled: bool = True) -> Method:
 
 
 def closed_form(spec: registry.ModelSpec) -> Method:
-    """Return a model with a closed form that is exact for a scene, whatever its ports supply."""
+    """Return the method of a closed form; it is used for scenes for which it is exact, whatever their ports supply."""
     return Method(
         spec.key, "exact", "outputs",
         lambda case, quick: iter([float(case.outputs)]),
@@ -243,10 +256,10 @@ def closed_form(spec: registry.ModelSpec) -> Method:
 
 
 def planned() -> Method:
-    """Return the plans that `rbfmu.plan` makes, with all of a model's outputs.
+    """Return the method that runs the plans of `rbfmu.plan`; its runs compute all outputs of the case.
 
-    They are for the accuracies that a case names; where it names none, for that of its scene and each further digit,
-    until one is refused or takes too long.
+    Plans are made for the accuracies that the case names. If it names none, they are made for that of its scene and for
+    each further digit, until one is refused or planning takes too long.
     """
 
     def settings(case: Case, quick: bool) -> Iterator[float]:
@@ -275,7 +288,7 @@ def planned() -> Method:
 
 @cache
 def own_methods() -> tuple[Method, ...]:
-    """Return the library's methods but the plan, and one-step methods in common use with the same right-hand sides."""
+    """Return the library's methods except plans, and one-step methods in common use with the same right-hand sides."""
     return (
         *map(closed_form, registry.CLOSED_FORMS), substeps(0), substeps(0, False),
         *map(substeps, (6, 8, 12, 16, 20, 24)),

@@ -1,7 +1,7 @@
-"""What a chart holds, and what it says in at most 80 columns.
+"""A chart: its measurements, and its table of at most 80 columns.
 
-All measurements on a case, how far each method came, and the models that are too small; the cost of an accuracy, by
-kind of method.
+It has all measurements on a case, the smallest error of each method, and the models that are too small. From these it
+computes what an accuracy costs by each kind of method.
 """
 
 import math
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TAKES_NO = "takes no"
-"""How the reason begins why a model does not serve a scene with ports, or with parameters to be changed."""
+"""The start of the reason why a model cannot be used for a scene with ports, or with parameters that may change."""
 STOPPED = "stopped: time limit"
 YOURS = "your method"
 _TABLES = tables_of("chart/kinds.toml")
 OWN_KINDS: Mapping[str, str] = _TABLES["own"]
-"""The library's own kinds of methods, and the colour of the line that is the best of each."""
+"""The library's own kinds of methods, each with the colour of its line."""
 KINDS: Mapping[str, str] = _TABLES["own"] | _TABLES["others"]
-"""All kinds, in the same way."""
+"""All kinds of methods, each with the colour of its line."""
 SIDES: Mapping[str, list[str]] = _TABLES["sides"]
-"""Who offers families of methods."""
+"""The families of methods by who offers them: the library, its plans, common integrators, peers."""
 
 _KIND = "{:22}{:29.28}{:>9}{:>9}{:>10}"
 _DIGIT = "{:10}{:41.40}{:>9}{:>9}{:>10}"
@@ -40,7 +40,7 @@ _MODEL = "{:30}{:>10}{:>14}"
 
 
 def kind_of(method: str, family: str) -> str:
-    """Return the kind of a method of a family."""
+    """Return the kind of a method, which is in a family."""
     if family != "peer":
         return str(_TABLES["families"].get(family, family))
     if method.startswith("SciPy") and method != "SciPy odeint":
@@ -52,10 +52,10 @@ def kind_of(method: str, family: str) -> str:
 class Row:
     """One method at one setting, or a plan at the accuracy that it was made for.
 
-    detail: what a plan chose; error: as the scene's accuracy counts; seconds: of the processor, for a simulated second;
-    run_seconds: for the whole run; spread: the ratio between the least times of two halves of the repeats;
-    right_hand_sides: evaluations in a run (0: none, NaN: not counted); compiling: the additional time of the method's
-    very first call, s; drifts: of what the motion conserves, relative (NaN: it does not).
+    detail: the method that a plan chose; error: as the scene's accuracy counts it; seconds: the processor time for a
+    simulated second, s; run_seconds: that for the whole run, s; spread: the ratio of the least times in two halves of
+    the repeats; right_hand_sides: evaluations in a run (0: none, NaN: not counted); compiling: the additional time of
+    the method's first call, s; the drifts: relative, of what the motion conserves (NaN: it does not conserve it).
     """
 
     kind: str
@@ -92,7 +92,7 @@ class End(NamedTuple):
 class TooSmall(NamedTuple):
     """A model that is smaller than the plan's, and its error as the scene's accuracy counts it.
 
-    why: why it has none, if so.
+    why: why the model cannot be used, if there is a reason besides its error.
     """
 
     model: str
@@ -104,11 +104,11 @@ class TooSmall(NamedTuple):
 class Chart:
     """Accuracy against cost on a scene; `print` shows a table, `save` writes table, CSV file and picture.
 
-    model: the plan's; accuracy: the one asked; span, outputs: of the charted run, s; ports: those that nothing
-    drives, held: where they stay; rows: all measurements; ends: how far each method came; too_small: models that the
-    plan's is larger than; absent: lines on peers that are not charted; refusal: why no tighter plan is made; machine:
-    what it was measured on; whole: the length of the scene's run, s (0: `span`); key, many: which of the eight motions,
-    and of its numbers of outputs.
+    model: the plan's; accuracy: the one asked; span: the length of the charted run, s; outputs: the number of its
+    outputs; ports: the scene's ports, which nothing drives; held: their values, in words; rows: all measurements; ends:
+    the smallest error of each method; too_small: smaller models than the plan's; absent: lines about peers that are not
+    charted; refusal: why no tighter plan is made; machine: lines about what it was measured on; whole: the length of
+    the scene's run, s (0: `span`); key: which of the eight motions it is, if one; many: whether outputs are many.
     """
 
     scene: str
@@ -130,7 +130,7 @@ class Chart:
 
     @property
     def plans(self) -> tuple[Row, ...]:
-        """Return the plans, first that for the accuracy asked, then for each further digit."""
+        """Return the plans: first the one for the accuracy asked, then those for each further digit."""
         return tuple(row for row in self.rows if row.family == "planned" and row.value <= self.accuracy)
 
     @property
@@ -140,14 +140,14 @@ class Chart:
 
     @cached_property
     def above_round_off(self) -> list[Row]:
-        """Return the measurements with errors of at least `FLOOR`."""
+        """Return all measurements, with errors below `FLOOR` raised to it."""
         return [replace(row, error=max(row.error, FLOOR)) for row in self.rows]
 
     @cached_property
     def noise(self) -> float:
-        """Return the ratio within which costs count as equal: 19 of 20 points that are compared have a smaller spread.
+        """Return the ratio up to which two costs count as equal: 19 of 20 points have a smaller spread.
 
-        These cost at most ten times as much as the plan; dear runs are timed less often.
+        Only points that cost at most ten times as much as the plan count, as expensive runs are timed less often.
         """
         return float(np.percentile([row.spread for row in self.rows if row.seconds <= 10.0 * self.plan.seconds], 95.0))
 
@@ -157,7 +157,7 @@ class Chart:
 
     @cached_property
     def reaches(self) -> "list[Reach]":
-        """Return what each kind of method costs at the accuracy asked, the cheapest first."""
+        """Return the cost of the accuracy asked by each kind of method, the cheapest first."""
         return sorted(filter(None, map(self._reach, KINDS)), key=lambda reach: (reach.cost, reach.end.error))
 
     def _reach(self, kind: str) -> "Reach | None":
@@ -268,7 +268,7 @@ class Chart:
 
     @property
     def headline(self) -> tuple[str, str]:
-        """Return two lines: which method costs least at the accuracy asked, and what is beside it."""
+        """Return two lines: the cheapest method at the accuracy asked, and what it is compared with."""
         plan, first = self.plan, self.reaches[0]
         asked = f"{self.scene} at {short_number(self.accuracy)}{f', ports {self.held}' if self.ports else ''}"
         ratio, planned = plan.seconds / first.cost, f"{self.model}: {plan.detail}"
@@ -287,7 +287,7 @@ class Chart:
 
     @property
     def why_no_further(self) -> str:
-        """Return why there are no plans for further digits than the chart has."""
+        """Return why the chart has no plans for further digits."""
         if self.refusal:
             return self.refusal
         return "the error is round-off, so further digits cost nothing" if self.plans[-1].error < FLOOR else ""
@@ -306,10 +306,10 @@ def front(rows: Iterable[Row], gain: float = 1.0) -> list[Row]:
 
 
 def cost_of(rows: Iterable[Row], accuracy: float) -> float | None:
-    """Return the cost of an accuracy by one method's rows, interpolated by a power law; None if out of reach.
+    """Return the cost of an accuracy, from the rows of one method; None if the method does not reach it.
 
-    Between two settings the error of a method of order p falls as its cost^-p; plans and closed forms have no setting
-    between.
+    Between two settings, the error of a method of order p is proportional to cost^-p, so that the cost is
+    interpolated by a power law. Plans and closed forms have no settings in between: the next row's cost counts.
     """
     best = front(rows)
     if not best or best[-1].error > accuracy:
@@ -324,7 +324,7 @@ def cost_of(rows: Iterable[Row], accuracy: float) -> float | None:
 
 
 class Offer(NamedTuple):
-    """A method, and the processor time in s by which it reaches an accuracy, for a simulated second."""
+    """A method, and the processor time in s for a simulated second with which it reaches an accuracy."""
 
     method: str
     cost: float
@@ -339,10 +339,10 @@ def cheapest(rows: Sequence[Row], accuracy: float) -> Offer | None:
 
 
 class Reach(NamedTuple):
-    """The cheapest way to the accuracy asked by a kind of method.
+    """The cheapest method of a kind that meets the accuracy asked.
 
-    cost: s for a simulated second, infinite where none meets the accuracy; end: that with the smallest error of the
-    kind; stopped: whether the time limit stopped one, which might else come further.
+    cost: s for a simulated second, infinite if none meets the accuracy; end: that of the method with the smallest error
+    of the kind; stopped: whether the time limit stopped a method of the kind, which might else reach smaller errors.
     """
 
     kind: str
@@ -353,5 +353,5 @@ class Reach(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return how the kind is called."""
+        """Return the name of the kind as it is shown."""
         return "closed form" if self.kind == "exact" else self.kind

@@ -1,4 +1,4 @@
-"""Other people's simulators on the same cases, where they are installed; each is imported when it runs."""
+"""Simulators by others, measured on the same cases if they are installed; each is imported when it runs."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -31,7 +31,10 @@ def _inertia(M: Matrix) -> str:
 
 
 def mujoco(integrator: str) -> Method:
-    """Return a single free body, or one on a ball joint, stepped in C; without the steps that MuJoCo warns of."""
+    """Return a method of MuJoCo: one free body, or one on a ball joint if it has a pivot or damping, stepped in C.
+
+    Steps of more than 1 rad are left out, since MuJoCo warns of them.
+    """
 
     def settings(case: Case, quick: bool) -> Iterator[float]:
         return (h for h in step_counts(case, quick) if h * case.rate <= 1.0)
@@ -98,14 +101,15 @@ CONTROLLED = ("RKF78",)
 
 
 def basilisk(integrator: str) -> Method:
-    """Return a spacecraft hub with a constant torque; time is in whole nanoseconds.
+    """Return a method of Basilisk: a spacecraft hub with a constant torque; times are whole nanoseconds.
 
-    No pivot, damping, or force off the centre; a million turns take too long.
+    It is set up for motions without a pivot, damping, or forces away from the centre of mass. The one with a million
+    turns is left out, as it takes too long.
     """
 
     def settings(case: Case, quick: bool) -> Iterator[float]:
         if integrator in CONTROLLED:
-            return tolerances(-6, -13, quick)  # a radian a step is as accurate as larger ones
+            return tolerances(-6, -13, quick)  # steps end at each radian, so larger tolerances are as accurate
         whole = (n for n in range(1, 10**6) if round(case.interval * 1e9) % n == 0)
         steps = (case.interval / n for n in whole if case.interval / n * case.rate <= 4.0)
         return islice(steps, 0, None, 3 if quick else 1)
@@ -115,7 +119,7 @@ def basilisk(integrator: str) -> Method:
 
 
 def _run_of_basilisk(integrator: str, case: Case, value: float) -> Run:
-    """Return a run in steps of `value`, or with error control in tasks of a radian, which keep the MRPs regular."""
+    """Return a run in steps of `value` s, or with error control in tasks of 1 rad, which keep the MRPs regular."""
     controlled = integrator in CONTROLLED
     n = math.ceil(case.interval * max(1.0, case.rate)) if controlled else round(case.interval / value)
     n = n if round(case.interval * 1e9) % n == 0 else math.ceil(case.interval) * 4
@@ -137,7 +141,7 @@ def _run_of_basilisk(integrator: str, case: Case, value: float) -> Run:
 
 
 def _basilisk(integrator: str, case: Case, value: float, nanoseconds: int) -> tuple[Any, Any]:
-    """Return a simulation for one run, since starting the same one again gives a warning."""
+    """Return (simulation, recorder) for one run; a new one is made each time, as a restart gives a warning."""
     base = module("Basilisk.utilities.SimulationBaseClass")
     craft, forces = module("Basilisk.simulation.spacecraft"), module("Basilisk.simulation.extForceTorque")
     integrators = module("Basilisk.simulation.svIntegrators")
@@ -169,10 +173,10 @@ def _basilisk(integrator: str, case: Case, value: float, nanoseconds: int) -> tu
 
 
 def drake(scheme: str, label: str) -> Method:
-    """Return a multibody plant of one free body, or of one on a ball joint.
+    """Return a method of Drake: a multibody plant of one free body, or of one on a ball joint.
 
-    No load turns with the body (a Python callback), and the turns are few; RK5 does not finish on ball joints, since it
-    runs into the singularity of their Euler angles.
+    It is set up for motions of few turns without loads that turn with the body, which need a Python callback. RK5 does
+    not finish on ball joints, since it runs into the singularity of their Euler angles.
     """
     return Method(
         f"Drake {label}", "peer", "target accuracy", lambda case, quick: tolerances(-2, -13, quick),

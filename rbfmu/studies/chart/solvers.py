@@ -1,7 +1,8 @@
-"""Other people's solvers of differential equations on the same cases, set up as their own users would.
+"""Solvers of differential equations by others, measured on the same cases, each set up as its users would do it.
 
-All are given the equations of motion that a case has on its graph. SciPy's solvers call a right-hand side that Numba
-compiled; numbalsoda's are called from compiled code themselves; heyoka.py takes them as expressions of its own.
+All get the equations of motion from the case's graph. SciPy's solvers call a right-hand side that Numba compiled;
+numbalsoda's are called from compiled code as well; heyoka.py gets the equations as its own expressions. One variant
+of SciPy's LSODA calls a right-hand side written in NumPy.
 """
 
 import math
@@ -22,20 +23,20 @@ from rbfmu.types import Array
 
 _fast: Callable[[F], F] = njit(error_model="numpy")
 PutRates = Callable[[float, Array, Array], None]
-"""A compiled function of the time, of where the rates are put, and of the numbers."""
+"""A compiled function (t, f, y) that writes dy/dt into f."""
 MAX_STEPS = 10**6
 """The largest number of steps between two outputs; the solvers' default limits are much lower."""
 
 
 def _leaves(case: Case, states: Sequence[Any], time: Any) -> dict[str, Any]:
-    """Return what stands for states and time in the graph, and the values of all that stays as it is at the start."""
+    """Return the graph's leaves by name: the expressions given for states and time, and the constants' values."""
     known = {str(row.value) for row in case.equations.motion.graph.operations if row.kind in ("place", "input")}
     values = {name: float(case.buffer[case.place(name)]) for name in known}
     return {**values, **dict(zip(case.states, states, strict=True)), "t": time}
 
 
 def _put_rates_of(case: Case) -> PutRates:
-    """Return what puts the rates of the case's numbers, compiled."""
+    """Return the compiled function that writes the rates of the case's states."""
     begin, equations = case.scene.run.start, case.equations
     leaves = _leaves(case, [f"y[{i}]" for i in range(len(case.states))], f"(t + {begin!r})" if begin else "t")
     rates = [equations.rates[name] for name in case.states]
@@ -45,14 +46,14 @@ def _put_rates_of(case: Case) -> PutRates:
 @cache
 def _put_rates_by(text: str) -> PutRates:
     names = dict[str, Any]()
-    exec(text, names)  # our own text, of numbers alone
+    exec(text, names)  # text that we generated, with nothing but numbers
     put: PutRates = names["put_rates"]
     return _fast(put)
 
 
 @cache
 def _rates(put: PutRates) -> Callable[[float, Array], Array]:
-    """Return the same rates as a new array."""
+    """Return a compiled function of (t, y) that returns the same rates as a new array."""
 
     @_fast
     def rates(t: float, y: Array) -> Array:
@@ -68,7 +69,7 @@ def _compiled_rates(case: Case) -> Callable[[float, Array], Array]:
 
 
 def _numpy_rates(case: Case) -> Callable[[float, Array], list[float]]:
-    """Return the rates of arrays, as users write them."""
+    """Return the right-hand side written in NumPy, as a user may write it."""
     (inverse_mass, M, M_inverse, arm, damping, is_free), loads = map(np.array, case.body), case.loads
     gravity_a, force_a, force_b, torque_a, torque_b = map(np.array, loads)
 
@@ -90,15 +91,16 @@ def _numpy_rates(case: Case) -> Callable[[float, Array], list[float]]:
 
 
 Prepared = tuple[Array, float, Callable[[int], object]]
-"""Rows of the numbers integrated, at the start and at all outputs; evaluations; and what solves k times."""
+"""(Rows of the states at the start and at all outputs, evaluations of the right-hand side or NaN, a function that
+solves k times)."""
 
 
 def solver(
     name: str, prepare: Callable[[Case, float], Prepared], unfit: Callable[[Case], str] = lambda case: ""
 ) -> Method:
-    """Return a solver whose tolerance is varied, of any equations: also of those that formulas give.
+    """Return the method of a solver whose tolerance is varied; its equations may contain formulas.
 
-    prepare: solves once at a tolerance; what compiles or looks up is done before.
+    prepare: solves once at a tolerance, so that compiling is not timed; unfit: returns why a case does not suit, if so.
     """
 
     def run(case: Case, value: float) -> Run:
@@ -114,7 +116,7 @@ def solver(
 def _solve_ivp(
     method: str, rates_of: Callable[[Case], Callable[[float, Array], object]], case: Case, value: float
 ) -> Prepared:
-    """Prepare `scipy.integrate.solve_ivp` with right-hand sides that are compiled with Numba, or written in NumPy."""
+    """Prepare `scipy.integrate.solve_ivp` with a right-hand side that Numba compiled, or one written in NumPy."""
     solve, rates, y, times = module("scipy.integrate").solve_ivp, rates_of(case), case.integrated, case.times
 
     def once() -> Any:
@@ -133,7 +135,7 @@ def _not_in_numpy(case: Case) -> str:
 
 
 def _odeint(case: Case, value: float) -> Prepared:
-    """Prepare `scipy.integrate.odeint`: LSODA, called once for all outputs, its right-hand side compiled with Numba."""
+    """Prepare `scipy.integrate.odeint`: LSODA, called once for all outputs, with a compiled right-hand side."""
     odeint = module("scipy.integrate").odeint
     y, times, rates = case.integrated, case.times, _compiled_rates(case)
 
@@ -182,11 +184,11 @@ def _numbalsoda(method: str, case: Case, value: float) -> Prepared:
     return rows, math.nan, lambda k: solved(address, y, times, value, k)
 
 
-# heyoka.py: Taylor series that LLVM compiles, with dense output, for the equations of one body
+# heyoka.py: Taylor series with dense output, compiled by LLVM for the equations of one body
 
 
 def _heyoka(case: Case, value: float) -> Prepared:
-    """Prepare `taylor_adaptive`, compiled once for a motion and tolerance; its series are evaluated at outputs."""
+    """Prepare `taylor_adaptive`, compiled once per motion and tolerance; its series are evaluated at the outputs."""
     y, grid = case.integrated, case.times
     series = _integrator(case.scene, value)
     success = module("heyoka").taylor_outcome.time_limit
@@ -203,7 +205,7 @@ def _heyoka(case: Case, value: float) -> Prepared:
 
 
 def _no_corners(case: Case) -> str:
-    """Say why a series of heyoka.py does not serve, where formulas have corners or tables."""
+    """Return why heyoka.py cannot be used, if formulas have corners or tables; else nothing."""
     graph = case.equations.motion.graph
     corners = any(graph.operations[i].kind == "side" for i in graph.reached(case.equations.rates.values()))
     return "formulas have corners or tables, over which its series would go on" if corners else ""
@@ -211,13 +213,13 @@ def _no_corners(case: Case) -> str:
 
 @cache
 def _integrator(scene: Scene, tolerance: float) -> Any:
-    """Return an integrator, whose state is still to be set."""
+    """Return a compiled integrator; its state must still be set."""
     system = equations(Case(scene))
     return module("heyoka").taylor_adaptive(system, [0.0] * len(system), tol=tolerance)
 
 
 def equations(case: Case, known: Mapping[str, Any] = {}) -> list[tuple[Any, Any]]:
-    """Return (variable, rate) of the numbers that are integrated; known: what stands for numbers of the scene."""
+    """Return heyoka.py's (variable, rate) of each state; known: expressions for numbers of the scene, by name."""
     heyoka = module("heyoka")
     variables = [heyoka.make_vars(f"y{i}") for i in range(len(case.states))]
     leaves = _leaves(case, variables, heyoka.time + case.scene.run.start) | dict(known)
@@ -227,7 +229,7 @@ def equations(case: Case, known: Mapping[str, Any] = {}) -> list[tuple[Any, Any]
 
 
 def heyoka_functions(heyoka: Any) -> dict[str, Callable[..., Any]]:
-    """Return the operations on expressions of heyoka.py; of numbers alone they are known."""
+    """Return the graph's operations for expressions of heyoka.py; if all arguments are numbers, they are evaluated."""
     theirs = {name: getattr(heyoka, name) for name in ("sqrt", "sin", "cos", "exp", "log")}
     theirs |= {"atan2": lambda y, x, _: heyoka.atan2(y, x), "power": lambda x, exponent: x**exponent}
     theirs |= {"logistic": lambda x, _: heyoka.sigmoid(x)}
@@ -253,4 +255,4 @@ NUMBALSODA = tuple(solver(f"numbalsoda {m.upper()}", partial(_numbalsoda, m)) fo
 HEYOKA = solver("heyoka.py", _heyoka, _no_corners)
 HEYOKA.setting = "tol"
 HEYOKA.settings = lambda case, quick: iter([*tolerances(-2, -15, False)][:: 6 if quick else 2])
-"""At powers of ten, each of which takes seconds to compile, since it determines the order."""
+"""Powers of ten alone: each tolerance takes seconds to compile, as it determines the order of the series."""

@@ -1,7 +1,7 @@
 """Where methods fail: the laws of stability, measured and compared with their predictions, with pictures and maps.
 
-A law says what it predicts, a finding what was measured beside it. `run_stability` writes all numbers to CSV files
-first and draws afterwards; `print_laws` shows them as a table on the terminal.
+A law is a theoretical prediction; a finding is one predicted number with its measured value. `run_stability` first
+writes all numbers to CSV files and then draws them; `print_laws` shows them as a table on the terminal.
 """
 
 import math
@@ -19,13 +19,12 @@ from rbfmu.exceptions import SceneWarning
 from rbfmu.studies import WIDTH, one_step, tables_of, write_rows
 
 LAWS: dict[int, dict[str, Any]] = {int(number): law for number, law in tables_of("stability/laws.toml").items()}
-"""By number: what a law says, the source of the predicted numbers, and the rows of its findings, by their names."""
+"""The laws by number: what each says, the source of its predicted numbers, and the rows of its findings by name."""
 _FINDINGS = {name: (number, row) for number, law in LAWS.items() for name, row in law["findings"].items()}
 
 EQUAL, AT_MOST, RECORDED, OWN = "equal", "at most", "recorded", "own"
-"""The kinds of findings: the value equals a prediction, is at most a bound, or equals a value recorded earlier.
-
-Of a reader's own method the prediction is that of an exact motion, and what is measured is as it is."""
+"""The kinds of findings. The measured value equals a prediction (EQUAL), is at most a bound (AT_MOST), or equals an
+earlier measurement (RECORDED). For a user's method (OWN) the prediction is that of an exact motion; any value holds."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class Finding:
     """One number that theory predicts, and its measured value.
 
     tolerance: the largest difference allowed, relative to the prediction; for AT_MOST the prediction is a bound.
-    place: the place in a map, or the motion; findings with the same `what` are reported together.
+    place: the cell of a map, or the motion; findings with the same `what` are reported together.
     """
 
     law: int
@@ -61,33 +60,34 @@ class Finding:
 def finding(
     name: str, measured: float, predicted: float = math.nan, /, near: float = 0.0, place: str = "", **words: object
 ) -> Finding:
-    """Return a finding of `laws.toml`; words: those in braces there.
+    """Return the finding with this name in `laws.toml`; words: the values of the names in braces there.
 
-    predicted, near: where the table has no number; without a prediction in either place it does not hold.
+    predicted, near: the prediction and its relative tolerance, used if the table has none. A finding without any
+    prediction (NaN) does not hold.
     """
     law, row = _FINDINGS[name]
     predicted, near = row.get("predicted", predicted), row.get("near", near)
     what, kind = row["what"].format(**words), row.get("kind", EQUAL)
-    return Finding(law, what, float(predicted), float(measured), near, kind, place)  # NumPy's would be shown as such
+    return Finding(law, what, float(predicted), float(measured), near, kind, place)  # NumPy's floats print differently
 
 
 def exponent(larger: float, smaller: float, ratio: float = 2.0) -> float:
-    """Return the power of a ratio by which two numbers differ; NaN, which no law predicts, where there is none."""
+    """Return p with larger / smaller = ratio^p; NaN, which agrees with no prediction, if there is no such p."""
     quotient = larger / smaller if smaller else math.nan
     return math.log(quotient) / math.log(ratio) if 0.0 < quotient < math.inf else math.nan
 
 
 Columns = dict[str, list[Any]]
-"""Numbers, or names, by what they are: of equal length."""
+"""Columns of numbers or names, of equal length, by their headings."""
 CURVE = "your method"
-"""The column of a study that has the curve of a reader's own method."""
+"""The heading of the column with the curve of a user's own method."""
 
 
 @dataclass
 class Study:
     """Measurements of laws that share a picture: findings, and the picture's curves as columns of equal length.
 
-    curve: returns that of any one-step method, where there is one.
+    curve: computes the curve of any one-step method; None if the study has no such curve.
     """
 
     name: str
@@ -128,7 +128,10 @@ def print_laws(findings: Sequence[Finding]) -> None:
 
 
 def rows(findings: Iterable[Finding]) -> Iterator[tuple[str, str, str, str]]:
-    """Yield (finding, predicted, measured, verdict) of the worst in each group, and of each that does not hold."""
+    """Yield (finding, predicted, measured, verdict) for each group with the same `what`.
+
+    Of the findings that hold, the one with the largest measured value is shown, and of the others each.
+    """
     listed = [*findings]
     for what in dict.fromkeys(f.what for f in listed):
         members = [f for f in listed if f.what == what]
@@ -152,7 +155,7 @@ def _number(x: float) -> str:
 
 
 def all_studies() -> tuple[Callable[[bool], Study], ...]:
-    """Return what measures one or more laws each; the argument asks for a quick, coarse run."""
+    """Return the functions that measure one or more laws each; their argument asks for a quick, coarse run."""
     from rbfmu.studies.stability import method_laws as laws, motion_laws
 
     return (
@@ -167,10 +170,10 @@ def run_stability(
     folder: Path, quick: bool = False, progress: Callable[[Sequence[Any]], Iterable[Any]] | None = None,
     method: str | Path | None = None,
 ) -> tuple[list[Finding], list[Path]]:  # fmt: skip
-    """Measure all laws and maps, write CSV files and pictures into a folder; return findings and paths.
+    """Measure all laws and maps, write CSV files and pictures into a folder, and return findings and paths.
 
     progress: wraps the sequence of parts, for instance in a progress bar; a part takes a few seconds. method: a file
-    with a method of your own, which is measured as well (`rbfmu.studies.one_step`).
+    with a method of your own (`rbfmu.studies.one_step`), which is measured as well.
     """
     from rbfmu.studies.stability import method_laws, motions
     from rbfmu.studies.stability.pictures import draw, draw_maps
@@ -199,7 +202,7 @@ def run_stability(
         *((paths, lambda k=k: [draw(found[k], folder)]) for k in range(len(studies))),
         (paths, lambda: [draw_maps(cells, folder / "maps.png")]),
     ]
-    with catch_warnings(action="ignore", category=SceneWarning):  # whole turns between points are intended here
+    with catch_warnings(action="ignore", category=SceneWarning):  # here whole turns between points are intended
         for results, part in parts if progress is None else progress(parts):
             results.extend(part())
     return findings, paths

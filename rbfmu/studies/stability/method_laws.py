@@ -1,4 +1,4 @@
-"""Laws 1 to 9: what integration does to an attitude and to a body's energy, and how large a step may be."""
+"""Laws 1 to 9: errors of attitude and energy that integration methods make, and their largest stable steps."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ def _along(f: Callable[[OneStepMethod, float], float], x: Sequence[float], metho
 
 
 def stability_polynomial(method: str) -> Callable[[complex], complex]:
-    """Return the stability polynomial R(z): a step multiplies y by R(h lambda) if dy/dt = lambda y."""
+    """Return the stability polynomial R(z) of a method: for dy/dt = lambda y, a step multiplies y by R(h lambda)."""
     if method == "DOP853":
         return _polynomial_of_the_tableau
     terms = {"explicit Euler": 1, "RK4": 4, "Taylor 8": 8, "Taylor 12": 12, "Taylor 16": 16}[method.split(",")[0]]
@@ -34,7 +34,7 @@ def stability_polynomial(method: str) -> Callable[[complex], complex]:
 
 
 def _polynomial_of_the_tableau(z: complex) -> complex:
-    """Return R(z) by the stages in turn; a solver of linear systems pivots, and loses digits as each processor sums."""
+    """Return R(z), computed stage by stage; a linear solver would lose digits, differently on each processor."""
     stages: list[complex] = []
     for row in dop853.A[: dop853.STAGES + 1].tolist():
         stages.append(1.0 + z * sum(a * stage for a, stage in zip(row, stages, strict=False)))
@@ -42,7 +42,7 @@ def _polynomial_of_the_tableau(z: complex) -> complex:
 
 
 def crossing(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """Return up to where something holds, which does at `low` and does not at `high`."""
+    """Return the x, by bisection, up to which `holds(x)` is true; it is true at `low` and false at `high`."""
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if holds(middle) else (low, middle)
@@ -50,18 +50,18 @@ def crossing(holds: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def limit_near(factor: Callable[[float], float], limit: float) -> float:
-    """Return up to where a step's factor is at most 1 in size, near a limit that is expected."""
+    """Return the x up to which |factor(x)| of a step is at most 1, within 20 % of the expected limit."""
     return crossing(lambda x: abs(factor(x)) <= 1.0, 0.8 * limit, 1.2 * limit)
 
 
 def growth(method: OneStepMethod, h_omega: float) -> float:
-    """Return |q|, or the length of R's first column, after one step of a body that turns by h omega."""
+    """Return |q|, or the length of R's first column, after one step in which the body turns by h omega."""
     (attitude,) = (y[2] for y in method.path(spin(h_omega), 1.0, [1], _BODY))
     return math.hypot(*(row[0] for row in attitude) if method is RK4_ON_R else attitude)
 
 
 def growth_factors(quick: bool) -> Study:
-    """Measure laws 1 to 3: the factor by which a step scales an attitude, against h omega."""
+    """Measure laws 1 to 3: the factor by which a step scales |q| or R, as a function of h omega."""
     x = np.linspace(0.1, 13.0, 26 if quick else 130).tolist()
     curve = partial(_along, growth, x)
     columns: Columns = {"h_omega": x}
@@ -108,11 +108,11 @@ def drift(quick: bool) -> Study:
 _MISS = 0.01
 """The least angle between the nose (x axis) and the vertical, in rad."""
 _PASSAGE = at(UPRIGHT, (0.0, math.cos(_MISS), math.sin(_MISS)))
-"""The start of a body at 1 rad/s whose nose passes the vertical at that angle."""
+"""The initial state of a body at 1 rad/s whose nose passes the vertical at that angle."""
 
 
 def passage_error(method: OneStepMethod, ratio: float) -> float:
-    """Return the attitude's error after half a turn with h omega / delta = ratio."""
+    """Return the attitude error in rad after half a turn with h omega / delta = ratio, where delta is _MISS."""
     n = round(math.pi / (ratio * _MISS))
     after = method.run(_PASSAGE, math.pi / n, n, _BODY, NO_LOADS)
     return kernels.angle_between(after.q_ab, attitude_after(_PASSAGE, math.pi))
@@ -144,7 +144,10 @@ _NUTATION = _RATE * (1.0 - _ROD[2] / _ROD[0])
 
 
 def _gains(method: OneStepMethod) -> dict[str, float]:
-    """Return a brick's gains of energy and |h|^2 over theory's in 1000 steps of 0.05 s, and the largest losses."""
+    """Return the gains of energy and |h|^2 of a brick in 1000 steps of 0.05 s, and the largest loss in a step.
+
+    The gains are relative to the predicted ones.
+    """
     h, body = 0.05, TUMBLING.body
     M = body.inertia
 
@@ -161,14 +164,14 @@ def _gains(method: OneStepMethod) -> dict[str, float]:
 
 
 def rod_growth(method: OneStepMethod) -> list[float]:
-    """Return a rod's transverse rate over its start after 0 to 60 steps, in one second."""
+    """Return a rod's transverse rate, relative to its initial value, after 0 to 60 steps of 1/60 s."""
     start = at(UPRIGHT, (1e-3, 0.0, _RATE))
     path = method.path(start, _STEP, [1] * 60, free_body(_ROD))
     return [math.hypot(*y.omega_b[:2]) / 1e-3 for y in (start, *path)]
 
 
 def gyroscopic_blow_up(quick: bool) -> Study:
-    """Measure law 5: an explicit gyroscopic term adds energy."""
+    """Measure law 5: integrating the gyroscopic term explicitly adds energy."""
     factor = math.sqrt(1.0 + (_STEP * _NUTATION) ** 2)
     columns: Columns = {"time": [k * _STEP for k in range(61)], "predicted": [factor**k for k in range(61)]}
     columns |= {method.name: rod_growth(method) for method in (EULER, SEMI, RK4, MIDPOINT)}
@@ -179,12 +182,12 @@ def gyroscopic_blow_up(quick: bool) -> Study:
 
 
 def decay_factor(method: OneStepMethod, x: float) -> float:
-    """Return the rate after one step of a damped spin of 1 rad/s with h d / I = x; NaN if there is no step."""
+    """Return the rate after one step of a damped spin of 1 rad/s with h d / I = x; NaN if the step fails."""
     return float(method.path(spin(1.0), 1.0, [1], free_body(SPHERE, (x, x, x)))[0].omega_b[2])
 
 
 def _decay_of_plan(planned: Plan, x: float) -> float:
-    """Return the same of a model of the product, with one substep per step."""
+    """Return the same rate for a model of the library, with one substep per step."""
     scene = motions.scene_of(spin(1.0), ["omega_b"], 1.0, 1.0, {"body.inertia": SPHERE, "loads.damping_b": (x, x, x)})
     return float(simulate(scene, planned=planned).omega_b[1, 2])
 
@@ -196,7 +199,7 @@ _MODELS = {
 _DECAYS = {method.name: partial(decay_factor, method) for method in (EULER, SEMI, RK4, MIDPOINT)} | {
     name: partial(_decay_of_plan, planned) for name, planned in _MODELS.items()
 }
-"""The functions of h d / I by the name of a method, or of one of the product's."""
+"""The functions that return this rate for h d / I, by the name of the method or model."""
 
 
 def damping_limits(quick: bool) -> Study:
@@ -212,12 +215,12 @@ def damping_limits(quick: bool) -> Study:
 
 
 def _moser_veselov_error(method: OneStepMethod, x: float) -> float:
-    """Return the error in rad of one step of a sphere that turns by x; NaN where there is no solution."""
+    """Return the error in rad of one step in which a sphere turns by x rad; NaN if the step has no solution."""
     return kernels.angle_between(method.run(spin(1.0), x, 1, _BODY, NO_LOADS).q_ab, attitude_after(spin(1.0), x))
 
 
 def _last_use(method: OneStepMethod, error: float) -> float:
-    """Return the h omega up to which a step has a solution with at most this error in rad."""
+    """Return the largest h omega for which a step has a solution with at most this error in rad."""
     return crossing(lambda x: _moser_veselov_error(method, x) <= error, 0.5, 3.0)
 
 
@@ -239,7 +242,10 @@ H = 0.1
 
 
 def energies(method: OneStepMethod | None, h: float, counts: list[int]) -> list[float]:
-    """Return the relative energy errors of the tumbling brick after so many steps each; None: after exact ones."""
+    """Return the relative energy errors of the tumbling brick after each of these numbers of steps of h s.
+
+    method: None for exact steps.
+    """
     start = TUMBLING.start
     if method is None:
         found = motions.free_rates(start.omega_b, h * np.array(counts)).tolist()
@@ -251,7 +257,7 @@ def energies(method: OneStepMethod | None, h: float, counts: list[int]) -> list[
 
 
 def energy_drift(quick: bool) -> Study:
-    """Measure law 8: the energy of a tumbling brick over long runs at h = 0.1."""
+    """Measure law 8: the energy of a tumbling brick over long runs with h = 0.1 s."""
     counts = [10**k for k in range(0, 4 if quick else 6)]
 
     def curve(method: OneStepMethod | None) -> list[float]:
@@ -277,7 +283,7 @@ def _acos_of_trace(theta: float) -> float:
 
 
 def small_angles(quick: bool) -> Study:
-    """Measure law 9: formulas that suffer from cancellation at small angles."""
+    """Measure law 9: the errors of formulas with cancellation at small angles, and of those without."""
 
     def relative(value: float, truth: float) -> float:
         return max(abs(value / truth - 1.0), 1e-17)
@@ -297,7 +303,10 @@ def small_angles(quick: bool) -> Study:
     }
 
     def at_a_turn(gap: float) -> Finding:
-        """Return what is found of the factor of u x (u x omega) in du/dt, as `rotvec_rate_b` computes it."""
+        """Return the finding on the coefficient of u x (u x omega) in du/dt, as `rotvec_rate_b` computes it.
+
+        gap: the angle in rad that is missing to a full turn, near which the coefficient is singular.
+        """
         theta = 2.0 * math.pi - gap
         factor = (1.0 - kernels.rotvec_rate_b((theta, 0.0, 0.0), (0.0, 1.0, 0.0))[1]) / (theta * theta)
         return finding("dexp", factor * 2.0 * math.pi * gap, near=2.0 * gap + 1e-15 / gap, gap=gap)
@@ -312,14 +321,14 @@ def small_angles(quick: bool) -> Study:
     return Study("small_angles", findings, columns)
 
 
-# A method of the reader's own: no theory predicts what it does, an exact motion stands beside it
+# A user's own method: no theory predicts its results, so they are compared with an exact motion
 
 
 ROUND_OFF, FINE, ROUGH, RATIO = 1e-11, 1e-8, 1e-3, 0.1
 
 
 def own_laws(method: OneStepMethod, studies: Sequence[Study]) -> Study:
-    """Return what is found of a method, and put its curves beside those of the studies that were measured."""
+    """Return the findings on a user's method, and add its curves to the studies that have such curves."""
     for study in studies:
         if study.curve is not None:
             study.columns[CURVE] = study.curve(method)
@@ -339,7 +348,7 @@ def own_laws(method: OneStepMethod, studies: Sequence[Study]) -> Study:
 
 
 def largest_stable(factor: Callable[[float], float]) -> float:
-    """Return up to where a step's factor is at most 1 in size, but for round-off; infinite if no end is found."""
+    """Return the x up to which |factor(x)| of a step is at most 1, within round-off; infinite if it is so up to 20."""
     last = 0.0
     for x in np.linspace(0.05, 20.0, 400).tolist():
         if not abs(factor(x)) - 1e-12 <= 1.0:
@@ -349,9 +358,9 @@ def largest_stable(factor: Callable[[float], float]) -> float:
 
 
 def order(method: OneStepMethod) -> float:
-    """Return the order between the finest two steps whose errors are small, yet more than round-off, else NaN.
+    """Return the order from the errors of two steps, the finest above round-off; NaN if there are none.
 
-    Between the first two, RK4 has 4.5: what it adds to the energy there is more than its lag.
+    The coarsest steps are not used: there RK4 has order 4.5, as its energy error exceeds its lag.
     """
     before, found = math.inf, math.nan
     for k in range(10):

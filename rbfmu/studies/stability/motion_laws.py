@@ -1,4 +1,4 @@
-"""Laws 10 to 14: unstable motions, a resonance that splitting introduces, and the product's models on known motions."""
+"""Laws 10 to 14: unstable motions, a resonance that splitting causes, and the library's models on known motions."""
 
 import math
 from typing import NamedTuple
@@ -37,7 +37,7 @@ def time_between_flips(moments: Vec3, omega: Vec3) -> float:
 
 
 def _measured_time(time: Array, omega_2: Array) -> float:
-    """Return the time between the first two changes of sign, by linear interpolation."""
+    """Return the time between the first two sign changes of omega_2, by linear interpolation."""
     k = np.flatnonzero(np.signbit(omega_2[1:]) != np.signbit(omega_2[:-1]))[:2]
     first, second = time[k] - omega_2[k] * (time[k + 1] - time[k]) / (omega_2[k + 1] - omega_2[k])
     return float(second - first)
@@ -52,7 +52,7 @@ def _flips_about_a_pivot() -> tuple[float, float]:
 
 
 def intermediate_axis(quick: bool) -> Study:
-    """Measure law 10: a spin about the middle axis flips again and again, at predicted intervals."""
+    """Measure law 10: a spin about the middle axis flips repeatedly, at predicted intervals."""
     time, start = np.arange(0.0, 30.0 if quick else 62.0, 0.25), FLIPPING.start
     columns: Columns = {"time": time.tolist(), "exact": motions.free_rates(start.omega_b, time)[:, 1].tolist()}
     for method, h in ((method_laws.RK4, 0.25), (method_laws.SEMI, 0.05)):
@@ -77,7 +77,7 @@ _CRITICAL = 2.0 * math.sqrt(_I_1) / _I_3
 
 
 def _tilts(tilt: float, rate: float, stop: float) -> Array:
-    """Return the top's tilt every 0.1 s."""
+    """Return the tilt of the top in rad every 0.1 s; rate: its spin, rad/s."""
     changes = {
         "initial.attitude": {"rotvec": [tilt, 0.0, 0.0]}, "initial.omega_b": [0.0, 0.0, rate],
         "outputs.quantities": ["quaternion"], "run.stop": 0.1 * round(10.0 * stop), "run.step": 0.1,
@@ -88,7 +88,7 @@ def _tilts(tilt: float, rate: float, stop: float) -> Array:
 
 
 def largest_tilt(ratio: float, stop: float = 60.0) -> float:
-    """Return the largest tilt of a top that leans by 0.001 rad, at a part of the critical spin."""
+    """Return the largest tilt in rad of a top that leans by 0.001 rad, with `ratio` times the critical spin."""
     return float(np.max(_tilts(1e-3, ratio * _CRITICAL, stop)))
 
 
@@ -105,7 +105,7 @@ def _measured_growth(ratio: float) -> float:
 
 
 def sleeping_top(quick: bool) -> Study:
-    """Measure law 11: an upright top stays up if it spins fast enough."""
+    """Measure law 11: an upright top is stable if it spins faster than the critical spin."""
     ratios = [0.3, 0.6, 0.9, 1.1, 1.5] if quick else np.linspace(0.05, 1.6, 63).tolist()
     columns: Columns = {
         "spin over critical": ratios,
@@ -123,7 +123,7 @@ def sleeping_top(quick: bool) -> Study:
 
 
 def _energy_error(method: str, h: float) -> float:
-    """Return the largest energy error of the fast heavy top over 10 s, in m g l."""
+    """Return the largest energy error of the fast heavy top over 10 s, relative to m g l."""
     top = HEAVY_TOP
     path = reference_methods.SPLITTINGS[method].path(top.start, h, [1] * round(10.0 / h), top.body, top.loads)
     q, omega = (np.array([getattr(y, part) for y in (top.start, *path)]) for part in ("q_ab", "omega_b"))
@@ -132,7 +132,7 @@ def _energy_error(method: str, h: float) -> float:
 
 
 def _peak(method: str, low: float, high: float) -> float:
-    """Return the step at which that error, which has one peak in between, is largest."""
+    """Return the step at which that error is largest, by golden-section search; it has one peak in the interval."""
     golden = 0.5 * (math.sqrt(5.0) - 1.0)
     for _ in range(40):
         a, b = high - golden * (high - low), low + golden * (high - low)
@@ -141,7 +141,7 @@ def _peak(method: str, low: float, high: float) -> float:
 
 
 def _largest_substep() -> float:
-    """Return the substep in s beyond which the product's model of a symmetric top refuses the fast top."""
+    """Return the substep in s beyond which the library's model of a symmetric top refuses the fast top."""
 
     def is_taken(h: float) -> bool:
         scene = HEAVY_TOP.scene.replace({"run.stop": 0.1, "run.step": 0.1, "initial.attitude": {"quaternion": UPRIGHT}})
@@ -155,7 +155,7 @@ def _largest_substep() -> float:
 
 
 def splitting_resonance(quick: bool) -> Study:
-    """Measure law 12: splitting steps in resonance with the free precession gain energy."""
+    """Measure law 12: with splitting steps in resonance with the free precession, the energy grows."""
     resonance = resonant_step(HEAVY_TOP.body.inertia, HEAVY_TOP.start.omega_b)
     steps = np.sort([*np.geomspace(0.03, 0.6, 13 if quick else 121), resonance]).tolist()  # the peak is narrow
     columns = {"h": steps} | {name: [_energy_error(name, h) for h in steps] for name in reference_methods.SPLITTINGS}
@@ -174,15 +174,15 @@ def splitting_resonance(quick: bool) -> Study:
     return Study("splitting_resonance", findings, columns)
 
 
-# Laws 13 and 14: the product's models against 40-digit references, their orders, and their error control
+# Laws 13 and 14: the library's models against 40-digit references, their orders, and their error control
 
 
 LOADED, SERIES = "body under loads", "body under loads, by series"
-"""DOP853, and the model that plans take."""
+"""The models by DOP853, and by series, which plans use."""
 
 
 class Case(NamedTuple):
-    """A model with its settings, the motion that it is tested on, and the bound of its error."""
+    """A model with its settings, the motion on which it is tested, and the bound of its error."""
 
     model: str
     motion: str
@@ -194,7 +194,7 @@ class Case(NamedTuple):
 
     @property
     def planned(self) -> Plan:
-        """Return the plan that `simulate` is given."""
+        """Return the plan with this model and these settings."""
         kind = dop853.Dop853Plan if self.model == LOADED else Plan
         return kind(self.model, "", 0, self.substep, self.tolerance, self.order)
 
@@ -216,7 +216,7 @@ def product_models(quick: bool) -> Study:
 
 
 def _drive(case: Case) -> Motion:
-    """Return the state of the loaded body after five steps with changing loads, or nothing if a step is refused."""
+    """Return the state of the loaded body after five steps under changing loads; empty if a step is refused."""
     changing, kernels = _TABLES["changing"], case.planned.kernels
     z = start_run(motions.MOTIONS["loaded"].replace({"inputs.ports": list(changing)}), case.planned)
     for _ in range(5):
@@ -234,7 +234,7 @@ def _apart() -> float:
 
 
 def _error_at(case: Case, step: float) -> float:
-    """Return the error with a substep; of series, which choose their own, with such communication steps."""
+    """Return the error with substeps of `step` s; for series, which choose substeps, with such communication steps."""
     if case.model != SERIES:
         return motions.error_of_model(case.motion, case._replace(substep=step).planned)
     scene = motions.MOTIONS[case.motion]
@@ -253,7 +253,7 @@ def _substeps(case: Case) -> float:
 
 
 def orders_and_error_control(quick: bool) -> Study:
-    """Measure law 14: the order says how errors fall with the step and how substeps grow with the accuracy."""
+    """Measure law 14: the order determines how errors fall with the step, and how substeps grow with the accuracy."""
     findings: list[Finding] = []
     halvings = range(4)
     columns: Columns = {"halvings of the step": list(halvings)}

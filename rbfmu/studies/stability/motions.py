@@ -1,4 +1,4 @@
-"""Bodies, states and motions that laws are measured on, references of 40 digits, and errors on them, also as maps."""
+"""The bodies and motions on which laws are measured, their references with 40 digits, and errors, also as maps."""
 
 import json
 import math
@@ -25,7 +25,7 @@ ZERO: Vec3 = (0.0, 0.0, 0.0)
 UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
 SPHERE: Vec3 = (1.0, 1.0, 1.0)
 TUMBLING, FLIPPING, HEAVY_TOP = CASES["a"], CASES["b"], CASES["c"]
-"""Motions of the charts: a brick that tumbles, that brick about its middle axis, and a fast top with m g l = 1 N m."""
+"""Motions of the charts: a tumbling brick, the same brick about its middle axis, a fast top with m g l = 1 N m."""
 BRICK = TUMBLING.moments
 
 
@@ -36,27 +36,27 @@ def free_body(moments: Vec3, damping_b: Vec3 = ZERO) -> Body:
 
 
 def at(q: Quaternion, omega_b: Vec3) -> State:
-    """Return a state of rotation."""
+    """Return a state with this attitude and rate, at rest at the origin."""
     return State(ZERO, ZERO, q, omega_b)
 
 
 def spin(rate: float) -> State:
-    """Return the state of a body that turns about z."""
+    """Return the state of a body that turns about z, rad/s."""
     return at(UPRIGHT, (0.0, 0.0, rate))
 
 
 def attitude_after(state: State, t: float) -> Quaternion:
-    """Return the attitude of a sphere, upright at first, after the time t; its rate is constant."""
+    """Return the attitude after t s at the constant rate of the state; the initial attitude is upright."""
     return quaternion_from_rotvec(scale(t, state.omega_b))
 
 
 def free_rates(omega_b: Vec3, times: Array) -> Array:
-    """Return the exact rates of the brick."""
+    """Return the exact rates (n, 3) of the free brick, rad/s, at times (n) in s."""
     return np.asarray(arrays.free_rotation(BRICK, UPRIGHT, omega_b, times)[1])
 
 
 def scene_of(start: State, asked: Sequence[str], stop: float, step: float, changes: Mapping[str, Any]) -> Scene:
-    """Return the scene of a brick of 1 kg without weight; changes: as `Scene.replace` takes them."""
+    """Return the scene of a brick of 1 kg without weight; asked: its outputs; changes: as for `Scene.replace`."""
     initial = {"initial.attitude": {"quaternion": list(start.q_ab)}, "initial.omega_b": list(start.omega_b)}
     shown = {"outputs.quantities": list(asked), "run.stop": stop, "run.step": step}
     return TUMBLING.scene.replace({**initial, **shown, **changes})
@@ -81,7 +81,7 @@ MOTIONS = {key: _motion(tables) for key, tables in tables_of("stability/motions.
 
 @cache
 def references() -> dict[str, Any]:
-    """Return the contents of the file of references."""
+    """Return the content of the file of references."""
     return json.loads(REFERENCES.read_text(encoding="utf-8"))  # type: ignore[no-any-return]
 
 
@@ -93,7 +93,7 @@ def truth(key: str) -> dict[str, Array]:
 def error_of(found: Mapping[str, Array], true: Mapping[str, Array]) -> float:
     """Return the largest error: attitude in rad, others relative to the largest norm (at least 1 m, 1 m/s).
 
-    Where a quaternion has not the length 1, that counts as an error of the attitude.
+    A quaternion whose length is not 1 counts as an error of the attitude.
     """
     rows = {name: values.reshape(len(values), -1) for name, values in found.items()}
     return largest_error(rows, true, rows)
@@ -105,7 +105,7 @@ def attitude_error(q: Array, true_q: Array) -> float:
 
 
 def error_of_model(key: str, planned: Plan) -> float:
-    """Return the error of a motion by `simulate`; infinite where the model refuses it."""
+    """Return the error of a motion that `simulate` computes; infinite if the model refuses it."""
     try:
         result = simulate(MOTIONS[key], planned=planned)
     except (SceneError, SimulationError):
@@ -118,7 +118,7 @@ PRESCRIBED: list[list[Any]] = tables_of("stability/models.toml")["prescribed"]
 
 
 def prescribed_error() -> float:
-    """Return the largest error after a step, rad."""
+    """Return the largest attitude error in rad after the steps of `PRESCRIBED`, under prescribed rates."""
     scene = Scene.from_dict({"inputs": {"ports": ["omega_b"]}, "outputs": {"quantities": ["quaternion"]}})
     planned = Plan("prescribed rates", "", 4)
     kernels, z = planned.kernels, start_run(scene, planned)
@@ -130,19 +130,19 @@ def prescribed_error() -> float:
     return attitude_error(np.array(found), np.array(references()["prescribed"]))
 
 
-# Maps over the step and the body's shape: where a method is right, wrong or not finite
+# Maps over the step and the body's shape: each cell says whether a method is right, wrong or not finite
 
 
 VERDICTS = RIGHT, WRONG, NOT_FINITE, REFUSED = "right", "wrong", "not finite", "refused with a message"
 LARGEST_ERROR = 0.1
-"""The largest error in rad over a run with which a motion still counts as right."""
+"""The largest error in rad over a run that still counts as right."""
 TURN, LONG_TURN, CHECKS = 100.0, 1000.0, 20
-"""A run turns by TURN rad, or by LONG_TURN rad with steps above one radian, and is compared at CHECKS points."""
+"""In a run the body turns by TURN rad, or by LONG_TURN rad with steps above 1 rad; CHECKS points are compared."""
 CHECK_TIMES = sorted({turn * (k + 1) / CHECKS for turn in (TURN, LONG_TURN) for k in range(CHECKS)})
 _START = at((0.8, 0.4, -0.4, 0.2), (0.1, 0.2, 0.96875))
 """The initial state: a rotation at about 1 rad/s, mostly about the axis of the least moment."""
 ACCURACY = 1e-9
-"""The accuracy in rad that is asked of the product, which bounds its error in each cell of a map."""
+"""The accuracy in rad that is asked of rbfmu, and so the bound of its error in each cell of a map."""
 
 Verdict = tuple[str, float]
 """One of VERDICTS, and the largest error in rad."""
@@ -159,35 +159,35 @@ class Row(NamedTuple):
 
 
 def moments(ratio: float) -> Vec3:
-    """Return the moments of a body whose least one is `ratio` times the largest: from a rod to a sphere."""
+    """Return three moments of inertia; the least is `ratio` times the largest: from a rod (0) to a sphere (1)."""
     return 1.0, 1.0 - 0.5 * ratio * (1.0 - ratio), ratio
 
 
 def ratios_of_moments(quick: bool) -> list[float]:
-    """Return ratios of moments from a rod to a sphere."""
+    """Return the ratios of moments of a map, from a rod to a sphere."""
     return [round(float(x), 6) for x in np.geomspace(0.01, 1.0, 13)][:: 6 if quick else 1]
 
 
 def steps_of_a_turn(h: float) -> tuple[float, int]:
-    """Return the turn of a run with steps of at most h omega, and their number, a multiple of CHECKS."""
+    """Return the angle in rad that a run turns by, and its number of steps of at most h rad, a multiple of CHECKS."""
     turn = TURN if h <= 1.0 else LONG_TURN
     return turn, CHECKS * math.ceil(turn / (CHECKS * h) * (1.0 - 1e-12))
 
 
 def grid(quick: bool) -> tuple[list[float], list[float]]:
-    """Return steps (h omega) and ratios of moments."""
+    """Return the steps (h omega, rad) and the ratios of moments of a map."""
     sizes = (steps_of_a_turn(h) for h in np.geomspace(0.01, 10.0, 4 if quick else 25).tolist())
     return [turn / n for turn, n in sizes], ratios_of_moments(quick)
 
 
 def map_scene(ratio: float, turn: float = TURN, n: int = CHECKS, ports: tuple[str, ...] = ()) -> Scene:
-    """Return the free body of a map; a port rules out the exact models."""
+    """Return the scene of a free body in a map; with ports, planning cannot use the exact models."""
     changes = {"body.inertia": moments(ratio), "run.accuracy": ACCURACY, "inputs.ports": list(ports)}
     return scene_of(_START, ["quaternion"], turn, turn / n, changes)
 
 
 def _verdict(ratio: float, turn: float, attitudes: Array) -> Verdict:
-    """Return the verdict on quaternions of shape (CHECKS, 4)."""
+    """Return the verdict on quaternions (CHECKS, 4) at the points that are compared."""
     if not np.all(np.isfinite(attitudes)):
         return NOT_FINITE, math.inf
     rows = dict(zip(CHECK_TIMES, references()["maps"][repr(ratio)], strict=True))
@@ -231,7 +231,7 @@ def verdicts(name: str, judge: Callable[[float, float], Verdict], quick: bool) -
 
 
 def findings_of_maps(rows: Iterable[Row]) -> list[Finding]:
-    """Return the findings: in each cell the product reaches the accuracy asked and refuses nothing."""
+    """Return the findings, one per cell: the error of rbfmu is within the accuracy asked (infinite: it refused)."""
     where = "h omega {:.3g}, moments {:g}".format
     return [
         finding("map", error, ACCURACY, place=where(h, ratio), name=name)

@@ -1,4 +1,4 @@
-"""The pictures of the laws, as rows of one table: measurements on predictions; and the maps of verdicts."""
+"""The pictures of the laws, drawn from the rows of one table: predictions and measurements; and maps of verdicts."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -19,20 +19,20 @@ from rbfmu.types import Array
 
 BLUE, VERMILION, GREEN, PURPLE = COLORS
 ORANGE, SKY, BLACK, GREY = "#e69f00", "#56b4e9", "#000000", "#777777"
-"""Further colours of the Okabe-Ito palette, and a grey for everything that is no method."""
+"""Further colours of the Okabe-Ito palette, and a grey for all that is not a method."""
 _NAMES = ("blue", "vermilion", "green", "purple", "orange", "sky", "black", "grey")
 _NAMED = dict(zip(_NAMES, (*COLORS, ORANGE, SKY, BLACK, GREY), strict=True))
 _INK = {ORANGE: "#b37700", SKY: "#2c7fb0", PURPLE: "#b0568c"}
-"""Colours of text, which are darker for pale colours."""
+"""Darker colours of the text for the pale colours of lines."""
 _LARGEST = 1e3
-"""Names stand at the last value below this: what is larger has left the picture."""
+"""A curve's name is beside its last value below this; larger values are outside the picture."""
 
 
 class Curve(NamedTuple):
     """A column of a study as a curve.
 
-    style, size: matplotlib's format, and the width of a line or the size of a marker; name: what stands at the right
-    edge, at the height of the last value; dots: how many values at most are drawn (0: all).
+    style, size: matplotlib's format, and the width of a line or the size of a marker; name: the text at the right edge,
+    at the height of the last value; dots: about the number of values that are drawn (0: all).
     """
 
     column: str
@@ -44,13 +44,14 @@ class Curve(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """A row of the table: the picture of one study; colours are named.
+    """A row of the table: the picture of one study. Colours are given by name.
 
-    title, x, y: those of picture and axes; set: limits and scales, as `axes.set` takes them (x: that of the first
-    column, if nothing is said); curves: over the first column; floor: the least value that is drawn, on axes that
-    have no zero; notes: (x, y, text, colour[, alignment]); marks: vertical lines with (x, text, height, alignment);
-    levels: horizontal lines (y, colour); ticks: those of x and y, each with its text; edge: the right edge of the axes,
-    beside which names fit; explained: whether a note explains lines and dots; height: in inches.
+    title, x, y: the texts of the picture and of its axes; set: limits and scales, as `axes.set` takes them (without
+    limits of x, the first column gives them); curves: the columns drawn over the first column; floor: smaller values
+    are drawn here, on logarithmic axes (0: none); notes: (x, y, text, colour[, alignment]); marks: vertical lines
+    (x, text, height, alignment); levels: horizontal lines (y, colour); ticks: those of x and y, each with its text;
+    edge: the right edge of the axes, which leaves room for names; explained: whether a note explains lines and dots;
+    height: in inches.
     """
 
     title: str
@@ -125,13 +126,13 @@ def _annotate(axes: Axes, row: Picture) -> None:
 
 
 def _end(curve: Curve, values: Sequence[float], floor: float) -> tuple[float, str, str]:
-    """Return where a curve's name stands, the name, which says where values have ended, and its colour."""
+    """Return (height, text, colour) of a curve's name; the text also says if the last value is not finite."""
     shown = [max(float(v), floor) for v in values if math.isfinite(v) and v < _LARGEST]
     return shown[-1], curve.name if math.isfinite(values[-1]) else f"{curve.name},\nthen not finite", curve.color
 
 
 def _name_ends(axes: Axes, names: Sequence[tuple[float, str, str]]) -> None:
-    """Write names at the right edge at the height of (value, name, colour), pushed apart where they would overlap."""
+    """Write names, given as (value, name, colour), at the right edge; they are moved apart where they would overlap."""
     to_fraction = axes.transData + axes.transAxes.inverted()
     x = axes.get_xlim()[1]
     ends = sorted((to_fraction.transform((x, v))[1], name, color) for v, name, color in names)
@@ -158,7 +159,7 @@ def _period(axes: Axes, study: Study) -> None:
 
 
 def _models(axes: Axes, study: Study) -> None:
-    """Draw a line of dots for each model, and the bound of each dot as a bar."""
+    """Draw a row of dots for each model, one for each error, with its bound as a bar."""
     columns = study.columns
     models = list(dict.fromkeys(columns["model"]))
     axes.set_position((0.41, 0.12, 0.54, 0.74))
@@ -172,7 +173,7 @@ def _models(axes: Axes, study: Study) -> None:
 
 
 def _orders(axes: Axes, study: Study) -> None:
-    """Draw each method's errors, and the slope that its order says from the first of them on."""
+    """Draw each method's errors, and through the first of them the line whose slope is the predicted order."""
     orders = {f.what.removesuffix(": order"): f.predicted for f in study.findings}
     halvings = study.columns["halvings of the step"]
     axes.set(xlim=(-0.1, halvings[-1] + 0.1), xticks=halvings)
@@ -188,7 +189,7 @@ _MORE: dict[str, Callable[[Axes, Study], None]] = {
     "gimbal_passage": _recorded_passages, "intermediate_axis": _period, "product_models": _models,
     "orders_and_error_control": _orders,
 }  # fmt: skip
-"""What draws what no other picture has, by the study's name."""
+"""The functions that draw what only one picture has, by the study's name."""
 
 
 # Maps: small multiples, one panel for each method
@@ -198,7 +199,7 @@ _COLUMNS = 4
 
 
 def draw_maps(rows: Sequence[Row], path: Path) -> Path:
-    """Draw panels in the order of the rows, with the titles of rbfmu's in bold."""
+    """Draw a panel for each method, in the order of the rows; the titles of rbfmu's methods are bold."""
     names = list(dict.fromkeys(row.method for row in rows))
     lines = math.ceil((len(names) + 1) / _COLUMNS)
     figure = Figure(figsize=(11.5, 1.5 + 2.25 * lines))
@@ -207,7 +208,7 @@ def draw_maps(rows: Sequence[Row], path: Path) -> Path:
     figure.subplots_adjust(0.075, 0.62 / height, 0.99, 1.0 - 1.15 / height, wspace=0.11, hspace=0.3)
     for panel, name in zip(panels, names, strict=False):
         _draw_map(panel, name, [row for row in rows if row.method == name])
-    for panel in panels[max(len(names) - _COLUMNS, 0) :]:  # with none below
+    for panel in panels[max(len(names) - _COLUMNS, 0) :]:  # these have no panel below
         panel.tick_params(labelbottom=True)
     for panel in panels[len(names) :]:
         panel.set_axis_off()
@@ -248,7 +249,7 @@ def _worst(rows: Sequence[Row]) -> float:
 
 
 def _edges(centres: Sequence[float]) -> Array:
-    """Return the edges of cells around points on a logarithmic axis."""
+    """Return the edges (n + 1) of cells around n points on a logarithmic axis."""
     c = np.array(centres)
     middle = np.sqrt(c[1:] * c[:-1])
     return np.array([c[0] ** 2 / middle[0], *middle, c[-1] ** 2 / middle[-1]])
