@@ -178,7 +178,8 @@ class Result:
         """Read what `save` wrote, a CSV that an FMU's importer wrote, or an AEM; what is no quantity is left out.
 
         The events of a CSV are those of the file beside it, `run.events.csv`, if there is one.
-        Raises ValueError where the file has no time, an incomplete quantity or a number that is not finite.
+        Raises ValueError where the file has no time, a cell that is no number, an incomplete quantity, or a number of
+        one that is not finite.
         """
         path = path_of(path)
         if path.suffix not in FORMATS:
