@@ -26,7 +26,7 @@ test:
 # The core once more as plain Python: readable tracebacks, and no result may hang on the compiler.
 CORE = $(addprefix tests/kernels/,numerics rotations mechanics exact/test_plane_pendulum.py)
 
-# What takes seconds, and some of what is one of many alike. CI runs it as well; commands of pages and examples are slow.
+# What takes seconds, and some of what is one of many alike. CI runs it as well.
 thorough:
 	status=0; $(BIN)/pytest $(SHARED) -m "thorough and not slow" || status=1; \
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(SHARED) -m "not slow" $(CORE) || status=1; exit $$status

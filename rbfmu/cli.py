@@ -22,7 +22,7 @@ from rbfmu.progress import bar, progress_bar
 def main() -> None:
     """One rigid body: simulate scenes, build and verify their co-simulation units (FMUs).
 
-    Exit status: 0, 1 (a check failed), 2 (bad usage or a bad scene).
+    Exit status: 0, 1 (a check failed, or a step was refused), 2 (bad usage or a bad scene).
     """
 
 

@@ -178,8 +178,8 @@ class Result:
         """Read a file that `save` wrote, a CSV that an FMU's importer wrote, or an AEM.
 
         Columns that are not quantities are left out. The events of a CSV are read from the file beside it,
-        `run.events.csv`, if there is one. Raises ValueError if the file has no time, times that do not increase, an
-        incomplete quantity, or a number that is not finite.
+        `run.events.csv`, if there is one. Raises ValueError if the file has no time, times that do not increase, a cell
+        that is not a number (in any column), an incomplete quantity, or a number that is not finite.
         """
         path = path_of(path)
         if path.suffix not in FORMATS:

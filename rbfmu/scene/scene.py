@@ -130,10 +130,11 @@ class Scene(Section):
     def replace(self, changes: Mapping[str, Any] = {}, /, **tables: Any) -> Self:
         """Return a checked scene with other values: `replace({"run.stop": 5.0})` or `replace(run={"stop": 5.0})`.
 
-        The other keys of a table stay. A section (`rbfmu.Body(...)`) replaces the whole table; None removes a table, or
-        an own name (`"states.s"`). A new key removes the one that it excludes (omega_b_deg removes omega_b, shape
-        removes inertia). Outputs that were not requested by name follow from the new motion. A shape was converted to
-        its inertia when the scene was made, so a new mass alone does not change the inertia. Raises SceneError.
+        The other keys of a table stay, except those of `ensemble.vary`, also where one is given with dots. A section
+        (`rbfmu.Body(...)`) replaces the whole table; None removes a table, or an own name (`"states.s"`). A new key
+        removes the one that it excludes (omega_b_deg removes omega_b, shape removes inertia). Outputs that were not
+        requested by name follow from the new motion. A shape was converted to its inertia when the scene was made, so a
+        new mass alone does not change the inertia. Raises SceneError.
         """
         if not isinstance(changes, Mapping):
             raise SceneError(fault("changes", changes, "a mapping from keys to their values"), self.name)
