@@ -237,3 +237,19 @@ def test_what_an_output_does_not_depend_on_does_not_change_it_where_it_has_no_de
         with np.errstate(all="ignore"):
             exec(facts.changes, {**IN_C, "sqrt": np.sqrt, "z": z, "change": change})
         np.testing.assert_array_equal(change[[at["alpha_b[1]"], at["tilt"]]], expected)
+
+
+def test_at_a_corner_derivatives_are_those_of_one_side_as_of_a_linear_system() -> None:
+    own = {"above": "max(u, 0)", "below": "max(0, u)", "way": "abs(u)", "other": "where(u > 0, u, 3*u)"}
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "inputs": {"ports": [{"name": "u", "size": 1}]}}
+    more = {"outputs": {"quantities": ["omega_b"], **own}, "run": {"stop": 1.0}}
+    scene = rbfmu.Scene.from_dict(tables | more)
+    facts = Facts(scene, rbfmu.plan(scene), "native")
+    at, z = {v.name: v.offset for v in facts.description.variables}, facts.start.copy()
+    assert tiered(facts.unit.initialize)(z) == OK
+    change = np.zeros(len(z))
+    change[at["u"]] = 1.0
+    facts.unit.feedthrough(z, change)
+    assert change[[at[name] for name in own]].tolist() == [1.0, 0.0, 1.0, 3.0]
+    linear = rbfmu.linearize(scene)
+    assert linear.D[[linear.outputs.index(name) for name in own], 0].tolist() == [1.0, 0.0, 1.0, 3.0]
