@@ -302,7 +302,8 @@ class FormulaModel:
         """Return the kernels; their text is registered for tracebacks."""
         if not (known := _MADE.get(self.key)):
             made = _module_of(self.key, self.text)
-            known = replace(made.MODEL, lanes=None if self._base else cache(lambda: self._lanes(made)))
+            base = vars(made).pop("MODEL")  # which compiled code would keep, as Numba keeps its module's names for good
+            known = replace(base, lanes=None if self._base else cache(lambda: self._lanes(made, base)))
             _MADE[self.key] = known
             for key in [*_MADE][:-MOST_MADE]:  # kernels are freed when no one uses them
                 _MADE.pop(key, None)
@@ -310,13 +311,13 @@ class FormulaModel:
                 linecache.cache.pop(f"{GENERATED}{key}>", None)
         return known
 
-    def _lanes(self, made: Any) -> shell.Lanes:
+    def _lanes(self, made: Any, model: shell.Model) -> shell.Lanes:
         """Return the kernels that run many bodies side by side; made: the model's module."""
         text, row = source_of_lanes(self.program, self.place)
         constant = f"LANES_{hashlib.sha256((self.key + text).encode()).hexdigest()[:16]}"
         kernels = vars(_module_of(constant, text))
         wide = {f"wide_{name}": kernels[name] for name in SERIES} | {"WIDE_ROW": row}
-        return formula_models.make_lanes(made.MODEL, made.PLACES | made.KERNELS, constant, wide)
+        return formula_models.make_lanes(model, made.PLACES | made.KERNELS, constant, wide)
 
 
 class OverClosedForm(FormulaModel):
