@@ -38,6 +38,12 @@ MOST_SIZES = 12
 """How often what turned out far larger than it began may get a larger unit."""
 MOST_TRIES, MOST_LAST = 60, 400
 """Evaluations of one part, and of all of the time."""
+LONGEST, LONGER, BESIDE = 3e4, 100.0, 0.25
+"""How many substeps a run may have, at least, and as a multiple of the first; the part of these that is close to them.
+
+Data that contradict a model lead to ever stiffer motions: rates of zero under a torque to a damping without end, whose
+runs took 12 s each before they were refused.
+"""
 REFUSED = 1e6
 """The residual, over its standard deviation, of a motion that the scene refuses."""
 NO_RUN = (exceptions.SceneError, exceptions.SimulationError, ValueError, OverflowError)
@@ -256,13 +262,15 @@ class _Search:
         return {name: self._given.get(name) or noise.estimated(name, left[name], float(n)) for name, n in of}
 
     def _measure_zeros(self, p: Array) -> None:
-        """Give what begins at zero a size: the change that moves some output by as much as was measured of it."""
-        if all(chart.start.any() for chart in self._charts):
-            return
+        """Give what begins at zero a size: the change that moves some output by as much as was measured of it.
+
+        The run that tells it also tells how long others may be.
+        """
         try:
             _, slopes = self._evaluate(p, self._data)
         except NO_RUN:
             return
+        self._varied.most = min(self._varied.most, max(LONGEST, LONGER * self._varied.substeps))
         measured = {name: float(np.linalg.norm(np.nan_to_num(rows))) for name, rows in self._data.values.items()}
         for chart, own in by_chart(self._charts, np.eye(len(p))):
             moved = {name: float(np.linalg.norm(np.nan_to_num(rows) @ own.T)) for name, rows in slopes.items()}
@@ -288,7 +296,7 @@ class _Search:
 
     def _nearest(self, p: Array, data: Measured, sigma: Mapping[str, float], held: float) -> Array:
         """Return the coordinates of the least sum of squares, held to where they begin."""
-        begin, seen = p.copy(), dict[bytes, tuple[Array, Array]]()
+        begin, seen, self._was_long = p.copy(), dict[bytes, tuple[Array, Array]](), False
 
         def both(x: Array) -> tuple[Array, Array]:
             if (key := x.tobytes()) not in seen:
@@ -311,6 +319,7 @@ class _Search:
         try:
             left, slopes = self._evaluate(p, data)
         except NO_RUN:
+            self._was_long |= self._varied.substeps > self._varied.most
             return np.full(data.count, REFUSED), np.zeros((data.count, len(p)))
         f = np.concatenate([(left[name] / sigma[name]).ravel() for name in left])
         J = np.concatenate([(slopes[name] / sigma[name]).reshape(-1, len(p)) for name in left])
@@ -333,6 +342,9 @@ class _Search:
         errors = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
         covariance[lost, :] = covariance[:, lost] = np.nan
         ended = [] if self._ended else [f"the search came to no end in {MOST_LAST} runs: expected one begun nearer"]
+        if self._was_long and self._varied.substeps > BESIDE * (most := self._varied.most):
+            leads = "which are refused: expected data that the model can follow, or a search begun nearer"
+            ended.append(f"the search leads to runs of more than {most:.1e} substeps, {leads}")
         accuracy, measured = self._scene.run.accuracy, self._data.values.items()
         own = {name: accuracy * max(noise.largest(name, rows), FLOORS.get(name, 0.0)) for name, rows in measured}
         doubts = [*ended, *noise.trends(left, own), *noise.too_large(f, self._given)]
