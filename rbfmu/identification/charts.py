@@ -79,6 +79,10 @@ class Chart:
         """Return the derivatives of the numbers by coordinates."""
         return self.size * np.eye(len(p))
 
+    def is_at_edge(self, p: Array, covariance: Array) -> bool:
+        """Return whether the numbers are less than a standard error from some that cannot be, so that errors turn."""
+        return False
+
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Return the least and the largest that each coordinate may be."""
@@ -128,6 +132,13 @@ class _Inertia(Chart):
         low, high = super().bounds
         low[:3] *= 0.5
         return low, high
+
+    def is_at_edge(self, p: Array, covariance: Array) -> bool:
+        """Return whether E, whose axes its products turn, is less than an error from one that is not positive."""
+        L = self._factor(p)
+        values, axes = np.linalg.eigh(L @ L.T)
+        slopes = self._chosen_of(0.5 * np.eye(3) - (2.0 - np.eye(3)) * np.outer(axes[:, 0], axes[:, 0]))
+        return len(slopes) > 3 and bool(values[0] ** 2 < slopes @ covariance @ slopes)
 
     def _factor(self, p: Array) -> Array:
         L = self._L.copy()
@@ -184,6 +195,6 @@ def changes(charts: Sequence[Chart], p: Array) -> dict[str, Any]:
     return found
 
 
-def by_chart(charts: Sequence[Chart], p: Array) -> Iterator[tuple[Chart, Array]]:
-    """Return each chart with its coordinates."""
+def by_chart(charts: Sequence[Chart], p: Any) -> Iterator[tuple[Chart, Any]]:
+    """Return each chart with its coordinates, or what else there is of each, such as their places."""
     return zip(charts, np.split(p, np.cumsum([chart.count for chart in charts])[:-1]), strict=True)

@@ -65,7 +65,7 @@ class Fit:
     from the fitted one (which its components have too where the turn is small); covariance, correlation: (n, n);
     unknown: what the data do not tell, in words; residuals: measured less fitted by output, of a quaternion a turn in
     b, rad, (times, k), NaN at gaps; sigma: the standard deviation of each output's; doubts: in which way residuals do
-    not look like noise, in words; measured: the data.
+    not look like noise, or why numbers and errors may be wrong, in words; measured: the data.
     """
 
     scene: Scene
@@ -340,11 +340,14 @@ class _Search:
         lost = np.any(np.abs(np.reshape(unknown, (-1, len(p)))) > PART_OF_DIRECTION, axis=0)
         said = tuple(self._meaning(direction, sizes * direction) for direction in unknown)
         errors = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
+        charts = by_chart(self._charts, np.arange(len(p)))
+        edges = [chart.whole for chart, at in charts if chart.is_at_edge(p[at], covariance[np.ix_(at, at)])]
         covariance[lost, :] = covariance[:, lost] = np.nan
         ended = [] if self._ended else [f"the search came to no end in {MOST_LAST} runs: expected one begun nearer"]
         if self._was_long and self._varied.substeps > BESIDE * (most := self._varied.most):
             leads = "which are refused: expected data that the model can follow, or a search begun nearer"
             ended.append(f"the search leads to runs of more than {most:.1e} substeps, {leads}")
+        ended += [f"{key} is within its error of what no body has: errors may be far too small" for key in edges]
         accuracy, measured = self._scene.run.accuracy, self._data.values.items()
         own = {name: accuracy * max(noise.largest(name, rows), FLOORS.get(name, 0.0)) for name, rows in measured}
         doubts = [*ended, *noise.trends(left, own), *noise.too_large(f, self._given)]
