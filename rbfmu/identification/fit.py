@@ -38,7 +38,7 @@ MOST_SIZES = 12
 """How often what turned out far larger than it began may get a larger unit."""
 MOST_TRIES, MOST_LAST = 60, 400
 """Evaluations of one part, and of all of the time."""
-LONGEST, LONGER, BESIDE = 3e4, 100.0, 0.25
+LONGEST, LONGER, BESIDE = 3e5, 100.0, 0.25
 """How many substeps a run may have, at least, and as a multiple of the first; the part of these that is close to them.
 
 Data that contradict a model lead to ever stiffer motions: rates of zero under a torque to a damping without end, whose
