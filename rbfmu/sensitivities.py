@@ -19,7 +19,7 @@ from rbfmu.planning import judge, methods, reference
 from rbfmu.result import write_npz
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.plan import KEYS, Plan, checked_plan
-from rbfmu.runs.steps import SAME, Driven
+from rbfmu.runs.steps import SAME, Driven, substeps_counted
 from rbfmu.scene import own
 from rbfmu.scene.body import six_numbers
 from rbfmu.scene.scene import Scene, of_scene_or_path
@@ -158,6 +158,7 @@ class Varied:
         if len({*self.numbers}) < len(self.numbers):
             raise ValueError(f"{argument}: expected each number once, not {', '.join(self.numbers)}")
         self.model = VariedModel(scene, self.columns)
+        self.most, self.substeps = judge.MAX_SUBSTEPS, 0.0  # that a run may have; that the last one had
 
     def along(self, scene: Scene, drive: Drive, planned: Plan | None = None, covariance: Any = None) -> Sensitivity:
         """Return the derivatives at the communication points of a drive; scene: the first with other numbers.
@@ -268,7 +269,10 @@ class _Run:
         tiered(plan.kernels.outputs)(z)
         numbers = (column.element for column in varied.columns)
         self.sizes = np.array([0.0 if name in TURN else abs(z[self._model.place(name)]) for name in numbers])
-        self.time, self.values = run.course((*self._model.shown, "errors", "slopes"), most=judge.MAX_SUBSTEPS)
+        try:
+            self.time, self.values = run.course((*self._model.shown, "errors", "slopes"), most=varied.most)
+        finally:
+            varied.substeps = substeps_counted(plan.kernels, z)
         self._event = run.events.ended_by if run.events else ""
         self._inputs, self._jumps = _inputs_at(drive, float(self.time[-1]))
         self._slopes = self.values.pop("slopes")

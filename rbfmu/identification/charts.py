@@ -80,6 +80,10 @@ class Chart:
         """Return the derivatives of the numbers by coordinates."""
         return self.size * np.eye(len(p))
 
+    def is_at_edge(self, p: Array, covariance: Array) -> bool:
+        """Return whether impossible numbers are within a standard error, where linear error estimates fail."""
+        return False
+
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Return the lower and the upper bounds of the coordinates."""
@@ -129,6 +133,13 @@ class _Inertia(Chart):
         low, high = super().bounds
         low[:3] *= 0.5
         return low, high
+
+    def is_at_edge(self, p: Array, covariance: Array) -> bool:
+        """Return whether the least second moment is less than its standard error, if products vary as well."""
+        L = self._factor(p)
+        values, axes = np.linalg.eigh(L @ L.T)
+        slopes = self._chosen_of(0.5 * np.eye(3) - (2.0 - np.eye(3)) * np.outer(axes[:, 0], axes[:, 0]))
+        return len(slopes) > 3 and bool(values[0] ** 2 < slopes @ covariance @ slopes)
 
     def _factor(self, p: Array) -> Array:
         L = self._L.copy()
@@ -185,6 +196,6 @@ def changes(charts: Sequence[Chart], p: Array) -> dict[str, Any]:
     return found
 
 
-def by_chart(charts: Sequence[Chart], p: Array) -> Iterator[tuple[Chart, Array]]:
-    """Yield each chart with its coordinates."""
+def by_chart(charts: Sequence[Chart], p: Any) -> Iterator[tuple[Chart, Any]]:
+    """Yield each chart with its coordinates, or with its part of another array along these, such as their places."""
     return zip(charts, np.split(p, np.cumsum([chart.count for chart in charts])[:-1]), strict=True)

@@ -39,6 +39,13 @@ MOST_SIZES = 12
 """How often numbers that are far larger than at the start may get a larger unit."""
 MOST_TRIES, MOST_LAST = 60, 400
 """The most evaluations for one part, and for all of the time."""
+LONGEST, LONGER, BESIDE = 3e5, 100.0, 0.25
+"""A run of more than LONGEST substeps, and more than LONGER times those of the first run, is refused. A doubt is added
+if the search was refused such a run, and ends at one of more than BESIDE of that number.
+
+Data that contradict a model lead to ever stiffer motions: measured rates of zero under a torque to infinite damping,
+with runs of 12 s each before they were refused.
+"""
 REFUSED = 1e6
 """The residual, over its standard deviation, of a motion that the scene refuses."""
 NO_RUN = (exceptions.SceneError, exceptions.SimulationError, ValueError, OverflowError)
@@ -60,8 +67,8 @@ class Fit:
     scene's attitude, rad; its error is that of a small rotation in b from the fitted one (the same as that of its
     components if the rotation is small). covariance, correlation: (n, n); unknown: what the data do not determine, in
     words; residuals: measured less fitted (times, k) by output, NaN at gaps, of a quaternion a rotation vector in b,
-    rad; sigma: the standard deviation of each output's noise; doubts: how residuals do not look like noise, in words;
-    measured: the data.
+    rad; sigma: the standard deviation of each output's noise; doubts: how residuals do not look like noise, or why
+    numbers and errors may be wrong, in words; measured: the data.
     """
 
     scene: Scene
@@ -258,13 +265,15 @@ class _Search:
         return {name: self._given.get(name) or noise.estimated(name, left[name], float(n)) for name, n in of}
 
     def _measure_zeros(self, p: Array) -> None:
-        """Give numbers that begin at zero a unit: the change that moves some output by its measured size."""
-        if all(chart.start.any() for chart in self._charts):
-            return
+        """Give numbers that begin at zero a unit: the change that moves some output by its measured size.
+
+        The substeps of this run also limit those of all others, see LONGEST.
+        """
         try:
             _, slopes = self._evaluate(p, self._data)
         except NO_RUN:
             return
+        self._varied.most = min(self._varied.most, max(LONGEST, LONGER * self._varied.substeps))
         measured = {name: float(np.linalg.norm(np.nan_to_num(rows))) for name, rows in self._data.values.items()}
         for chart, own in by_chart(self._charts, np.eye(len(p))):
             moved = {name: float(np.linalg.norm(np.nan_to_num(rows) @ own.T)) for name, rows in slopes.items()}
@@ -290,7 +299,7 @@ class _Search:
 
     def _nearest(self, p: Array, data: Measured, sigma: Mapping[str, float], held: float) -> Array:
         """Return the coordinates of the least sum of squares; held: the weight that holds them at their start p."""
-        begin, seen = p.copy(), dict[bytes, tuple[Array, Array]]()
+        begin, seen, self._was_long = p.copy(), dict[bytes, tuple[Array, Array]](), False
 
         def both(x: Array) -> tuple[Array, Array]:
             if (key := x.tobytes()) not in seen:
@@ -313,6 +322,7 @@ class _Search:
         try:
             left, slopes = self._evaluate(p, data)
         except NO_RUN:
+            self._was_long |= self._varied.substeps > self._varied.most
             return np.full(data.count, REFUSED), np.zeros((data.count, len(p)))
         f = np.concatenate([(left[name] / sigma[name]).ravel() for name in left])
         J = np.concatenate([(slopes[name] / sigma[name]).reshape(-1, len(p)) for name in left])
@@ -333,8 +343,14 @@ class _Search:
         lost = np.any(np.abs(np.reshape(unknown, (-1, len(p)))) > PART_OF_DIRECTION, axis=0)
         said = tuple(self._meaning(direction, sizes * direction) for direction in unknown)
         errors = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
+        charts = by_chart(self._charts, np.arange(len(p)))
+        edges = [chart.whole for chart, at in charts if chart.is_at_edge(p[at], covariance[np.ix_(at, at)])]
         covariance[lost, :] = covariance[:, lost] = np.nan
         ended = [] if self._ended else [f"the search came to no end in {MOST_LAST} runs: expected one begun nearer"]
+        if self._was_long and self._varied.substeps > BESIDE * (most := self._varied.most):
+            leads = "which are refused: expected data that the model can follow, or a search begun nearer"
+            ended.append(f"the search leads to runs of more than {most:.1e} substeps, {leads}")
+        ended += [f"{key} is within its error of what no body has: errors may be far too small" for key in edges]
         accuracy, measured = self._scene.run.accuracy, self._data.values.items()
         own = {name: accuracy * max(noise.largest(name, rows), FLOORS.get(name, 0.0)) for name, rows in measured}
         doubts = [*ended, *noise.trends(left, own), *noise.too_large(f, self._given)]

@@ -11,6 +11,7 @@ from rbfmu.identification.charts import chart_of
 from rbfmu.identification.fit import HELD, _Search
 from rbfmu.identification.measured import Measured, read_measured
 from rbfmu.runs.inputs import HOLD
+from rbfmu.sensitivities import Varied
 from rbfmu_fmu.demo import NASA
 from tests.support import fits
 from tests.support.full_disk import full_disk
@@ -365,6 +366,21 @@ def test_a_hopeless_start_comes_to_an_end():
     far = scene.replace({"initial.omega_b": [8.0, -9.0, 2.0]})
     one = rbfmu.fit(far, {name: rows[20:27] for name, rows in data.items()}, ["initial.omega_b"], sigma=0.01)
     assert one.doubts
+
+
+@pytest.mark.thorough
+def test_data_that_lead_to_ever_stiffer_motions_end_a_search_where_runs_become_long(monkeypatch):
+    """Rates of zero under a torque ask for damping without end."""
+    counted, along = [], Varied.along
+    monkeypatch.setattr(Varied, "along", lambda self, *of: (along(self, *of), counted.append(self.substeps))[0])
+    scene = rbfmu.Scene(
+        body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, outputs={"quantities": ["omega_b"]}, run={"stop": 10.0},
+        loads={"torque_b": [0.1, 0.05, 0.02], "damping_b": [0.1, 0.1, 0.1]},
+    )  # fmt: skip
+    data = {"time": np.linspace(0.0, 10.0, 101), "omega_b": np.zeros((101, 3))}
+    one = rbfmu.fit(scene, data, ["loads.damping_b"], sigma=1e-3)
+    assert one.doubts[0].startswith("the search leads to runs of more than 3.0e+05 substeps, which are refused")
+    assert max(counted) <= 3e5
 
 
 @pytest.mark.thorough

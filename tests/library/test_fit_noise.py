@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 import rbfmu
+from rbfmu.ensembles.variables import symmetric
 from rbfmu.identification.charts import changes, chart_of
 from rbfmu.identification.measured import sigma_of
 from rbfmu.identification.noise import are_too_few, estimated, too_large, trends
@@ -160,6 +161,46 @@ def test_an_inertia_stays_one_that_a_body_can_have(inertia):
     slopes = np.array([(chart.numbers(p + dp) - chart.numbers(p - dp)) / 2e-6 for dp in step]).T
     np.testing.assert_allclose(chart.slopes(p), slopes, rtol=0, atol=1e-8)
     np.testing.assert_allclose(chart.value(0.0 * p), scene.body.M_c, rtol=1e-14, atol=1e-14)
+
+
+@pytest.mark.parametrize("inertia", [[1.0, 2.0, 2.5], [[1.0, 0.1, 0.2], [0.1, 1.5, -0.3], [0.2, -0.3, 2.0]]])
+def test_an_inertia_with_products_is_at_the_edge_within_an_error_of_what_no_body_has(inertia):
+    """The least of the second moments, tr(M) / 2 - M, is to be positive."""
+    chart = chart_of(rbfmu.Scene(body={"mass": 1.0, "inertia": inertia}), "body.inertia")
+
+    def least(numbers):
+        M = symmetric(np.append(numbers, [0.0] * (6 - len(numbers)))[None])[0]
+        return np.linalg.eigvalsh(0.5 * np.trace(M) * np.eye(3) - M)[0]
+
+    p = 0.1 * np.random.default_rng(1).normal(size=chart.count)
+    at, steps = chart.numbers(p), 1e-6 * np.eye(chart.count)
+    error = np.linalg.norm([(least(at + step) - least(at - step)) / 2e-6 for step in steps])
+    sizes = least(at) / error * np.array([0.999, 1.001])
+    told = [chart.is_at_edge(p, size**2 * np.eye(chart.count)) for size in sizes]
+    assert told == [False, chart.count == 6]  # three moments alone are as straight there as elsewhere
+
+
+@pytest.mark.thorough
+def test_errors_of_an_inertia_at_the_edge_of_what_bodies_have_are_doubted():
+    """The sum of squares of 486 numbers is 483 there and 500 at the truth, which is ten standard errors away."""
+    rng = np.random.default_rng(25)
+    x, y, z = rng.uniform(0.3, 1.0, 3)
+    R = rbfmu.matrix_from_rotvec(rng.normal(size=3))
+    inertia = R @ np.diag([y + z, z + x, x + y]) @ R.T
+    scene = rbfmu.Scene(
+        body={"mass": 1.5, "inertia": 0.5 * (inertia + inertia.T)},
+        initial={"omega_b": rng.uniform(-1.0, 1.0, 3), "attitude": {"rotvec": rng.uniform(-1.0, 1.0, 3)}},
+        loads={"torque_b": rng.uniform(-0.4, 0.4, 3), "damping_b": [0.1, 0.2, 0.15]},
+        outputs={"quantities": ["omega_b", "quaternion"]}, run={"stop": 8.0, "step": 0.1, "accuracy": 1e-7},
+    )  # fmt: skip
+    rng.random(6)
+    run, keys = rbfmu.simulate(scene), ["body.inertia", "loads.damping_b", "initial.attitude", "initial.omega_b"]
+    data = {"time": run.time, "omega_b": run.omega_b + 0.02 * rng.normal(size=(81, 3))}
+    turns = rbfmu.quaternion_from_rotvec(0.02 * rng.normal(size=(81, 3)))
+    one = rbfmu.fit(scene, data | {"quaternion": rbfmu.compose_quaternions(run.quaternion, turns)}, keys)
+    true = np.array(scene.body.inertia)[np.triu_indices(3)][[0, 3, 5, 1, 2, 4]]
+    assert np.max(np.abs(one.values[:6] - true) / one.standard_errors[:6]) > 5.0
+    assert one.doubts == ("body.inertia is within its error of what no body has: errors may be far too small",)
 
 
 def test_an_inertia_shrinks_no_further_than_a_mass():
