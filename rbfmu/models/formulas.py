@@ -39,7 +39,7 @@ _READ = {"q": "quaternion", "omega": "omega_b", "r_c": "position", "v_c": "veloc
 _FIRST_OUTPUT = next(iter(memory.OUTPUTS))
 _MADE: dict[str, shell.Model] = {}
 """The last models by `FormulaModel.key`, so that no process compiles one twice."""
-MOST_MADE = 256  # of 1 MB each, or 35 if this process compiled it: a loop that writes numbers into texts makes one a turn
+MOST_MADE = 256  # of 1 MB each, or 35 if this process compiled it: a loop that changes texts makes one a turn
 
 
 class FormulaModel:
