@@ -234,7 +234,7 @@ class _Search:
     def fit(self) -> Fit:
         """Return the fit: of longer and longer parts of the time, then again with estimated noise if none was given."""
         p = np.zeros(len(self._names))
-        self._measure_zeros(p)
+        self._run_at_start(p)
         sigma = {name: self._given.get(name) or noise.size_of(name, rows) for name, rows in self._data.values.items()}
         for part in PARTS:
             begin = self._scene.run.start
@@ -264,10 +264,10 @@ class _Search:
         of = zip(left, followed, strict=True)
         return {name: self._given.get(name) or noise.estimated(name, left[name], float(n)) for name, n in of}
 
-    def _measure_zeros(self, p: Array) -> None:
-        """Give numbers that begin at zero a unit: the change that moves some output by its measured size.
+    def _run_at_start(self, p: Array) -> None:
+        """Run the scene as it was given: its substeps limit those of later runs (LONGEST), and its slopes give units.
 
-        The substeps of this run also limit those of all others, see LONGEST.
+        The unit of a number that begins at zero is the change that moves some output by its measured size.
         """
         try:
             _, slopes = self._evaluate(p, self._data)

@@ -51,7 +51,9 @@ MOST_HALVED, FAR_PARTS, PARTS = 60, 64, 16
 defect is checked, if it reaches much farther than the last one, and else: more than in the series that are judged.
 """
 CREEPING = 1e-6
-"""A motion has no end in reach if the last half of all steps advances it by less than this part of the time before."""
+"""A motion has no end in reach if the last half of all steps advances it by less than this part of the time before. The
+reason is then a square root or power that comes to zero within this part of a run, if there is one.
+"""
 FINEST, MOST_STALLED = 2.0**-52, 500
 """MOST_STALLED: the most successive series that may reach less than FINEST of the time since the start, which doubles
 cannot resolve: 13 where a force grows from 1e-300, ever more where a motion ends in a pole."""

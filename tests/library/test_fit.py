@@ -102,7 +102,7 @@ def test_a_search_is_held_to_where_it_begins_and_zeros_get_the_unit_that_moves_s
     data = {"time": [0.0, 1.0], "velocity": [[0.0] * 3, [3.0, 0, 0]], "position": [[0.0] * 3, [1.0, 0.0, 0.0]]}
     keys, known, zero = ["body.mass", "loads.force_a[1]"], read_measured(scene, data), np.zeros(2)
     search = _Search(scene, known, keys, {}, "linear", (None, HOLD))
-    search._measure_zeros(zero)
+    search._run_at_start(zero)
     assert search._charts[1].size == pytest.approx(4.0, rel=1e-6)  # N: by which the position is 1 m, the velocity 2 m/s
     begin = np.array([0.5, 0.0])  # without a force no data tell the mass
     still = Measured(known.time, {name: 0.0 * rows for name, rows in known.values.items()})
