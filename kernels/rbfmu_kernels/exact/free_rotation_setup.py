@@ -224,65 +224,99 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     sign_s = math.copysign(1.0, w_s[0])
     sign_r = sign_p * sign_s * choose((r - p == 1.0) | (r - p == -2.0), 1.0, -1.0)
     w_p, w_r, w_s = dd.scale(sign_p, w_p), dd.scale(sign_r, w_r), dd.scale(sign_s, w_s)
-    m_s = dd.multiply(i_s, w_s)
 
     kappa, one_kappa = kappa_of(i_p, i_r, i_s)
-    root_kappa = dd.root(one_kappa)
-    # m_p and m_r may both be tiny, and are scaled by a power of two.
-    up = elementary.power_of_two_for(max(w_p[0], abs(w_r[0])))
-    m_p_up, m_r_up = dd.multiply(i_p, dd.scale(up, w_p)), dd.multiply(i_r, dd.scale(up, w_r))
-    m_r2_up = dd.divide(dd.multiply(m_r_up, m_r_up), one_kappa)
-    a_p2_up = dd.add(dd.multiply(m_p_up, m_p_up), m_r2_up)
-    a_p_up = dd.root(a_p2_up)
-    am_s, am_c = dd.scale(math.copysign(1.0, m_r_up[0]), m_r_up), dd.multiply(root_kappa, m_p_up)
-    down = 1.0 / up
-    a_p, a_p2 = dd.scale(down, a_p_up), dd.scale(down, dd.scale(down, a_p2_up))
-    a_r = dd.scale(sign, dd.multiply(root_kappa, a_p))
-
-    if all_of(dd.equal(i_p, i_r)):
-        polhode = symmetric_polhode(i_r, i_s, w_s, m_s, a_p2, am_s, am_c)
-        kc: DoubleDouble = (1.0, 0.0)
-        kc2 = kc
-    else:
-        a_s2 = dd.add(dd.multiply(m_s, m_s), dd.multiply(kappa, dd.scale(down, dd.scale(down, m_r2_up))))
-        kc2 = dd.divide(dd.multiply(distance, i_s), dd.multiply(gap(i_s, i_r), a_s2))
-        kc = dd.scale(distance_unit, dd.root(kc2))
-        kc2 = dd.scale(distance_unit, dd.scale(distance_unit, kc2))
-        above = kc[0] - 1.0 + kc[1] > 0.0
-        kc, kc2 = dd.choose(above, (1.0, 0.0), kc), dd.choose(above, (1.0, 0.0), kc2)
-        kc = dd.choose(kc[0] <= _LEAST_KC, (_LEAST_KC, 0.0), kc)
-        polhode = triaxial_polhode((i_p, i_r, i_s), kappa, one_kappa, a_p2, a_s2, kc, am_s, am_c)
-
-    kind, width, shift = TUMBLING, (0.0, 0.0), 0.0
-    precession, phase_rate = polhode.precession, polhode.phase_rate
-    besides = dd.scale(sign, polhode.half_turn)
-    if all_of(kc[0] >= elliptic.NEAREST_KC):
-        tilt = a_p[0] / (polhode.a_s[0] + polhode.g)
-        tumbling = free_rotation_series.series_of(kappa[0], tilt, polhode.k2, kc[0], sign)
-        series = free_rotation_series.flatten_tumbling(tumbling)
-        precession = dd.add(precession, dd.multiply(besides, phase_rate))
-    else:
-        kind = NEAR
-        near, width, shift = free_rotation_series.near_series_of(dd.root(kappa), kc, polhode.agm, sign)
-        series = free_rotation_series.flatten_near(near)
-        if all_of(kc[0] > _LEAST_KC):
-            precession = dd.add(precession, dd.multiply(besides, phase_rate))
-        else:
-            kind, shift = SEPARATRIX, 0.0
-    phase = dd.scale(sign * math.copysign(1.0, m_r_up[0]), polhode.phase)
-    rate_p = dd.scale(unit * sign_p, dd.divide(a_p, i_p))  # a_p itself may be too small for the unit
+    m_r = dd.multiply(i_r, w_r)
+    across = _momentum_across(dd.multiply(i_p, w_p), m_r, one_kappa)
+    polhode, kc, kc2 = _polhode_of((i_p, i_r, i_s), w_s, across, kappa, one_kappa, distance, distance_unit)
+    kind, precession, width, shift, series = _periodic_part(polhode, kappa, kc, across.a_p, sign)
+    phase = dd.scale(sign * math.copysign(1.0, m_r[0]), polhode.phase)
+    a_r = dd.scale(sign, dd.multiply(dd.root(one_kappa), across.a_p))
+    rate_p = dd.scale(unit * sign_p, dd.divide(across.a_p, i_p))  # A_p itself may be too small for the unit
     rate_r = dd.scale(unit * sign_r, dd.divide(a_r, i_r))
     rate_s = dd.scale(unit * sign_s, polhode.rate_s)
     q = (q_0[0], sign_p * _at(q_0, p), sign_r * _at(q_0, r), sign_s * _at(q_0, s))
     place = free_rotation_series.place_of(kind, phase, width)
     start = free_rotation_series.turn_of(kind, place, (0.0, 0.0), shift, series)
     q = compose_quaternions(q, invert_quaternion(start))
+    half_rate = (0.5 * polhode.phase_rate[0], 0.5 * polhode.phase_rate[1])
     return FreeRotation(
-        kind=kind, unit=unit, precession=precession, phase_rate=(0.5 * phase_rate[0], 0.5 * phase_rate[1]), phase=phase,
+        kind=kind, unit=unit, precession=precession, phase_rate=half_rate, phase=phase,
         rates=(rate_p[0], rate_r[0], rate_s[0]), rates_low=(rate_p[1], rate_r[1], rate_s[1]), kc_squared=kc2,
         width=width, shift=shift, columns=_columns(q, (sign_p, sign_r, sign_s), p + 1.0, r + 1.0), p=p + 1.0,
         r=r + 1.0, series=series,
     )  # fmt: skip
+
+
+class _Across(NamedTuple):
+    """The angular momentum across s: A_p, A_p^2, m_r^2 / (1 + kappa); |m_r| and m_p sqrt(1 + kappa) in any unit."""
+
+    a_p: DoubleDouble
+    a_p2: DoubleDouble
+    m_r2: DoubleDouble
+    am_s: DoubleDouble
+    am_c: DoubleDouble
+
+
+@kernel
+def _momentum_across(m_p: DoubleDouble, m_r: DoubleDouble, one_kappa: DoubleDouble) -> _Across:
+    """Return what follows from the components along p and r, which may both be tiny: a power of two scales them."""
+    up = elementary.power_of_two_for(max(m_p[0], abs(m_r[0])))
+    m_p, m_r, down = dd.scale(up, m_p), dd.scale(up, m_r), 1.0 / up
+    m_r2 = dd.divide(dd.multiply(m_r, m_r), one_kappa)
+    a_p2 = dd.add(dd.multiply(m_p, m_p), m_r2)
+    return _Across(
+        a_p=dd.scale(down, dd.root(a_p2)), a_p2=dd.scale(down, dd.scale(down, a_p2)),
+        m_r2=dd.scale(down, dd.scale(down, m_r2)), am_s=dd.scale(math.copysign(1.0, m_r[0]), m_r),
+        am_c=dd.multiply(dd.root(one_kappa), m_p),
+    )  # fmt: skip
+
+
+@kernel
+def _polhode_of(
+    moments_prs: Vector, w_s: DoubleDouble, across: _Across, kappa: DoubleDouble, one_kappa: DoubleDouble,
+    distance: DoubleDouble, distance_unit: float,
+) -> tuple[Polhode, DoubleDouble, DoubleDouble]:  # fmt: skip
+    """Return the polhode, and kc and its square, which `distance` from the separatrix gives without cancellation."""
+    i_p, i_r, i_s = moments_prs
+    m_s = dd.multiply(i_s, w_s)
+    if all_of(dd.equal(i_p, i_r)):
+        polhode = symmetric_polhode(i_r, i_s, w_s, m_s, across.a_p2, across.am_s, across.am_c)
+        kc: DoubleDouble = (1.0, 0.0)
+        kc2 = kc
+    else:
+        a_s2 = dd.add(dd.multiply(m_s, m_s), dd.multiply(kappa, across.m_r2))
+        kc2 = dd.divide(dd.multiply(distance, i_s), dd.multiply(gap(i_s, i_r), a_s2))
+        kc = dd.scale(distance_unit, dd.root(kc2))
+        kc2 = dd.scale(distance_unit, dd.scale(distance_unit, kc2))
+        above = kc[0] - 1.0 + kc[1] > 0.0
+        kc, kc2 = dd.choose(above, (1.0, 0.0), kc), dd.choose(above, (1.0, 0.0), kc2)
+        kc = dd.choose(kc[0] <= _LEAST_KC, (_LEAST_KC, 0.0), kc)
+        polhode = triaxial_polhode(moments_prs, kappa, one_kappa, across.a_p2, a_s2, kc, across.am_s, across.am_c)
+    return polhode, kc, kc2
+
+
+@kernel
+def _periodic_part(
+    polhode: Polhode, kappa: DoubleDouble, kc: DoubleDouble, a_p: DoubleDouble, sign: float
+) -> tuple[float, DoubleDouble, DoubleDouble, float, Series]:
+    """Return kind, precession, width, shift and series of `FreeRotation`."""
+    kind, width, shift, precession = TUMBLING, (0.0, 0.0), 0.0, polhode.precession
+    besides = dd.multiply(dd.scale(sign, polhode.half_turn), polhode.phase_rate)
+    if all_of(kc[0] >= elliptic.NEAREST_KC):
+        tilt = a_p[0] / (polhode.a_s[0] + polhode.g)
+        tumbling = free_rotation_series.series_of(kappa[0], tilt, polhode.k2, kc[0], sign)
+        series = free_rotation_series.flatten_tumbling(tumbling)
+        precession = dd.add(precession, besides)
+    else:
+        kind = NEAR
+        near, width, shift = free_rotation_series.near_series_of(dd.root(kappa), kc, polhode.agm, sign)
+        series = free_rotation_series.flatten_near(near)
+        if all_of(kc[0] > _LEAST_KC):
+            precession = dd.add(precession, besides)
+        else:
+            kind, shift = SEPARATRIX, 0.0
+    return kind, precession, width, shift, series
 
 
 @kernel
