@@ -13,7 +13,7 @@
      `allocate` and `release` stay null where the version has no functions for memory, and `update` where it has no
      intermediate updates;
    - refuse by `refuse`, in one line each, what no model here has: asynchronous steps, events, clocks;
-   - be the `signatures` of the version in fmi_version.py.
+   - be the `signatures` of the version in fmi_versions.toml.
 
    A value reference stands for one or more Reals, row by row, as scene.h lists them: what a call takes or gives are the
    values of all of them, one after another. In FMI 2 each has one. */
