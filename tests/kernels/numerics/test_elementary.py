@@ -14,6 +14,7 @@ from rbfmu_kernels.numerics.elementary import (
     logarithm,
     logistic,
     power_of_two_for,
+    relaxation,
     round_to_integer,
     scale_for_squares,
     sincos,
@@ -70,6 +71,19 @@ def powers_of_e():
     return [(float(x),) for x in values]
 
 
+def damped_times():
+    """Most where the series ends and where the difference loses most."""
+    r = rng(19)
+    values = [
+        *r.uniform(0, 1, 1000),
+        *r.uniform(1, 4, 1000),
+        *of_all_sizes(r, -15, 300, 500),
+        1.0,
+        math.nextafter(1, 0),
+    ]
+    return [(float(x),) for x in values]
+
+
 def positive_numbers():
     """All sizes, also those with fewer digits, and many near 1, where the logarithm has a root."""
     r = rng(18)
@@ -99,6 +113,9 @@ LAWS = [
     Law(exp2, lambda x, y: mp.mpf(2) ** (x + y), exponents, 0.9, measure=ulps),
     Law(atan2, lambda y, x: mp.atan2(y, x), points, 1.7, measure=ulps),
     Law(exponential, mp.exp, powers_of_e, 1.0, measure=ulps),
+    Law(
+        relaxation, lambda x: [-mp.expm1(-x) / x, (mp.expm1(-x) + x) / x**2], damped_times, 3.0, measure=ulps
+    ),
     Law(logistic, lambda x: 1 / (1 + mp.exp(-x)), powers_of_e, 2.0, measure=ulps),
     Law(logarithm, mp.log, positive_numbers, 1.0, measure=ulps),
     Law(norm, exact.norm, vectors, 1.3, scale=exact.norm),
@@ -108,6 +125,11 @@ LAWS = [
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 def test_error_is_as_stated(law):
     law.check()
+
+
+def test_relaxation_begins_with_the_rate_itself():
+    assert relaxation(0.0) == (1.0, 0.5)
+    assert all(map(math.isnan, relaxation(math.nan)))
 
 
 @pytest.mark.parametrize("x", [1e6, 1e9, 1e12, 4.9e14])
