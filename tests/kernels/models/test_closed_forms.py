@@ -10,7 +10,6 @@ from rbfmu.runs.motion import attitude_error
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
 from rbfmu_kernels import free_rotation
-from rbfmu_kernels.numerics.elementary import relaxation
 from tests.support.references import reference_mp as reference
 from tests.support.scenes.model_cases import EPS, NO_GRAVITY, TURNED, Unit
 
@@ -28,16 +27,6 @@ def run(model, steps, **tables):
 
 def start(scene):
     return scene.initial.quaternion, scene.initial.omega_b
-
-
-@pytest.mark.parametrize("x", [0.0, 1e-300, 1e-8, 0.1, 0.5, 0.50001, 1.0, 3.0, 20.0, 63.9, 64.1, 1e3, 1e300])
-def test_relaxation_keeps_its_digits(x):
-    with mp.workdps(60):
-        y = mp.mpf(x)
-        small = y < mp.mpf("1e-20")
-        truth = (1 - y / 2, mp.mpf(1) / 2 - y / 6) if small else ((1 - mp.exp(-y)) / y, (mp.exp(-y) - 1 + y) / y**2)
-        errors = [float(abs(found / exact - 1)) for found, exact in zip(relaxation(x), truth, strict=True)]
-    assert max(errors) <= 4 * EPS
 
 
 @pytest.mark.parametrize(
@@ -115,7 +104,8 @@ def test_one_axis_under_torque_and_damping_is_exact(torque, damping):
         e, x, y, z = (mp.mpf(c) for c in scene.initial.quaternion)
         c, s = turn[0], turn[3]
         truth = [float(v) for v in (e * c - z * s, x * c + y * s, y * c - x * s, z * c + e * s)]
-    assert abs(found["omega_b"][-1, 2] - float(rate)) <= 8 * EPS * 30.0
+    size = 30.0 if torque else (1.0 + float(decay * t)) * float(rate)  # a decay keeps its digits
+    assert abs(found["omega_b"][-1, 2] - float(rate)) <= 8 * EPS * size
     assert attitude_error(found["quaternion"][-1], truth) <= 4 * EPS * float(angle)
 
 
