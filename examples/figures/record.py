@@ -4,6 +4,7 @@ import ast
 import csv
 import hashlib
 import io
+import re
 import tokenize
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -76,7 +77,8 @@ def digest(name: str) -> str:
         for definition in definitions:
             found.update("\n".join(code_lines(segment(text, definition))).encode())
         if not definitions:
-            found.update("\n".join([path.name, *(code_lines(text) if path.suffix == ".py" else [text])]).encode())
+            code = _CODE_OF[path.suffix](text) if path.suffix in _CODE_OF else [text]
+            found.update("\n".join([path.name, *code]).encode())
     return found.hexdigest()[:16]
 
 
@@ -99,6 +101,18 @@ def code_lines(text: str) -> Iterator[str]:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             lines[node.lineno - 1 : node.end_lineno] = [""] * (node.end_lineno - node.lineno + 1)
     return (line.rstrip() for line in lines if line.strip())
+
+
+_STRING_OR_COMMENT = re.compile(r'("(?:\\.|[^"\\])*")|/\*.*?\*/|//[^\n]*', re.DOTALL)
+
+
+def lines_of_c(text: str) -> Iterator[str]:
+    """Return the lines of a source in C without comments and blank lines."""
+    text = _STRING_OR_COMMENT.sub(lambda found: found[1] or "", text)
+    return (line.rstrip() for line in text.splitlines() if line.strip())
+
+
+_CODE_OF = {".py": code_lines, ".c": lines_of_c, ".h": lines_of_c}
 
 
 def stamp(name: str) -> str:

@@ -53,6 +53,14 @@ def test_figures_grow_old_with_what_counts_of_their_sources(
         record.digest("peers")
 
 
+def test_comments_in_c_do_not_count() -> None:
+    first, second, third = (
+        list(record.lines_of_c(text))
+        for text in ('f("//"); /* words\n */\n', '\nf("//"); // other\n', 'f("/"); // other\n')
+    )
+    assert first == second != third
+
+
 @pytest.mark.thorough
 def test_a_picture_grows_old_with_its_sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(record, "place", lambda name: tmp_path / f"{name}.png")
