@@ -6,6 +6,7 @@ from itertools import count
 from typing import Any, Generic, NamedTuple, TypeVar, get_args, get_type_hints
 
 from .compile.decorator import kernel
+from .compile.wide import bits_of
 from .types import Buffer, Matrix, Quaternion, Vec3
 
 
@@ -18,11 +19,14 @@ def copy_numbers(z: Buffer, source: int, target: int, n: int) -> None:
 
 @kernel
 def are_finite(z: Buffer, first: int, end: int) -> bool:
-    """Return whether z[first], ..., z[end - 1] are finite, by the sum of 0 x: it is NaN if any x is not finite."""
-    total = 0.0
+    """Return whether z[first], ..., z[end - 1] are finite: x - x is zero, of either sign, where x is.
+
+    The bits of all differences are joined by OR, which is done in vectors, as no result waits for the one before.
+    """
+    bits = 0
     for i in range(first, end):
-        total += 0.0 * z[i]
-    return total == 0.0
+        bits |= bits_of(z[i] - z[i])
+    return bits << 1 == 0
 
 
 @kernel
