@@ -19,7 +19,7 @@ from ..mechanics import equations_of_motion as motion
 from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, ROTATION, V_C, WHOLE_STATE, Body, LoadPolynomial
 from ..numerics import double_double as dd
 from ..rotations.quaternion import largest_of, scale_quaternion, square_of
-from ..rotations.vec3 import ZERO, add, add_scaled, largest_component, norm, scale, subtract
+from ..rotations.vec3 import add, add_scaled, largest_component, norm, scale, subtract
 from ..types import Buffer, Quaternion, Vec3
 from . import substeps, taylor_coefficients as series
 from .substeps import Method, Room
@@ -224,12 +224,9 @@ def _put_motion(z: Buffer, room: Room, i: int, order: int, h: float, t: float) -
 @kernel(inline=False)
 def _put_path(z: Buffer, y: int, w: int, i: int, h: float, t: float) -> None:
     """Advance position and velocity by h, with what a force that turns with the body has added since the last step."""
-    speed, path = ZERO, ZERO
-    for k in range(int(z[i + KEPT.turn_order]) - 1, -1, -1):
-        gain = scale(PER[k], vec3_at(z, w + term(ACCELERATION, k)))
-        speed = add_scaled(gain, t, speed)
-        path = add_scaled(scale(PER[k + 1], gain), t, path)
-    speed, path = scale(t, speed), scale(t * t, path)
+    order = int(z[i + KEPT.turn_order]) - 1
+    speed = scale(t, _value(z, w + series.SPEED, order, t)[:3])
+    path = scale(t * t, _value(z, w + series.PATH, order, t)[:3])
     speed_0, path_0, v = vec3_at(z, i + KEPT.path), vec3_at(z, i + KEPT.path + 3), vec3_at(z, y + V_C)
     put_vec3_at(z, i + KEPT.path, speed)
     put_vec3_at(z, i + KEPT.path + 3, path)
@@ -322,6 +319,7 @@ def _make(
         series.end_series(s, TURN, m)
     if n == WHOLE_STATE:
         series.acceleration_series(s, m, body.inverse_mass, loads)
+        series.path_series(s, m)
         speed = max(largest_component(vec3_at(z, y + V_C)), 1.0)
     z[i] = VALID
     if not again:

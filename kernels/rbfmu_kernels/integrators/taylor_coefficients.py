@@ -314,3 +314,19 @@ def acceleration_series(s: Buffer, m: int, inverse_mass: float, loads: LoadPolyn
             total = add_scaled_quaternion(total, 0.5, _turned_force(s, k - 2, inverse_mass, loads.rate_2.force_b))
         put_quaternion_at(s, product(TURN, k), total)
         put_vec3_at(s, term(ACCELERATION, k), _acceleration_term(s, k))
+
+
+SPEED, PATH = ACCELERATION + _SECOND, TURN + _SECOND
+"""Where `path_series` has its results: in halves of rows that are free by then."""
+
+
+@kernel
+def path_series(s: Buffer, m: int) -> None:
+    """Set m terms of the velocity over t and of the displacement over t^2 that the acceleration causes."""
+    for k in range(m):
+        speed = scale(PER[k], vec3_at(s, term(ACCELERATION, k)))
+        x, y, z = scale(PER[k + 1], speed)
+        put_lanes(s, term(SPEED, k), lanes(speed[0], speed[1], speed[2], 0.0))
+        put_lanes(s, term(PATH, k), lanes(x, y, z, 0.0))
+    end_series(s, SPEED, m - 1)
+    end_series(s, PATH, m - 1)
