@@ -336,7 +336,7 @@ LOADED_SPLITTING = ModelSpec(
 
 LOADED_TAYLOR = ModelSpec(
     "body under loads, by series", "loaded.LOADED_TAYLOR", rate_states=3, integrates_path=True,
-    costs={"": 60.0, "evaluated path": 38.0, "loads that turn": 68.0},
+    costs={"": 48.0, "evaluated path": 26.0, "loads that turn": 68.0},
 )  # fmt: skip
 
 FORMULAS = ModelSpec("formulas", "", integrates_path=True)

@@ -210,7 +210,7 @@ def cost_in_lanes(substeps: float, steps: float, cost: float) -> float:
 MACHINE = "an Intel Xeon of 2026"
 """The machine on which costs in ns are measured, in a compiled loop over the library's models on one idle core.
 
-Those of one axis and of a body spun up were measured on an AMD EPYC, and scaled as the others compare there."""
+Those of one axis, a body spun up and series were measured on an AMD EPYC, and scaled as the others compare there."""
 ATTITUDE, CHANGING, TURNING_LOADS, EVALUATED_PATH = "attitude", "changing", "loads that turn", "evaluated path"
 """The terms of a model's own costs besides that of each step; see `ModelSpec.costs`."""
 
