@@ -250,7 +250,8 @@ def drive_of(scene: Scene, tables: InputTables, interpolate: str, parts: int = 1
         points = np.append((points[:-1, None] + cuts * np.diff(points)[:, None]).ravel(), points[-1])
     pieces = _linear if interpolate == LINEAR else _held
     ports = {port: pieces(table, points, near) for port, table in tables.items()}
-    return Drive(time, np.diff(points), np.searchsorted(points, time), ports)
+    counts = np.arange(len(time)) if points is time else np.searchsorted(points, time)  # which takes longer
+    return Drive(time, np.diff(points), counts, ports)
 
 
 def _points(time: Array, tables: list[Array], near: float) -> Array:
