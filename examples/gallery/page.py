@@ -25,17 +25,18 @@ PAGE, FORMULAS_PAGE = SCENES / "README.md", SCENES / "formulas" / "README.md"
 DRAWN = {**PICTURES, **formulas.PICTURES}
 HEAD = """# Gallery
 
-These scenes go from the smallest model to the largest. Each says what you see, why no smaller model serves, and what
-`rbfmu plan` says. `python -m examples.gallery.page` writes this page and its pictures.
+These scenes are in the order of their models, from the smallest to the largest. Each section says what the picture
+shows, why no smaller model is valid, and what `rbfmu plan` prints. `python -m examples.gallery.page` writes this page
+and its pictures.
 
 | scene | model | size |
 |---|---|---|
 """
 FORMULAS_HEAD = """# Gallery of formulas
 
-In these scenes, loads, states and outputs are [formulas](../../../rbfmu/README.md#formulas), as text. Each says what
-you see, what is integrated for it, and what `rbfmu plan` says. `python -m examples.gallery.page` writes this page and
-its pictures.
+In these scenes, loads, states and outputs are [formulas](../../../rbfmu/README.md#formulas), as text. Each section
+says what the picture shows, what is integrated for it, and what `rbfmu plan` prints. `python -m examples.gallery.page`
+writes this page and its pictures.
 
 | scene | model | size |
 |---|---|---|
@@ -45,15 +46,15 @@ COSTS = """## What they cost
 ![Cost and error of the planned model, the full one and MuJoCo](../pictures/gallery_cost.png)
 
 The table gives the processor time of a communication step in a compiled loop, in ns, for three models:
-- the planned one;
-- the full one: six degrees of freedom, all outputs, the cheapest integrator of a body under any loads;
-- MuJoCo's, with the cheapest integrator and step that meet the accuracy.
+- the planned model;
+- the full model: six degrees of freedom, all outputs, the cheapest integrator of a body under any loads;
+- MuJoCo, with the cheapest integrator and step that meet the accuracy.
 
-Ratios ("times") are to the planned model. Errors are the largest in what the scene asks for, against 40 digits, at five
-times of the run. Ports are at zero. Prescribed rates have no full model, and MuJoCo cannot take them.
+Ratios ("times") are to the planned model. Errors are the largest in the scene's quantities, against 40 digits, at five
+times of the run. Ports are at zero. Prescribed rates have no full model, and MuJoCo cannot model them.
 {verdict}
 
-| scene | planned | full | MuJoCo | full, times | MuJoCo, times | error | full | MuJoCo | asked |
+| scene | planned | full | MuJoCo | full, times | MuJoCo, times | error | error, full | error, MuJoCo | asked |
 |---|---|---|---|---|---|---|---|---|---|
 {table}
 
