@@ -60,13 +60,15 @@ def read_aem(path: Path) -> dict[str, Array]:
     """Return time (n), s, quaternion q_ab (n, 4), and omega_a or omega_b (n, 3), rad/s, if all lines have it.
 
     Frame b is REF_FRAME_B, or REF_FRAME_A if only that is the spacecraft's; a is the other one. Time 0 is that of the
-    first line, or that of the scene in files of `write_aem`. Segments are joined; leap seconds are not counted. Raises
+    first line, or that of the scene in files of `write_aem`. Segments are joined; where one begins at the very time at
+    which the one before it ends, as the standard allows, its line counts. Leap seconds are not counted. Raises
     ValueError with file, line, and what was expected.
     """
     origin: Decimal | None = None
     meta: dict[str, str] = {}
+    begins = False
     rows: list[tuple[Decimal, list[float], str, list[float]]] = []
-    lines = [line.strip() for line in path.read_text(encoding="utf-8", errors="replace").splitlines()]
+    lines = [line.strip() for line in path.read_text(encoding="utf-8-sig", errors="replace").splitlines()]
     number, first = next(((n, line) for n, line in enumerate(lines, 1) if line), (1, ""))
     try:
         if not re.match(r"CCSDS_AEM_VERS\s*=\s*[0-2]\.", first):
@@ -76,11 +78,15 @@ def read_aem(path: Path) -> dict[str, Array]:
             if found := _ORIGIN.match(line):
                 origin = _seconds(found[1])
             elif line == "META_START":
-                meta = {}
+                meta, begins = {}, True
             elif equals:
                 meta[key] = value.upper()
             elif line and line.split()[0] not in ("COMMENT", "META_STOP", "DATA_START", "DATA_STOP"):
-                rows.append(_row(line.split(), meta))
+                row = _row(line.split(), meta)
+                if begins and rows and rows[-1][0] == row[0]:
+                    rows.pop()
+                rows.append(row)
+                begins = False
         if not rows:
             raise ValueError("expected lines of attitudes")
         if lines.count("DATA_START") > lines.count("DATA_STOP"):  # else a last number that is cut short would be read

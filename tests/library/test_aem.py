@@ -146,6 +146,23 @@ def test_a_segment_has_keys_of_its_own_and_days_are_those_of_a_year_too(tmp_path
     assert found.quaternion[0].tolist() == found.quaternion[1].tolist()
 
 
+def test_where_a_segment_begins_as_another_ends_its_line_counts(tmp_path: Path) -> None:
+    """2026-11-30: files whose segments share a time, as the standard allows, were refused."""
+    turned = short(ABOUT_Z).partition("\n")[2]
+    first = short(ABOUT_Z.replace("T12", "T11"), "2000-01-01T12:00:00 0.0 0.0 0.0 1.0")
+    found = read(f"{first}\n{turned}\n{ABOUT_Z.replace('T12', 'T13')}", tmp_path)
+    assert found.time.tolist() == [0.0, 3600.0, 7200.0]
+    assert found.quaternion[1].tolist() == found.quaternion[2].tolist()
+    for twice in (f"{first}\n{turned}\n{ABOUT_Z}", f"{first}\n{turned.replace('T12', 'T11')}"):
+        with pytest.raises(ValueError, match="expected times that increase"):
+            read(twice, tmp_path)
+
+
+def test_a_file_may_begin_with_the_mark_of_utf_8(tmp_path: Path) -> None:
+    """2026-11-30: such a file, as Windows' editors write it, was refused."""
+    assert read(f"\ufeff{short(ABOUT_Z)}", tmp_path).time.tolist() == [0.0]
+
+
 def test_a_comment_may_have_another_encoding(tmp_path: Path) -> None:
     path = tmp_path / "it.aem"
     path.write_bytes(short(ABOUT_Z).replace("META_STOP", "COMMENT Andr\xe9\nMETA_STOP").encode("latin-1"))
