@@ -24,6 +24,11 @@ EXACT = Context(prec=400)
 """Enough digits for exact sums of any times; the usual 28 lose the last digits of fractions of a microsecond."""
 TOLERANCE = 1e-3
 """The largest difference from 1 of the square of a quaternion's length, as files may have few digits."""
+ON_BODY = re.compile(
+    r"(ACC|ACTUATOR|AST|CSS|DSS|ESA|GYRO|GYRO_FRAME|IMU_FRAME|INSTRUMENT|MTA|RW|SA|SC_BODY|SENSOR|STARTRACKER|TAM)"
+    r"(\d+|[_ ]\w+)?"
+)
+"""Frames that are fixed in a spacecraft, as CCSDS names them."""
 _TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d(?:\.\d*)?)Z?")
 _ORIGIN = re.compile(rf"COMMENT .*time 0 of the scene is ({_TIME.pattern})")
 
@@ -114,7 +119,7 @@ def _row(words: list[str], meta: dict[str, str]) -> tuple[Decimal, list[float], 
     q = numbers[:4] if meta.get("QUATERNION_TYPE") == "FIRST" else [numbers[3], *numbers[:3]]
     if not abs(math.fsum(x * x for x in q) - 1.0) <= TOLERANCE:
         raise ValueError(f"quaternion {' '.join(words[1:5])}: expected one of length 1")
-    from_body = a.startswith("SC_BODY") and not b.startswith(("SC_BODY", "INSTRUMENT"))
+    from_body = bool(ON_BODY.fullmatch(a)) and not ON_BODY.fullmatch(b)
     if from_body != (meta.get("ATTITUDE_DIR") == "B2A"):
         q[1:] = [-x for x in q[1:]]
     frame = {"REF_FRAME_A": a, "REF_FRAME_B": b}.get(meta.get("ANGVEL_FRAME", ""), meta.get("ANGVEL_FRAME"))

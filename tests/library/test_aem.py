@@ -102,6 +102,8 @@ X_OF_BODY = [0.0, 1.0, 0.0]
     (short(ABOUT_Z, a="sc_body_1", b="icrf", ATTITUDE_DIR="B2A"), X_OF_BODY),
     (short(ABOUT_Z, a="SC_BODY_1", b="INSTRUMENT_A"), X_OF_BODY),
     (short(ABOUT_Z, a="SC_BODY_1", b="SC_BODY_2"), X_OF_BODY),
+    (short(ABOUT_Z, a="STARTRACKER_2", b="GTOD"), [0.0, -1.0, 0.0]),  # 2026-11-30: was read as GTOD's attitude
+    (short(ABOUT_Z, a="RSW", b="GYRO_FRAME_1"), X_OF_BODY),
     (short(ABOUT_Z).replace("VERS = 1.0", "VERS = 0.2"), X_OF_BODY),
     (short(ABOUT_Z + " 1 2 3", kind="QUATERNION/RATE"), X_OF_BODY),
     (short(ABOUT_Z + " 1 2 3 4", kind="QUATERNION/DERIVATIVE"), X_OF_BODY),
