@@ -24,6 +24,8 @@ EXACT = Context(prec=400)
 """Enough digits for exact sums of any times; the usual 28 lose the last digits of fractions of a microsecond."""
 TOLERANCE = 1e-3
 """The largest difference from 1 of the square of a quaternion's length, as files may have few digits."""
+ON_BODY = r"(ACC|ACTUATOR|AST|CSS|DSS|ESA|GYRO|IMU_FRAME|INSTRUMENT|MTA|RW|SA|SC_BODY|SENSOR|STARTRACKER|TAM)([_ \d]|$)"
+"""How the names begin that CCSDS gives to frames which are fixed in a spacecraft."""
 _TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d(?:\.\d*)?)Z?")
 _ORIGIN = re.compile(rf"COMMENT .*time 0 of the scene is ({_TIME.pattern})")
 
@@ -60,13 +62,14 @@ def read_aem(path: Path) -> dict[str, Array]:
     """Return time (n), s, quaternion q_ab (n, 4), and omega_a or omega_b (n, 3), rad/s, if all lines have it.
 
     Frame b is REF_FRAME_B, or REF_FRAME_A if only that is the spacecraft's; a is the other one. Time 0 is that of the
-    first line, or that of the scene in files of `write_aem`. Segments are joined; leap seconds are not counted. Raises
+    first line, or that of the scene in files of `write_aem`. Segments are joined; where one begins at the very time at
+    which the one before it ends, as the standard allows, its line counts. Leap seconds are not counted. Raises
     ValueError with file, line, and what was expected.
     """
     origin: Decimal | None = None
     meta: dict[str, str] = {}
     rows: list[tuple[Decimal, list[float], str, list[float]]] = []
-    lines = [line.strip() for line in path.read_text(encoding="utf-8", errors="replace").splitlines()]
+    lines = [line.strip() for line in path.read_text(encoding="utf-8-sig", errors="replace").splitlines()]
     number, first = next(((n, line) for n, line in enumerate(lines, 1) if line), (1, ""))
     try:
         if not re.match(r"CCSDS_AEM_VERS\s*=\s*[0-2]\.", first):
@@ -76,11 +79,14 @@ def read_aem(path: Path) -> dict[str, Array]:
             if found := _ORIGIN.match(line):
                 origin = _seconds(found[1])
             elif line == "META_START":
-                meta = {}
+                meta = {line: "its first line is still to come"}
             elif equals:
                 meta[key] = value.upper()
             elif line and line.split()[0] not in ("COMMENT", "META_STOP", "DATA_START", "DATA_STOP"):
-                rows.append(_row(line.split(), meta))
+                row = _row(line.split(), meta)
+                if meta.pop("META_START", "") and rows and rows[-1][0] == row[0]:
+                    rows.pop()
+                rows.append(row)
         if not rows:
             raise ValueError("expected lines of attitudes")
         if lines.count("DATA_START") > lines.count("DATA_STOP"):  # else a last number that is cut short would be read
@@ -108,7 +114,7 @@ def _row(words: list[str], meta: dict[str, str]) -> tuple[Decimal, list[float], 
     q = numbers[:4] if meta.get("QUATERNION_TYPE") == "FIRST" else [numbers[3], *numbers[:3]]
     if not abs(math.fsum(x * x for x in q) - 1.0) <= TOLERANCE:
         raise ValueError(f"quaternion {' '.join(words[1:5])}: expected one of length 1")
-    from_body = a.startswith("SC_BODY") and not b.startswith(("SC_BODY", "INSTRUMENT"))
+    from_body = bool(re.match(ON_BODY, a)) and not re.match(ON_BODY, b)
     if from_body != (meta.get("ATTITUDE_DIR") == "B2A"):
         q[1:] = [-x for x in q[1:]]
     frame = {"REF_FRAME_A": a, "REF_FRAME_B": b}.get(meta.get("ANGVEL_FRAME", ""), meta.get("ANGVEL_FRAME"))

@@ -1,8 +1,8 @@
 """Array functions made from scalar kernels: they broadcast, take `out=`, compile at the first call, can use threads."""
 
 import inspect
-import itertools
 import math
+import os
 import reprlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -42,6 +42,10 @@ def set_threads(n: int) -> None:
     n = int(n)
     # The former pool is not shut down, as calls may still use it. Its threads end when the last of these calls ends.
     _threads, _pool = n, ThreadPoolExecutor(n - 1, "rbfmu") if n > 1 else None
+
+
+if hasattr(os, "register_at_fork"):  # a forked process has none of the pool's threads, and would wait for them for ever
+    os.register_at_fork(after_in_child=lambda: set_threads(_threads))
 
 
 def array_function(kernel: Function, *constants: int, singular: Singular | None = None, warning: str = "") -> Function:
@@ -189,7 +193,7 @@ def _overlap(arrays: Sequence[Array], outs: Sequence[Array]) -> bool:
     If results overlap arguments, NumPy reads a copy, but only within one call, and each chunk is a call of its own. An
     argument that is itself the result is cut in the same way, so that a chunk overlaps only itself.
     """
-    pairs = [*itertools.product(arrays, outs), *itertools.combinations(outs, 2)]
+    pairs = [(a, o) for k, o in enumerate(outs) for a in (*arrays, *outs[:k])]
     return any(a is not o and np.may_share_memory(a, o, 1) for a, o in pairs)  # type: ignore[arg-type]  # as hard as ufuncs try
 
 

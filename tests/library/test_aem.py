@@ -102,6 +102,8 @@ X_OF_BODY = [0.0, 1.0, 0.0]
     (short(ABOUT_Z, a="sc_body_1", b="icrf", ATTITUDE_DIR="B2A"), X_OF_BODY),
     (short(ABOUT_Z, a="SC_BODY_1", b="INSTRUMENT_A"), X_OF_BODY),
     (short(ABOUT_Z, a="SC_BODY_1", b="SC_BODY_2"), X_OF_BODY),
+    (short(ABOUT_Z, a="STARTRACKER_2", b="GTOD"), [0.0, -1.0, 0.0]),  # 2026-11-30: was read as GTOD's attitude
+    (short(ABOUT_Z, a="RSW", b="GYRO_FRAME_1"), X_OF_BODY),
     (short(ABOUT_Z).replace("VERS = 1.0", "VERS = 0.2"), X_OF_BODY),
     (short(ABOUT_Z + " 1 2 3", kind="QUATERNION/RATE"), X_OF_BODY),
     (short(ABOUT_Z + " 1 2 3 4", kind="QUATERNION/DERIVATIVE"), X_OF_BODY),
@@ -144,6 +146,23 @@ def test_a_segment_has_keys_of_its_own_and_days_are_those_of_a_year_too(tmp_path
     found = read(f"{first}\n{later}", tmp_path)
     assert found.time.tolist() == [0.0, 86400.0]
     assert found.quaternion[0].tolist() == found.quaternion[1].tolist()
+
+
+def test_where_a_segment_begins_as_another_ends_its_line_counts(tmp_path: Path) -> None:
+    """2026-11-30: files whose segments share a time, as the standard allows, were refused."""
+    turned = short(ABOUT_Z).partition("\n")[2]
+    first = short(ABOUT_Z.replace("T12", "T11"), "2000-01-01T12:00:00 0.0 0.0 0.0 1.0")
+    found = read(f"{first}\n{turned}\n{ABOUT_Z.replace('T12', 'T13')}", tmp_path)
+    assert found.time.tolist() == [0.0, 3600.0, 7200.0]
+    assert found.quaternion[1].tolist() == found.quaternion[2].tolist()
+    for twice in (f"{first}\n{turned}\n{ABOUT_Z}", f"{first}\n{turned.replace('T12', 'T11')}"):
+        with pytest.raises(ValueError, match="expected times that increase"):
+            read(twice, tmp_path)
+
+
+def test_a_file_may_begin_with_the_mark_of_utf_8(tmp_path: Path) -> None:
+    """2026-11-30: such a file, as Windows' editors write it, was refused."""
+    assert read(f"\ufeff{short(ABOUT_Z)}", tmp_path).time.tolist() == [0.0]
 
 
 def test_a_comment_may_have_another_encoding(tmp_path: Path) -> None:

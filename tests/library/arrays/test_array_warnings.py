@@ -1,6 +1,8 @@
 """What array functions warn of, and what threads change in it: nothing, nor in the numbers."""
 
 import math
+import subprocess
+import sys
 import warnings
 
 import numpy as np
@@ -191,3 +193,27 @@ def test_threads_obey_the_caller_s_error_state(two_threads):
 def test_threads_are_a_whole_number_of_at_least_one(wrong):
     with pytest.raises(ValueError, match=f"set_threads: n must be a whole number of at least 1, got {wrong!r}"):
         rbfmu.set_threads(wrong)
+
+
+FORKED = """
+import os, signal
+import numpy as np
+import rbfmu
+from rbfmu.arrays import from_kernel
+
+from_kernel.CHUNK, from_kernel.THRESHOLD = 16, 64
+rbfmu.set_threads(2)
+v_b = np.ones((100, 3))
+rbfmu.rotate([1.0, 0.0, 0.0, 0.0], v_b)
+child = os.fork()
+if not child:
+    signal.alarm(60)
+    os._exit(int((rbfmu.rotate([1.0, 0.0, 0.0, 0.0], v_b) != v_b).any()))
+print(os.waitpid(child, 0)[1])
+"""
+
+
+def test_a_forked_process_has_threads_of_its_own():
+    """2026-11-30: it waited for those of its parent for ever, where `set_threads` had been called before."""
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", FORKED], capture_output=True, text=True, check=True)
+    assert done.stdout == "0\n"
