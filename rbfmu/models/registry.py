@@ -267,7 +267,7 @@ ANGULAR_MOMENTUM = closed_form(
 )  # fmt: skip
 
 ONE_AXIS = closed_form(
-    "one axis", "one_axis.ONE_AXIS", states=2, rate_states=1, costs={"": 27.0, "attitude": 18.0},
+    "one axis", "one_axis.ONE_AXIS", states=2, rate_states=1, costs={"": 29.0, "attitude": 18.0},
     holds=lambda start: not any(part[0] for part in start.swing) and not start.leaves_axis,
     rests_on=loads_start_and_shape, may_be_unstable=True, angle_round_off=True, rates_from=along_axis,
     reason=lambda asked: f"rotation: one angle, closed form from {_rate(asked)} about one axis under {_acting(asked)}",
@@ -290,7 +290,7 @@ FREE_SYMMETRIC = closed_form(
 
 
 SPIN_UP = closed_form(
-    "symmetric body spun up", "unturned.SPIN_UP", rate_states=3, costs={"": 46.0}, angle_round_off=True,
+    "symmetric body spun up", "unturned.SPIN_UP", rate_states=3, costs={"": 48.0}, angle_round_off=True,
     holds=lambda start: not (
         start.needs_attitude or start.has_unknown_load or start.is_slender or start.leaves_third_axis
     ),
@@ -336,7 +336,7 @@ LOADED_SPLITTING = ModelSpec(
 
 LOADED_TAYLOR = ModelSpec(
     "body under loads, by series", "loaded.LOADED_TAYLOR", rate_states=3, integrates_path=True,
-    costs={"": 48.0, "evaluated path": 26.0, "loads that turn": 68.0},
+    costs={"": 49.0, "evaluated path": 25.0, "loads that turn": 68.0},
 )  # fmt: skip
 
 FORMULAS = ModelSpec("formulas", "", integrates_path=True)
