@@ -80,7 +80,7 @@ def test_no_traceback_from_a_real_process(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("command", [["keys"], ["plan", "it.toml"]])  # Rich writes the first
+@pytest.mark.parametrize("command", [["keys"], ["plan", "it.toml"], ["--help"]])  # Rich writes the first
 def test_a_reader_that_leaves_early_is_no_error(command: list[str], tmp_path: Path) -> None:
     """As `rbfmu verify FILE.fmu | head` does; status 1 would say that a check failed."""
     (tmp_path / "it.toml").write_text('[inputs]\nports = ["omega_b"]\n')
@@ -91,6 +91,17 @@ def test_a_reader_that_leaves_early_is_no_error(command: list[str], tmp_path: Pa
         process.stdout.close()
         assert process.stderr.read() == ""
     assert process.returncode == 141
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
+@pytest.mark.parametrize("command", [["run", "--help"], ["--help"]])
+def test_a_full_disk_under_stdout_is_one_message(command: list[str]) -> None:
+    """2026-11-30: status 120 with an exception that was ignored, and a traceback in place of help."""
+    command = [sys.executable, "-m", "rbfmu", *command]
+    environment = os.environ | {"PYTHONUNBUFFERED": ""}  # else nothing is left to write at the end
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=environment)
+    assert (done.returncode, done.stderr) == (2, "Error: standard output or a file: No space left on device\n")
 
 
 def test_plan_says_why_and_speaks_json(short: Path) -> None:

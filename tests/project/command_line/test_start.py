@@ -34,7 +34,7 @@ def test_a_command_spares_what_libraries_do_at_import_unless_it_is_asked_for(mon
     monkeypatch.setattr(atexit, "register", lambda function: None)
     monkeypatch.setattr(os, "environ", {"OPENBLAS_NUM_THREADS": "2"})
     rbfmu.__main__.main()
-    assert os.environ == {"OPENBLAS_NUM_THREADS": "2"}
+    assert os.environ == {"OPENBLAS_NUM_THREADS": "2", "MPLBACKEND": "agg"}
 
 
 @pytest.mark.thorough
