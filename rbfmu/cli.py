@@ -35,7 +35,7 @@ def demo(folder: Path) -> None:
     from rbfmu_fmu.demo import run_demo
 
     common.say_where_nothing_is_kept()
-    with common.usage_errors(rbfmu_fmu.VerificationError), named(folder):
+    with common.usage_errors(rbfmu_fmu.VerificationError, rbfmu_fmu.BuildError), named(folder):
         passed = run_demo(folder, Console(highlight=False))
     click.get_current_context().exit(0 if passed else 1)
 

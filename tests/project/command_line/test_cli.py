@@ -363,6 +363,18 @@ def test_a_temporary_folder_that_crashes_pythonfmu_is_refused(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="elsewhere no folder goes in which a process works")
+def test_what_keeps_the_demonstration_from_building_its_fmu_is_one_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """2026-11-30: it was a traceback, as with NUMBA_DISABLE_JIT=1."""
+
+    def full(folder: Path, console: object) -> bool:
+        raise rbfmu_fmu.BuildError("cannot be linked")
+
+    monkeypatch.setattr("rbfmu_fmu.demo.run_demo", full)
+    assert "cannot be linked" in refused("demo", "-o", tmp_path)
+
+
 def test_a_working_folder_that_is_gone_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """2026-11-29: a library that asked for it at import was told of as "standard output or a file"."""
     folder = tmp_path / "gone"
