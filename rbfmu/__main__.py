@@ -28,6 +28,7 @@ def main() -> None:
     """Run the command line; its imports take so long that Ctrl-C may come during them."""
     gc.set_threshold(YOUNG)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # else NumPy starts threads that no command needs
+    os.environ["MPLBACKEND"] = "agg"  # no command shows a window; Matplotlib refuses a name that it does not know
     atexit.register(gc.freeze)  # at the end of the process no garbage needs to be collected
     with interruptible():
         from rbfmu.cli import main as command

@@ -13,7 +13,7 @@ import rbfmu
 import rbfmu.cli_output as common
 import rbfmu_fmu
 from rbfmu.exceptions import SceneError, SceneWarning, named, warn_caller
-from rbfmu.on_disk import kept_plan
+from rbfmu.on_disk import kept_plan, write_whole
 from rbfmu.progress import bar, progress_bar
 
 
@@ -35,7 +35,7 @@ def demo(folder: Path) -> None:
     from rbfmu_fmu.demo import run_demo
 
     common.say_where_nothing_is_kept()
-    with common.usage_errors(rbfmu_fmu.VerificationError), named(folder):
+    with common.usage_errors(rbfmu_fmu.VerificationError, rbfmu_fmu.BuildError), named(folder):
         passed = run_demo(folder, Console(highlight=False))
     click.get_current_context().exit(0 if passed else 1)
 
@@ -65,11 +65,9 @@ def new(name: str) -> None:
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     common.check_target(path, "NAME", (".toml",))
     rbfmu.Scene._rules["name"].read(path.stem, "NAME")
-    try:
-        with named(path), path.open("x", encoding="utf-8") as file:
-            file.write(new_scene(path.stem))
-    except FileExistsError:
-        raise click.UsageError(f"{path}: exists already, and stays as it is") from None
+    if path.exists():
+        raise click.UsageError(f"{path}: exists already, and stays as it is")
+    write_whole(path, new_scene(path.stem).encode())
     shown = f"./{path}" if name.startswith("-") else str(path)  # else it looks like an option
     click.echo(f"{path} (next: rbfmu run {shlex.quote(shown)})")
 

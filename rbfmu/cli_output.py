@@ -8,7 +8,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -31,32 +31,49 @@ class Commands(click.Group):
     """Commands that print users' errors as messages, with exit status 2, and warnings as lines."""
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command, and print its errors as a message; exit status 1 for SimulationError, else 2."""
+        """Run a command, and print its errors and warnings as messages."""
+        with errors_in_messages(), doubts_in_lines():
+            return super().invoke(ctx)
+
+    def make_context(self, *args: Any, **more: Any) -> click.Context:
+        """Read the arguments, and print help if it is asked for."""
+        with errors_in_messages():
+            return super().make_context(*args, **more)
+
+
+@contextmanager
+def errors_in_messages() -> Iterator[None]:
+    """Print users' errors as messages; exit status 1 for SimulationError, UNREAD without a reader, else 2."""
+    status = 2
+    try:
+        yield
+        return
+    except SceneError as error:
+        click.echo(f"Error: {error}" if len(error.faults) == 1 else f"Errors:\n{error}", err=True)
+    except SimulationError as error:
+        click.echo(f"Error: {error}", err=True)
+        status = 1
+    except MemoryError as error:
+        expected = "expected a longer run.step, or fewer runs, that need less"
+        click.echo(f"Error: memory: {error or 'there is no more'}: {expected}", err=True)
+    except (BrokenPipeError, SystemExit) as error:
+        if isinstance(error, SystemExit) and not isinstance(error.__context__, BrokenPipeError):  # as Rich raises
+            raise
+        _write_nowhere(sys.stdout, sys.stderr)
+        status = UNREAD
+    except OSError as error:
+        click.echo(f"Error: {error.filename or _without_name()}: {error.strerror or error}", err=True)
         try:
-            with doubts_in_lines():
-                return super().invoke(ctx)
-        except SceneError as error:
-            click.echo(f"Error: {error}" if len(error.faults) == 1 else f"Errors:\n{error}", err=True)
-        except SimulationError as error:
-            click.echo(f"Error: {error}", err=True)
-            ctx.exit(1)
-        except MemoryError as error:
-            expected = "expected a longer run.step, or fewer runs, that need less"
-            click.echo(f"Error: memory: {error or 'there is no more'}: {expected}", err=True)
-        except (BrokenPipeError, SystemExit) as error:
-            if isinstance(error, SystemExit) and not isinstance(error.__context__, BrokenPipeError):  # as Rich raises
-                raise
-            _write_nowhere()
-            ctx.exit(UNREAD)
-        except OSError as error:
-            click.echo(f"Error: {error.filename or _without_name()}: {error.strerror or error}", err=True)
-        ctx.exit(2)
+            sys.stdout.flush()
+        except OSError:
+            _write_nowhere(sys.stdout)
+    raise click.exceptions.Exit(status)
 
 
-def _write_nowhere() -> None:
+def _write_nowhere(*streams: Any) -> None:
     """Send all further output to nowhere; else Python would fail once more when it flushes its streams at the end."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
-    for stream in (sys.stdout, sys.stderr):
+    for stream in filter(None, streams):  # a stream that was closed at the start is None
         os.dup2(nowhere, stream.fileno())
 
 
@@ -82,7 +99,8 @@ def doubts_in_lines() -> Iterator[None]:
                 show(message, category, *place, **more)
             elif str(message) not in said:
                 said.add(str(message))
-                click.echo(f"Warning: {message}", err=True)
+                with suppress(OSError):  # stderr may be a file on a full disk
+                    click.echo(f"Warning: {message}", err=True)
 
         warnings.showwarning = in_a_line
         yield

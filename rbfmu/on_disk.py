@@ -34,7 +34,7 @@ def kept_plan(scene: Path, options: Mapping[str, object], make: Callable[[], Map
         digest = hashlib.sha256(_stamp())
         digest.update(json.dumps([str(scene), dict(options)], sort_keys=True).encode())
         digest.update(scene.read_bytes())
-        file = _folder() / f"{digest.hexdigest()}.json"
+        file = folder("rbfmu_plans", os.environ.get("NUMBA_CACHE_DIR")) / f"{digest.hexdigest()}.json"
     return dict(json.loads(kept(file, lambda: json.dumps(make()).encode(), MOST)))
 
 
@@ -69,8 +69,9 @@ def write_whole(file: Path, content: bytes) -> None:
 def replacing(path: Path, mode: str = "wb", **text: Any) -> Iterator[IO[Any]]:
     """Yield a file that, when it is completely written, replaces the file at this path, or the one that a link names.
 
-    The new file has the permissions of the old one. A file that may not be written raises PermissionError, as with
-    `open`. A pipe or a device is not replaced, but written to. text: further arguments of `open`, such as encoding.
+    The new file has the permissions of the old one, and its owner where that is allowed. A file that may not be written
+    raises PermissionError, as with `open`. A pipe or a device is not replaced, but written to. text: further arguments
+    of `open`, such as encoding.
     """
     there = path.exists()
     target = Path(os.path.realpath(path))  # `resolve` raises another error if links form a loop
@@ -86,7 +87,10 @@ def replacing(path: Path, mode: str = "wb", **text: Any) -> Iterator[IO[Any]]:
             with part.open(mode.replace("w", "x"), **text) as file:
                 yield file
             if there:
-                part.chmod(target.stat().st_mode & 0o777)
+                old = target.stat()
+                with suppress(OSError, AttributeError):  # who is not root may not; nor does Windows have it
+                    os.chown(part, old.st_uid, old.st_gid)
+                part.chmod(old.st_mode & 0o777)
             part.replace(target)
         except BaseException:
             part.unlink(missing_ok=True)
@@ -112,10 +116,16 @@ def _checksum(file: Path, content: bytes) -> bytes:
     return hashlib.sha256(file.stem.encode() + b"\n" + content).hexdigest().encode()
 
 
-def _folder() -> Path:
-    """Return the folder for plans, beside Numba's compiled code."""
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    return (Path(given) if given else Path(__file__).parent / "__pycache__") / "rbfmu_plans"
+def folder(name: str, given: str | None) -> Path:
+    """Return the folder of this name, beside Numba's compiled code in the folder that is given, if it is.
+
+    By default it is in the package or, where that may not be written, in the user's folder of such files.
+    """
+    beside = Path(__file__).parent / "__pycache__"
+    if not given and not os.access(beside if beside.exists() else beside.parent, os.W_OK):
+        with suppress(RuntimeError):  # there is no home
+            return Path.home() / ".cache" / "rbfmu" / name
+    return Path(given or beside) / name
 
 
 def _stamp() -> bytes:

@@ -122,11 +122,11 @@ def _mark_events(panels: Sequence[Axes], events: Mapping[str, Array]) -> None:
                            textcoords="offset points", fontsize=8, color=MARKS[k % len(MARKS)])  # fmt: skip
 
 
-def with_file(figure: Figure, path: str | Path | None) -> Figure:
+def with_file(figure: Figure, path: str | Path | None, dpi: float | str = 130) -> Figure:
     """Return the figure; if a path is given, write it there, in the format of its suffix (.png, .svg, .pdf)."""
     if path is not None:
         with replacing(path_of(path)) as file:
-            figure.savefig(file, dpi=130, format=path_of(path).suffix[1:] or None)
+            figure.savefig(file, dpi=dpi, format=path_of(path).suffix[1:] or None)
     return figure
 
 

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 import rbfmu
-from rbfmu.plot import COLORS, open_frame
+from rbfmu.plot import COLORS, Picture, open_frame, with_file
 from rbfmu.studies import Progress, write_rows
 from rbfmu.studies.chart.measure import machine
 from rbfmu.types import Array
@@ -167,7 +166,7 @@ def run_cosimulation_chart(folder: Path, quick: bool, progress: Progress) -> lis
 
 def draw(points: Sequence[Point], path: Path) -> Path:
     """Draw the error against the communication step, and against the number of the FMU's steps."""
-    figure = Figure(figsize=(11.5, 5.8), layout="constrained")
+    figure = Picture(figsize=(11.5, 5.8), layout="constrained")
     by_step, by_work = figure.subplots(1, 2, sharey=True)
     for color, way in zip(COLORS, WAYS, strict=True):
         for n in SUBSTEPS:
@@ -194,5 +193,5 @@ def draw(points: Sequence[Point], path: Path) -> Path:
         "Held inputs leave order 1 in the communication step; extrapolated ones reach order 2 at the same cost.",
         fontsize=12,
     )
-    figure.savefig(path, dpi=130)
+    with_file(figure, path)
     return path

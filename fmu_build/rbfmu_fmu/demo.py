@@ -17,13 +17,12 @@ from typing import NamedTuple
 
 import fmpy
 import numpy as np
-from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
 import rbfmu
 from rbfmu import Plan, Result, Scene
-from rbfmu.plot import COLORS, draw_components, open_frame
+from rbfmu.plot import COLORS, Picture, draw_components, open_frame, with_file
 from rbfmu.types import Array, NDArray
 from rbfmu_fmu import builder, verification
 from rbfmu_kernels import ZYX, Quaternion, compose_quaternions, euler_from_quaternion, quaternion_from_euler
@@ -157,7 +156,7 @@ def _report(
 
 def draw(result: Result, path: Path) -> None:
     """Draw the brick's motion and its errors against NASA's simulations; marks that coincide differ in size."""
-    figure = Figure(figsize=(8.4, 7.2), layout="constrained")
+    figure = Picture(figsize=(8.4, 7.2), layout="constrained")
     rates, angles, error = figure.subplots(3, 1, sharex=True, height_ratios=(1.1, 1.1, 1.0))
     draw_components(rates, result.time, np.degrees(result.omega_b), ("p", "q", "r"))
     turned = np.degrees(local_angles(result.time, result.quaternion))
@@ -178,7 +177,7 @@ def draw(result: Result, path: Path) -> None:
     rates.set_ylabel("body rates (deg/s)")
     angles.set_ylabel("attitude in\nnorth-east-down (deg)")
     figure.suptitle("NASA's tumbling brick: rbfmu (lines) and NASA's simulation 01 (circles)", fontsize=11)
-    figure.savefig(path, dpi=130)
+    with_file(figure, path)
 
 
 @contextmanager

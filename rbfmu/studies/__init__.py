@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from rbfmu.on_disk import replacing as replacing
+
 Progress = Callable[[int, int, str], object]
 """A function that is called with (done, total, text)."""
 WIDTH = 80
@@ -22,7 +24,7 @@ def tables_of(name: str) -> dict[str, Any]:
 def write_rows(path: Path, rows: Iterable[Mapping[str, object]], head: Iterable[str]) -> Path:
     """Write a CSV file; head: lines that say where the figures come from, written first, each after a #."""
     rows = list(rows)
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with replacing(path, "w", newline="", encoding="utf-8") as file:
         file.writelines(f"# {' '.join(line.split())}\n" for line in head)
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()

@@ -55,7 +55,7 @@ def test_files_are_figures_and_a_picture(files: list[Path]) -> None:
 
 def test_picture_shows_one_step_as_lines_and_eight_as_crosses_in_the_steps_colours(monkeypatch, tmp_path) -> None:
     drawn = []
-    monkeypatch.setattr(chart.Figure, "savefig", lambda figure, path, **more: drawn.append(figure))
+    monkeypatch.setattr(chart.Picture, "savefig", lambda figure, path, **more: drawn.append(figure))
     points = [
         chart.Point(way, n, h, 0.1 * h * n, 100) for way in chart.WAYS for n in chart.SUBSTEPS for h in (0.2, 0.1)
     ]

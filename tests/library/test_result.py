@@ -1,6 +1,7 @@
 """What a result writes and draws: streamed, with units, and lines of angles without strokes."""
 
 import csv
+import os
 import tracemalloc
 import zipfile
 from html.parser import HTMLParser
@@ -59,6 +60,26 @@ def test_a_result_that_stands_there_is_not_lost_on_a_full_disk(name: str, tmp_pa
     assert len([*tmp_path.iterdir()]) == files
     write(result, path)
     assert path.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_file_of_another_user_stays_theirs_where_that_is_allowed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """2026-11-30: what root wrote anew, as in a container, its owner could no longer read."""
+    path, given, allowed = tmp_path / "it.npz", list[tuple[int, int]](), [True]
+
+    def chown(part: Path, user: int, group: int) -> None:
+        given.append((user, group))
+        if not allowed.pop():
+            raise PermissionError
+
+    monkeypatch.setattr(os, "chown", chown)
+    write(result_of(2), path)
+    write(result_of(2), path)
+    assert given == [(path.stat().st_uid, path.stat().st_gid)]
+    allowed[:] = [False]
+    write(result_of(3), path)
+    assert len(rbfmu.Result.load(path).time) == 3
 
 
 def test_the_events_of_an_earlier_run_go_and_what_is_no_such_file_stays(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ import llvmlite.binding as llvm
 import numba
 from numba import carray, types
 
-from rbfmu.on_disk import kept
+from rbfmu.on_disk import folder, kept
 from rbfmu_fmu.native.platforms import BuildError, Platform
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile import code_cache, decorator, numba_private
@@ -169,5 +169,5 @@ def keep_or_compile(what: str, compile_anew: Callable[[], bytes]) -> bytes:
     """Return object code from disk, or compile and keep it; what: the names of model and platform."""
     versions = [numba.__version__, llvmlite.__version__, sys.version, llvm.get_process_triple()]
     made_with = "\n".join([code_cache.SOURCES, *versions, COMPILER.read_text(encoding="utf-8"), ENTRY])
-    folder = Path(numba.config.CACHE_DIR or Path(__file__).parent / "__pycache__") / "rbfmu_objects"
-    return kept(folder / f"{hashlib.sha256((made_with + what).encode()).hexdigest()}.o", compile_anew, MOST)
+    place = folder("rbfmu_objects", numba.config.CACHE_DIR)
+    return kept(place / f"{hashlib.sha256((made_with + what).encode()).hexdigest()}.o", compile_anew, MOST)

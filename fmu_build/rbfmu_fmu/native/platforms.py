@@ -107,10 +107,20 @@ def link(
     layer: names of the C sources; objects: contents by file name; name: that of the library, without its suffix;
     includes: generated C headers by file name, and headers that replace those of `native/`. Raises BuildError.
     """
+    try:
+        return _linked(layer, objects, platform, name, includes or {})
+    except OSError as error:  # a full disk, or no further process
+        where = f"in a temporary folder ({error}): TMPDIR names another"
+        raise BuildError(f"{platform.name}: cannot be linked {where}") from None
+
+
+def _linked(
+    layer: Sequence[str], objects: dict[str, bytes], platform: Platform, name: str, includes: dict[str, str]
+) -> bytes:
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as place:
         folder, library = Path(place), f"{name}{platform.suffix}"
         contents = {f: source(f) for f in (*layer, *HEADERS)} | objects
-        contents |= {include: text.encode("ascii") for include, text in (includes or {}).items()}
+        contents |= {include: text.encode("ascii") for include, text in includes.items()}
         for file, content in contents.items():
             (folder / file).write_bytes(content)
         command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], f"-I{FMI_HEADERS}"]

@@ -99,6 +99,31 @@ def _in_a_file(function: Function) -> Function:
     return named(FunctionType(code.replace(co_filename=__file__), {}), f"{function.__module__}.{function.__name__}")
 
 
+_CacheFile: Any = getattr(inside, "IndexDataCacheFile", object)  # where Numba has none, its own cache is used
+
+
+class CheckedFile(_CacheFile):  # type: ignore[misc]
+    """Numba's files of one function, with checksums at their ends: what is damaged counts as missing, and is replaced.
+
+    Numba would not replace an index that is cut short, and would run damaged code. Its reader ignores what follows.
+    """
+
+    def _dump(self, content: object) -> bytes:
+        data: bytes = super()._dump(content)
+        return data + hashlib.sha256(data).digest()
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            found: dict[Any, str] = super()._load_index()
+        except Exception:  # unpickling may raise any
+            return {}
+        return found
+
+    def _load_data(self, name: str) -> Any:
+        data = Path(self._data_path(name)).read_bytes()
+        return super()._load_data(name) if data[-32:] == hashlib.sha256(data[:-32]).digest() else None
+
+
 class DiskCache:
     """The cache of one function; it stays empty where no folder can be written or Numba's cache cannot be used.
 
@@ -119,6 +144,11 @@ class DiskCache:
         except Exception:  # Numba's internals differ from those of the versions tried
             return None
 
+    def save_overload(self, signature: tuple[types.Type, ...], compiled: Any) -> None:
+        """Store code; where that fails, as on a full disk or in files of another user, it serves this process alone."""
+        with suppress(Exception):
+            self._cache.save_overload(signature, compiled)
+
     def __getattr__(self, name: str) -> Any:
         return getattr(self._cache, name)
 
@@ -127,7 +157,7 @@ class DiskCache:
         try:
             cache = (self._kind or inside.FunctionCache)(_in_a_file(self._function))
             name = cache._impl.filename_base + ("-callee" if self._kind else "")
-            cache._cache_file = inside.IndexDataCacheFile(cache._cache_path, name, stamp_of(self._function))
+            cache._cache_file = CheckedFile(cache._cache_path, name, stamp_of(self._function))
         except (RuntimeError, AttributeError, TypeError):
             return inside.NullCache()
         return cache

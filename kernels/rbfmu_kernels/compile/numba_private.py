@@ -26,8 +26,11 @@ _MODULES = [
      "CPUCodegen._module_pass_manager"),
     ("numba.core.dispatcher", "Dispatcher.get_call_template Dispatcher.get_overload"),
     ("numba.core.caching", "CompileResultCacheImpl.rebuild"),
-    # Cached code is stamped with all sources, and is read without loading the compiler.
-    ("numba.core.caching", "FunctionCache._load_overload FunctionCache._impl_class IndexDataCacheFile NullCache"),
+    # Cached code is stamped with all sources, has a checksum, and is read without loading the compiler.
+    ("numba.core.caching",
+     "FunctionCache._load_overload FunctionCache._impl_class FunctionCache.save_overload NullCache "
+     "IndexDataCacheFile._dump IndexDataCacheFile._load_index IndexDataCacheFile._load_data "
+     "IndexDataCacheFile._data_path"),
     ("numba.core.runtime", "rtsys.initialize"),
     # A long compilation is announced, and cached code is found before anything is compiled.
     ("numba.core.event", "Listener register trigger_event"),

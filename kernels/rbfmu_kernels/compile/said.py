@@ -3,7 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from threading import Event, Thread, Timer
 from typing import Any
 
@@ -17,14 +17,18 @@ NAME = "rbfmu: a line for those who wait"
 
 
 def say(text: str) -> None:
-    """Print a line on stderr."""
-    if not os.environ.get("RBFMU_QUIET"):
-        print(text, file=sys.stderr, flush=True)
+    """Print a line on stderr, if there is one that takes it; `print` would take stdout for one that is None."""
+    if sys.stderr is not None and not os.environ.get("RBFMU_QUIET"):
+        with suppress(OSError, ValueError):
+            print(text, file=sys.stderr, flush=True)
 
 
 @contextmanager
 def said_after(patience: float, text: Callable[[], str]) -> Iterator[None]:
-    """Print `text()` once the body has run for `patience` s without compiling, which has its own announcement."""
+    """Print `text()` once the body has run for `patience` s without compiling, which has its own announcement.
+
+    Where no thread can be started, as in a container that bounds their number, nothing is printed.
+    """
     done = Event()
 
     def wait() -> None:
@@ -36,7 +40,8 @@ def said_after(patience: float, text: Callable[[], str]) -> Iterator[None]:
             now = Announcer.begun
         say(text())
 
-    Thread(target=wait, name=NAME, daemon=True).start()
+    with suppress(RuntimeError):
+        Thread(target=wait, name=NAME, daemon=True).start()
     try:
         yield
     finally:
@@ -67,7 +72,8 @@ class Announcer(_Listener):  # type: ignore[misc]
         if Announcer.begun == Announcer.ended and not self._spoken and _is_ours(event):
             self._timer = Timer(COMPILING_PATIENCE, self._say)
             self._timer.daemon = True
-            self._timer.start()
+            with suppress(RuntimeError):  # as above
+                self._timer.start()
         Announcer.begun += 1
 
     def on_end(self, event: Any) -> None:

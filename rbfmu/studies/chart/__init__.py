@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from rbfmu.scene.scene import Scene, of_scene_or_path
-from rbfmu.studies import WIDTH, Progress, cost_text, join_parts, short, times, wrap_lines, write_rows
+from rbfmu.studies import WIDTH, Progress, cost_text, join_parts, replacing, short, times, wrap_lines, write_rows
 from rbfmu.studies.chart import cases, measure
 from rbfmu.studies.chart.result import SIDES, STOPPED, Chart, Offer
 
@@ -60,7 +60,8 @@ def write_charts(folder: Path, charts: Sequence[Chart]) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     judged, head = verdicts(charts), charts[0].machine + charts[0].absent
     text = folder / "answers.txt"
-    text.write_text(plans_text(judged, charts[0].machine) + "\n", encoding="utf-8")
+    with replacing(text, "w", newline="", encoding="utf-8") as file:
+        file.write(f"{plans_text(judged, charts[0].machine)}\n")
     files = [
         write_rows(folder / "work_precision.csv", (_head_of(c) | asdict(row) for c in charts for row in c.rows), head),
         write_rows(folder / "endings.csv", (_head_of(c) | end._asdict() for c in charts for end in c.ends), head),

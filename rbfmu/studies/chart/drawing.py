@@ -12,7 +12,7 @@ from matplotlib import patches, ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rbfmu.plot import open_frame
+from rbfmu.plot import open_frame, with_file
 from rbfmu.studies import cost_text, short_number, times
 from rbfmu.studies.chart import Verdict, cases
 from rbfmu.studies.chart.result import KINDS, OWN_KINDS, STOPPED, TAKES_NO, Chart, Row, front
@@ -203,7 +203,7 @@ def draw_kept(chart: Chart, path: Path) -> list[Path]:
     for axes, lines in zip(panels, kept.values(), strict=True):  # the limits of all panels are known
         _name_ticks(axes)
         name_lines(axes, lines)
-    figure.savefig(path)
+    with_file(figure, path, "figure")
     return [path]
 
 
@@ -244,7 +244,7 @@ def draw_answers(found: Sequence[Verdict], path: Path) -> Path:
         "orange: another package is cheaper than rbfmu's plan; even: within the noise",
         fontsize=12.5, x=0.015, ha="left", y=0.985, va="top",
     )  # fmt: skip
-    figure.savefig(path)
+    with_file(figure, path, "figure")
     return path
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rbfmu.on_disk import replacing
 from rbfmu.studies import WIDTH, cost_text, join_parts, short_number, tables_of, times, wrap_lines, write_rows
 from rbfmu.studies.chart.cases import FLOOR
 
@@ -195,8 +196,10 @@ class Chart:
         csv, text, picture = (Path(folder) / f"{stem}{ending}" for ending in (".csv", ".txt", ".png"))
         csv.parent.mkdir(parents=True, exist_ok=True)
         write_rows(csv, map(asdict, self.rows), [*self.machine, *self.absent])
-        text.write_text(self.table + "\n", encoding="utf-8")
-        self.figure().savefig(picture)
+        with replacing(text, "w", newline="", encoding="utf-8") as file:
+            file.write(f"{self.table}\n")
+        with replacing(picture) as file:
+            self.figure().savefig(file)
         return [csv, text, picture]
 
     def __str__(self) -> str:

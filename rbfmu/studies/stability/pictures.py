@@ -10,7 +10,7 @@ from matplotlib import colors, patches
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rbfmu.plot import COLORS, open_frame
+from rbfmu.plot import COLORS, open_frame, with_file
 from rbfmu.studies import tables_of
 from rbfmu.studies.chart.drawing import spread
 from rbfmu.studies.stability import CURVE, LAWS, Study
@@ -76,7 +76,7 @@ PICTURES = {name: Picture(**row) for name, row in tables_of("stability/pictures.
 def draw(study: Study, folder: Path) -> Path:
     """Draw the study's picture, a PNG file."""
     path = folder / f"{study.name}.png"
-    figure_of(study).savefig(path, dpi=130)
+    with_file(figure_of(study), path)
     return path
 
 
@@ -220,7 +220,7 @@ def draw_maps(rows: Sequence[Row], path: Path) -> Path:
     numbers = {"asked": ACCURACY, "turn": TURN, "long_turn": LONG_TURN, "right": LARGEST_ERROR}
     worst = _worst([row for row in rows if row.method in OURS])
     figure.suptitle(words.title.format(worst=worst, **numbers), fontsize=12)
-    figure.savefig(path, dpi=110)
+    with_file(figure, path, 110)
     return path
 
 

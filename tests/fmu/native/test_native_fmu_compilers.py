@@ -14,6 +14,7 @@ from rbfmu_fmu.native.platforms import PLATFORMS, BuildError, NoLinkerError, pla
 from tests.fmu.native.test_native_fmu_build import assert_nothing_superfluous, needs_ziglang
 from tests.support.fmu.fmu_importer import Fmu
 from tests.support.fmu.fmus import native, scene, unzipped_at
+from tests.support.full_disk import full_disk
 
 FORMATS = {"linux64": b"\x7fELF\x02", "win64": b"MZ", "darwin64": b"\xcf\xfa\xed\xfe\x07",
            "linux-aarch64": b"\x7fELF\x02", "darwin-aarch64": b"\xcf\xfa\xed\xfe\x0c"}  # fmt: skip
@@ -28,6 +29,15 @@ def test_without_any_compiler_one_message_names_both_remedies(tmp_path, monkeypa
     with pytest.raises(NoLinkerError, match=rf"{other} needs pip install .*for every platform\)$"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native", platforms=[other])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_under_the_compiler_is_said_with_the_remedy():
+    """2026-11-30: it was said of "standard output or a file"."""
+    with (
+        full_disk(10),
+        pytest.raises(BuildError, match=r"linked in a temporary folder \(.*large\): TMPDIR names another"),
+    ):
+        platforms.link(["messages.c"], {}, this_platform(), "it")
 
 
 def test_a_compiler_that_fails_counts_as_none(tmp_path, monkeypatch):

@@ -196,6 +196,39 @@ def next_number(x):
     return x + 1.0
 
 
+DAMAGE = [lambda data: b"", lambda data: data[: len(data) // 2], lambda data: bytes(len(data))]
+
+
+def with_a_wrong_bit(data: bytes) -> bytes:
+    return data.replace(b"next_number", b"oext_number")
+
+
+@pytest.mark.parametrize(
+    ("ending", "damage"), [(".nbi", one) for one in DAMAGE] + [(".nbc", one) for one in (*DAMAGE, with_a_wrong_bit)]
+)
+def test_damaged_code_is_compiled_anew_and_replaced(ending, damage, tmp_path, monkeypatch):
+    """2026-11-30: an index that a crash of the machine had left empty ended every command until it was deleted."""
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    compiled = []
+    for damaged in (False, True, False):
+        for file in tmp_path.rglob(f"*{ending}") if damaged else ():
+            file.write_bytes(damage(file.read_bytes()))
+        once = loop(next_number, float64(float64))
+        assert once(1.0) == 2.0
+        compiled.append(sum(once.stats.cache_misses.values()))
+    assert compiled == [1, 1, 0]
+
+
+def test_code_that_cannot_be_stored_serves_this_process(tmp_path, monkeypatch):
+    """2026-11-30: files of another user, in a folder that users share, ended every command."""
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    loop(next_number, float64(float64))
+    for file in [*tmp_path.rglob("*.nb?")]:
+        file.unlink()
+        file.mkdir()
+    assert loop(next_number, float64(float64))(1.0) == 2.0
+
+
 def test_a_kernel_of_ones_own_that_was_edited_is_compiled_anew(tmp_path):
     file, found = tmp_path / "mine.py", []
     for factor in (2.0, 3.0):

@@ -2,12 +2,14 @@
 
 import gc
 import math
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from time import sleep
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -282,3 +284,23 @@ def test_threads_that_ask_for_kept_code_at_once_load_it_once():
     with ThreadPoolExecutor(4) as pool:
         assert all(pool.map(lambda _: tiered.has_code(kernel, ("float64",)), range(4)))
     assert kernel.added == 1
+
+
+def test_without_stderr_nothing_is_said_on_stdout(monkeypatch, capsys):
+    """2026-11-30: `rbfmu plan --json SCENE 2>&-` began with a line that is no JSON; a full disk ended the program."""
+    monkeypatch.delenv("RBFMU_QUIET", raising=False)
+    for stream in (None, SimpleNamespace(write=Mock(side_effect=OSError), flush=lambda: None)):
+        monkeypatch.setattr(sys, "stderr", stream)
+        said.say("compiling")
+    assert capsys.readouterr().out == ""
+
+
+def test_where_no_thread_can_be_started_work_goes_on(monkeypatch):
+    """2026-11-30: in a container that bounds their number, planning ended with a traceback."""
+    monkeypatch.setattr(threading.Thread, "start", Mock(side_effect=RuntimeError("can't start new thread")))
+    with said.said_after(0.0, lambda: "at work"):
+        pass
+    ours = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__="rbfmu"))})
+    listener = said.Announcer()
+    listener.on_start(ours)
+    listener.on_end(ours)

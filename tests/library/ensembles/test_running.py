@@ -4,6 +4,8 @@ import concurrent.futures as cf
 import multiprocessing
 import subprocess
 import sys
+import threading
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -48,6 +50,13 @@ def test_threads_add_nothing_to_what_others_look_types_up_in():
     """2026-11-29: a first run failed once in a while: "dictionary changed size during iteration"."""
     done = subprocess.run([sys.executable, "-c", FIRST_RUN], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout == "set()\n"
+
+
+def test_where_no_thread_can_be_started_it_is_said(scene, monkeypatch):
+    """2026-11-30: it was a traceback of Python's."""
+    monkeypatch.setattr(threading.Thread, "start", Mock(side_effect=RuntimeError("can't start new thread")))
+    with pytest.raises(SimulationError, match="lost a chunk of the ensemble: RuntimeError: can't start new thread"):
+        run(scene, executor=2)
 
 
 def test_processes_give_the_same_bits(scene, whole):

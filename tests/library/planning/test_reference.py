@@ -265,7 +265,7 @@ def test_that_planning_takes_long_is_said_where_it_was_asked_for(monkeypatch, tm
         "body = { mass = 1.0, inertia = [1, 2, 2.5] }\nloads = { gravity_a = [0, 0, 0], torque_b = [0.1, 0, 0.3] }\n"
         "run = { stop = 1.0, step = 0.5, accuracy = 1e-9 }\n"
     )
-    monkeypatch.setattr(on_disk, "_folder", lambda: tmp_path)  # where no plan is kept that took long before
+    monkeypatch.setattr(on_disk, "folder", lambda *_: tmp_path)  # where no plan is kept that took long before
     said = call("plan", path).stderr.splitlines()
     assert said == [f"Warning: slow: {judge_module.LONG}"]
 

@@ -11,6 +11,7 @@ import rbfmu
 from rbfmu.scene.keys import REQUIRED, new_scene, scene_keys
 from rbfmu.scene.scene import PARAMETERS, PORTS, QUANTITIES, Scene
 from tests.support.command_line import call
+from tests.support.full_disk import full_disk
 from tests.support.scenes.bad_scenes import GOOD
 from tests.support.scenes.scene_tables import DEFAULTS, SMALLEST
 
@@ -121,6 +122,14 @@ def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
     assert result.exit_code == 2
     assert "mine.toml: exists already" in result.stderr
     assert path.read_text() == "precious"
+
+
+def test_a_file_that_a_full_disk_cuts_short_is_not_left(tmp_path: Path) -> None:
+    """2026-11-30: its name was taken then, by a file without a scene."""
+    with full_disk(10):
+        assert call("new", tmp_path / "mine.toml").exit_code == 2
+    assert not [*tmp_path.iterdir()]
+    assert call("new", tmp_path / "mine.toml").exit_code == 0
 
 
 BODY = "[body]\nmass = 2.0\ninertia = [1.0, 2.0, 2.5]\n"

@@ -16,6 +16,7 @@ from rbfmu.studies.chart.methods import NotFeasibleError
 from rbfmu.studies.chart.simulators import MUJOCO
 from rbfmu_kernels.mechanics.equations_of_motion import State
 from tests.support.command_line import call
+from tests.support.full_disk import full_disk
 from tests.support.paths import ROOT
 from tests.support.references import reference_mp
 
@@ -241,6 +242,16 @@ def test_all_points_are_in_the_file_with_the_machine(small_chart: Chart, tmp_pat
     assert [float(row["seconds"]) for row in rows] == [row.seconds for row in small_chart.rows]
     assert paths[1].read_text() == small_chart.table + "\n"
     assert paths[2].read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.thorough
+def test_a_chart_that_stands_there_is_not_lost_on_a_full_disk(small_chart: Chart, tmp_path: Path) -> None:
+    """2026-11-30: it was emptied, or left cut short."""
+    before = {path: path.read_bytes() for path in small_chart.save(tmp_path)}
+    for size, ending in ((10, "csv"), (20_000, "png")):
+        with full_disk(size), pytest.raises(OSError, match=rf"top_falling\.{ending}"):
+            small_chart.save(tmp_path)
+        assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 @pytest.mark.thorough

@@ -80,7 +80,7 @@ def test_no_traceback_from_a_real_process(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("command", [["keys"], ["plan", "it.toml"]])  # Rich writes the first
+@pytest.mark.parametrize("command", [["keys"], ["plan", "it.toml"], ["--help"]])  # Rich writes the first
 def test_a_reader_that_leaves_early_is_no_error(command: list[str], tmp_path: Path) -> None:
     """As `rbfmu verify FILE.fmu | head` does; status 1 would say that a check failed."""
     (tmp_path / "it.toml").write_text('[inputs]\nports = ["omega_b"]\n')
@@ -91,6 +91,17 @@ def test_a_reader_that_leaves_early_is_no_error(command: list[str], tmp_path: Pa
         process.stdout.close()
         assert process.stderr.read() == ""
     assert process.returncode == 141
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
+@pytest.mark.parametrize("command", [["run", "--help"], ["--help"]])
+def test_a_full_disk_under_stdout_is_one_message(command: list[str]) -> None:
+    """2026-11-30: status 120 with an exception that was ignored, and a traceback in place of help."""
+    command = [sys.executable, "-m", "rbfmu", *command]
+    environment = os.environ | {"PYTHONUNBUFFERED": ""}  # else nothing is left to write at the end
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=environment)
+    assert (done.returncode, done.stderr) == (2, "Error: standard output or a file: No space left on device\n")
 
 
 def test_plan_says_why_and_speaks_json(short: Path) -> None:
@@ -352,6 +363,18 @@ def test_a_temporary_folder_that_crashes_pythonfmu_is_refused(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="elsewhere no folder goes in which a process works")
+def test_what_keeps_the_demonstration_from_building_its_fmu_is_one_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """2026-11-30: it was a traceback, as with NUMBA_DISABLE_JIT=1."""
+
+    def full(folder: Path, console: object) -> bool:
+        raise rbfmu_fmu.BuildError("cannot be linked")
+
+    monkeypatch.setattr("rbfmu_fmu.demo.run_demo", full)
+    assert "cannot be linked" in refused("demo", "-o", tmp_path)
+
+
 def test_a_working_folder_that_is_gone_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """2026-11-29: a library that asked for it at import was told of as "standard output or a file"."""
     folder = tmp_path / "gone"

@@ -7,6 +7,8 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -34,7 +36,7 @@ def test_a_command_spares_what_libraries_do_at_import_unless_it_is_asked_for(mon
     monkeypatch.setattr(atexit, "register", lambda function: None)
     monkeypatch.setattr(os, "environ", {"OPENBLAS_NUM_THREADS": "2"})
     rbfmu.__main__.main()
-    assert os.environ == {"OPENBLAS_NUM_THREADS": "2"}
+    assert os.environ == {"OPENBLAS_NUM_THREADS": "2", "MPLBACKEND": "agg"}
 
 
 @pytest.mark.thorough
@@ -266,6 +268,21 @@ def test_a_plan_in_the_place_of_another_is_planned_anew(scene):
 def test_where_nothing_can_be_written_it_is_planned_each_time(scene):
     (scene.parent / "kept").write_text("a file, no folder")
     assert said("plan", scene) == said("plan", scene)
+
+
+def test_where_the_installation_cannot_be_written_plans_stand_in_the_user_s_folder(scene, tmp_path, monkeypatch):
+    """2026-11-30: Numba's code stood there, but each command planned and built anew, and `rbfmu warm` kept no plan."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setattr(os, "access", lambda path, mode: not mode & os.W_OK)
+    first = said("plan", scene)
+    (file,) = (tmp_path / ".cache" / "rbfmu" / "rbfmu_plans").iterdir()
+    monkeypatch.setattr("rbfmu.plan", None)
+    assert said("plan", scene) == first
+    assert on_disk.folder("any", str(tmp_path)) == tmp_path / "any"
+    monkeypatch.setattr(Path, "home", Mock(side_effect=RuntimeError))
+    assert on_disk.folder("any", None) == Path(on_disk.__file__).parent / "__pycache__" / "any"
+    assert file.exists()
 
 
 def test_a_doubt_is_said_each_time(scene):
