@@ -68,10 +68,10 @@ def write_charts(folder: Path, charts: Sequence[Chart]) -> list[Path]:
         text,
         draw_answers(judged, folder / "answers.png"),
     ]
-    for one in charts:
-        name = one.key.replace("'", "2")
-        files += one.save(folder, f"case_{name}_many" if one.many else f"case_{name}")
-        files += [] if one.many else draw_kept(one, folder / f"kept_{name}.png")
+    for each in charts:
+        name = each.key.replace("'", "2")
+        files += each.save(folder, f"case_{name}_many" if each.many else f"case_{name}")
+        files += [] if each.many else draw_kept(each, folder / f"kept_{name}.png")
     return files
 
 
