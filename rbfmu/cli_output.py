@@ -49,7 +49,7 @@ class Commands(click.Group):
             _write_nowhere()
             ctx.exit(UNREAD)
         except OSError as error:
-            click.echo(f"Error: {error.filename or _without_name()}: {error.strerror or error}", err=True)
+            click.echo(f"Error: {error.filename or _unnamed_target()}: {error.strerror or error}", err=True)
         ctx.exit(2)
 
 
@@ -60,7 +60,7 @@ def _write_nowhere() -> None:
         os.dup2(nowhere, stream.fileno())
 
 
-def _without_name() -> str:
+def _unnamed_target() -> str:
     """Return in words what an OSError without a file name is about."""
     try:
         os.getcwd()
@@ -75,13 +75,13 @@ def doubts_in_lines() -> Iterator[None]:
     with warnings.catch_warnings():
         for kind in DOUBTS:
             warnings.simplefilter("always", kind)
-        show, said = warnings.showwarning, set[str]()
+        show, printed = warnings.showwarning, set[str]()
 
         def in_a_line(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
             if not issubclass(category, DOUBTS):
                 show(message, category, *place, **more)
-            elif str(message) not in said:
-                said.add(str(message))
+            elif str(message) not in printed:
+                printed.add(str(message))
                 click.echo(f"Warning: {message}", err=True)
 
         warnings.showwarning = in_a_line

@@ -203,12 +203,12 @@ class Driven(Steps):
         progress: wraps the numbers of steps; if it stops early, so do times and rows. most: the number of substeps
         after which a step is refused. Raises SimulationError if one is refused.
         """
-        at, time, numbers, taken, told = self.places(names), self._time, range(1, self.count + 1), 0, 0
+        at, time, numbers, taken, reached = self.places(names), self._time, range(1, self.count + 1), 0, 0
         rows = np.empty((len(time), len(at)))
         rows[0] = self.z[at]
         for k in (self.count,) if progress is None else progress(numbers):
-            told = min(max(k, told), self.count)
-            while taken < told and self.ended is None:
+            reached = min(max(k, reached), self.count)
+            while taken < reached and self.ended is None:
                 begin, taken = taken, self.take(taken + 1, at, rows, most)
                 if taken == begin:
                     raise self._refusal(taken, most)
@@ -217,7 +217,7 @@ class Driven(Steps):
                 time = time[:taken] if before else np.append(time[:taken], self.ended)
                 break
         else:
-            time = time[: told + 1]  # progress may stop early
+            time = time[: reached + 1]  # progress may stop early
         return time, by_block(self.kernels.BLOCKS, names, rows[: len(time)])
 
     def _refusal(self, taken: int, most: float) -> SimulationError:
@@ -225,8 +225,8 @@ class Driven(Steps):
         if (counted := substeps_counted(self.kernels, self.z)) <= most:
             return refused_step(self._name, self._time[taken])
         end = float(self._time[taken + 1])
-        said = f"t = {end!r} s takes {counted:.1e} substeps: expected a shorter run or slower rates"
-        return SimulationError(f"{self._name}: {said}")
+        message = f"t = {end!r} s takes {counted:.1e} substeps: expected a shorter run or slower rates"
+        return SimulationError(f"{self._name}: {message}")
 
 
 def record(run: Steps, names: Sequence[str], most: float = math.inf, progress: Tell = None) -> Motion:
