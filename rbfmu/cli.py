@@ -291,12 +291,13 @@ def build(
     if scalars and fmi != "3":
         raise click.UsageError("--scalars: expected --fmi 3 with it")
     with common.usage_errors(rbfmu_fmu.BuildError), asked.opened() as scene:
-        if slow := [one.name for one in platforms_named(platforms) if takes_minutes(one)]:
+        if slow := [target.name for target in platforms_named(platforms) if takes_minutes(target)]:
             why = "the first time takes minutes, as ziglang builds the platform's C library"
             click.echo(f"Note: compiling for {', '.join(slow)}: {why}", err=True)
         path = output or Path(file_name(scene.name))
         planned = rbfmu.Plan.from_dict(_plan_of(asked, nullcontext(scene))["plan"])
-        click.echo(rbfmu_fmu.build(scene, path, kind, platforms, False, int(fmi), scalars, terminals, planned=planned))
+        version: dict[str, Any] = {"fmi": int(fmi), "scalars": scalars, "terminals": terminals}
+        click.echo(rbfmu_fmu.build(scene, path, kind, platforms, **version, planned=planned))
 
 
 @main.command()

@@ -62,7 +62,7 @@ def errors_in_messages() -> Iterator[None]:
         _write_nowhere(sys.stdout, sys.stderr)
         status = UNREAD
     except OSError as error:
-        click.echo(f"Error: {error.filename or _without_name()}: {error.strerror or error}", err=True)
+        click.echo(f"Error: {error.filename or _unnamed_target()}: {error.strerror or error}", err=True)
         try:
             sys.stdout.flush()
         except OSError:
@@ -77,7 +77,7 @@ def _write_nowhere(*streams: Any) -> None:
         os.dup2(nowhere, stream.fileno())
 
 
-def _without_name() -> str:
+def _unnamed_target() -> str:
     """Return in words what an OSError without a file name is about."""
     try:
         os.getcwd()
@@ -92,13 +92,13 @@ def doubts_in_lines() -> Iterator[None]:
     with warnings.catch_warnings():
         for kind in DOUBTS:
             warnings.simplefilter("always", kind)
-        show, said = warnings.showwarning, set[str]()
+        show, printed = warnings.showwarning, set[str]()
 
         def in_a_line(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
             if not issubclass(category, DOUBTS):
                 show(message, category, *place, **more)
-            elif str(message) not in said:
-                said.add(str(message))
+            elif str(message) not in printed:
+                printed.add(str(message))
                 with suppress(OSError):  # stderr may be a file on a full disk
                     click.echo(f"Warning: {message}", err=True)
 

@@ -33,8 +33,8 @@ def read_columns(
             names = [x.strip() for x in next(filter(None, csv.reader(file, skipinitialspace=True)), [])]
             if needed and needed not in names:
                 apart = ", with commas between columns" if len(names) == 1 and set(names[0]) & set(";\t") else ""
-                said = f"column {needed!r} is missing: expected it in the header{apart}, not "
-                raise SceneError(said + (", ".join(names) or "nothing"), source)
+                message = f"column {needed!r} is missing: expected it in the header{apart}, not "
+                raise SceneError(message + (", ".join(names) or "nothing"), source)
             rows = list[list[str]]()
             if (plain := _plain_numbers(file, len(names))) is None:
                 file.seek(0)
@@ -69,7 +69,7 @@ def _spread(names: list[str], rows: list[list[str]], needed: str) -> tuple[list[
     arrays = {
         i: [f"{name}[{k + 1}]" for k in range(len(x))]
         for i, (name, x) in enumerate(zip(names, parts, strict=False))
-        if len(x) > 1 and name != needed and "[" not in name and all(_number(one)[1] for one in x)
+        if len(x) > 1 and name != needed and "[" not in name and all(_number(number)[1] for number in x)
     }
     if not arrays or any(len(row) != len(names) for row in rows):
         return names, rows
@@ -80,7 +80,7 @@ def _spread(names: list[str], rows: list[list[str]], needed: str) -> tuple[list[
             return found if i in arrays else [cell]
         return [f"[{cell}]" if found else ""] * len(arrays[i])  # another length, which is no number; or a gap
 
-    flat = [name for i, one in enumerate(names) for name in arrays.get(i, [one])]
+    flat = [column for i, name in enumerate(names) for column in arrays.get(i, [name])]
     return flat, [[x for i, cell in enumerate(row) for x in numbers(i, cell)] for row in rows]
 
 

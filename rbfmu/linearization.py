@@ -74,7 +74,7 @@ def linearize(scene: Scene, /, t: float | None = None, **ports: Any) -> Lineariz
     z, q = simulator.buffer(), tuple(simulator.quaternion.tolist())
     known = dict(by_element({name: z[block] for name, block in simulator.plan.kernels.BLOCKS.items()})) | {"t": t}
     inputs = [e for name in scene.inputs.ports for e in elements(name, size_of(scene, name))]
-    errors, rates, shown = (_prescribed if scene.body is None else _of_body)(scene, q, known, inputs)
+    errors, rates, shown = (_of_prescribed_rates if scene.body is None else _of_body)(scene, q, known, inputs)
     if "rpy" in scene.outputs.names:
         shown["rpy"] = _roll_pitch_yaw(q) @ np.eye(rates.shape[1])[_turn(errors)]
     n, C = len(errors), np.vstack([shown[name] for name in scene.outputs.names])
@@ -99,7 +99,7 @@ def _simulator_at(scene: Scene, t: float, ports: Mapping[str, Any]) -> Simulator
     return simulator
 
 
-Near = tuple[list[str], Array, dict[str, Array]]
+Derivatives = tuple[list[str], Array, dict[str, Array]]
 """The errors' names; the derivatives of their rates, and of quantities other than rpy: a row for each number, a column
 for each error and then each input."""
 
@@ -123,16 +123,16 @@ def _roll_pitch_yaw(q: Quaternion) -> Array:
     return yaw_pitch_roll[::-1]
 
 
-def _prescribed(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs: Sequence[str]) -> Near:
-    """Return `Near` for prescribed rates: the rate of rotvec_b is omega - omega_0 - omega_0 x rotvec_b."""
+def _of_prescribed_rates(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs: Sequence[str]) -> Derivatives:
+    """Return `Derivatives` for prescribed rates: the rate of rotvec_b is omega - omega_0 - omega_0 x rotvec_b."""
     carried, to_a = _by_axes(cross, [known[name] for name in inputs]), _by_axes(rotate, q)
     of_attitude = np.hstack([_by_axes(quaternion_rate_b, q), np.zeros((4, 3))])
     shown = {"quaternion": of_attitude, "omega_a": np.hstack([-to_a @ carried, to_a])}
     return TURN, np.hstack([-carried, np.eye(3)]), shown
 
 
-def _of_body(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs: Sequence[str]) -> Near:
-    """Return `Near` for a body: derivatives on the graph of its equations by leaves, and of leaves by errors."""
+def _of_body(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs: Sequence[str]) -> Derivatives:
+    """Return `Derivatives` for a body: derivatives on the graph of its equations by leaves, and of leaves by errors."""
     from rbfmu.models.formulas import equations_of  # prescribed rates do not need it
 
     equations = equations_of(scene)

@@ -295,7 +295,7 @@ def quaternion_lengths(rows: Array) -> Array:
 def _arrays(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
     if not hasattr(values, "items"):
         raise TypeError(f"{f'Result: {values!r}':.120}: expected a mapping from names to arrays")
-    return {name: as_floats("Result", name, one) for name, one in values.items()}
+    return {name: as_floats("Result", name, rows) for name, rows in values.items()}
 
 
 def _write_table(path: Path, rows: Iterable[Sequence[object]], quoting: Literal[0, 1, 2] = csv.QUOTE_MINIMAL) -> None:
@@ -324,8 +324,8 @@ def arrays_of_npz(path: Path) -> dict[str, Array]:
     except FileNotFoundError:
         raise
     except Exception as error:
-        said = f"{error!s:.100}"  # NumPy's message may contain a whole text that is not a number
-        raise ValueError(f"{path}: cannot be read as arrays of NumPy ({said}): expected the result of a run") from None
+        cause = f"{error!s:.100}"  # NumPy's message may contain a whole text that is not a number
+        raise ValueError(f"{path}: cannot be read as arrays of NumPy ({cause}): expected the result of a run") from None
     if "resume/head" in arrays:
         raise ValueError(f"{path}: an ensemble's: expected the result of a run; EnsembleResult.load takes it")
     return {name: as_floats(str(path), name, rows) for name, rows in arrays.items()}
@@ -335,7 +335,7 @@ def incomplete(names: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Yield (missing column, message) for each quantity of which only some columns are there."""
     for name in dict.fromkeys(name.partition("[")[0] for name in names):
         wanted = elements(name, OUTPUT[name].size) if name in OUTPUT else []
-        if missing := [one for one in wanted if one not in names]:
+        if missing := [element for element in wanted if element not in names]:
             yield missing[0], f"{missing[0]} is missing: expected all of {', '.join(wanted)}"
 
 
@@ -345,8 +345,8 @@ def by_quantity(flat: Mapping[str, Array]) -> dict[str, Array]:
     found = dict[str, Array]()
     for name in dict.fromkeys(names):
         wanted = elements(name, OUTPUT[name].size if name in OUTPUT else names.count(name))
-        if any(one not in flat for one in wanted):
-            found |= {one: values for one, values in flat.items() if one.partition("[")[0] == name}
+        if any(column not in flat for column in wanted):
+            found |= {column: values for column, values in flat.items() if column.partition("[")[0] == name}
         else:
-            found[name] = np.stack([flat[one] for one in wanted], axis=1) if len(wanted) > 1 else flat[wanted[0]]
+            found[name] = np.stack([flat[column] for column in wanted], axis=1) if len(wanted) > 1 else flat[wanted[0]]
     return found

@@ -171,7 +171,7 @@ class Varied:
             if error.code != NO_OUTPUTS:
                 raise
             why = "and norms, roots and angles of what is zero at the start have no derivative"
-            raise SceneError([f"{one}, {why}" for one in error.faults], scene.name, error.code) from None
+            raise SceneError([f"{fault}, {why}" for fault in error.faults], scene.name, error.code) from None
         of = run.slopes()
         for name, rows in of.items():
             known = np.isfinite(rows).all(axis=(1, 2))
@@ -180,18 +180,18 @@ class Varied:
                 corners = "that grazes no corner, meets no two at one time"
                 starts = "nor starts where a norm, a root or an angle is of zero (start a little off)"
                 raise ValueError(f"{where}: expected a motion with finite derivatives, {corners}, {starts}")
-        spread = {} if covariance is None else self._carried(of, covariance)
+        spread = {} if covariance is None else self._propagate(of, covariance)
         return Sensitivity(run.time, self.numbers, run.sizes, of, run.values, spread)
 
-    def _carried(self, of: Mapping[str, Array], numbers: Any) -> dict[str, Array]:
+    def _propagate(self, of: Mapping[str, Array], numbers: Any) -> dict[str, Array]:
         n, wrong = len(self.columns), no_numbers(numbers)
         covariance = np.empty(0) if wrong else as_floats("sensitivity", "covariance", numbers)
         if covariance.shape != (n, n):
             why = f", which {wrong}" if wrong else ""
             raise ValueError(f"covariance: expected a matrix {(n, n)} for {', '.join(self.numbers)}{why}")
         if not (np.isfinite(covariance).all() and _least_variance(covariance) >= -1e-9):
-            said = "finite numbers, a symmetric matrix, and variances of at least 0, also of sums"
-            raise ValueError(f"covariance: expected {said}")
+            expected = "finite numbers, a symmetric matrix, and variances of at least 0, also of sums"
+            raise ValueError(f"covariance: expected {expected}")
         return {name: np.einsum("tkn,nm,tlm->tkl", S, covariance, S) for name, S in of.items()}
 
     def _plan(self, scene: Scene, planned: Plan | None) -> tuple[Plan, bool]:
@@ -219,7 +219,7 @@ def _least_variance(covariance: Array) -> float:
 def by_key(numbers: Sequence[str]) -> dict[str, list[int]]:
     """Return the keys of numbers, each with the indices of its numbers."""
     keys = [number.partition("[")[0] for number in numbers]
-    return {key: [n for n, one in enumerate(keys) if one == key] for key in dict.fromkeys(keys)}
+    return {key: [n for n, other in enumerate(keys) if other == key] for key in dict.fromkeys(keys)}
 
 
 def keys_of(keys: object) -> list[Any]:
@@ -283,10 +283,10 @@ class _Run:
         found, shift = {}, self._shift() if self._event else None
         for name in self._scene.outputs.names:
             of = "quaternion" if name == "rpy" else name
-            rows = self._attitude() if of == "quaternion" else self._slopes_of(of)
+            rows = self._attitude_slopes() if of == "quaternion" else self._slopes_of(of)
             if shift is not None:
                 rows[-1] += self._model.rates_at(of, self._slopes[-1], self._inputs)[:, None] * shift
-            found["attitude" if name == "quaternion" else name] = self._of_angles(rows) if name == "rpy" else rows
+            found["attitude" if name == "quaternion" else name] = self._angle_slopes(rows) if name == "rpy" else rows
         return found
 
     def _shift(self) -> Array:
@@ -300,18 +300,18 @@ class _Run:
         size = np.max(course) + abs(rate) * (self.time[-1] - self.time[0])
         if course[-1] > max(self._scene.run.accuracy, AT_ZERO) * size:
             if not self._jumps:
-                said = "expected one that comes to zero, as of a jump over it no derivative is known"
-                raise ValueError(f"{self._scene.name}: events.{self._event}: {said}")
+                expected = "expected one that comes to zero, as of a jump over it no derivative is known"
+                raise ValueError(f"{self._scene.name}: events.{self._event}: {expected}")
             return np.zeros(self._count)
         return np.asarray(-self._slopes_of(when)[-1, 0] / rate)
 
     def _slopes_of(self, name: str) -> Array:
         return self._model.slopes_at(name, self._errors, self._slopes, self._count)
 
-    def _attitude(self) -> Array:
+    def _attitude_slopes(self) -> Array:
         return np.asarray(self._errors[:, [*map(self._model.errors.index, TURN)], : self._count])
 
-    def _of_angles(self, turns: Array) -> Array:
+    def _angle_slopes(self, turns: Array) -> Array:
         """Return the derivatives of roll, pitch and yaw; turns: the derivatives of the attitude."""
         angles = arrays.euler_from_quaternion("ZYX", self.values["quaternion"])
         rates: Array = arrays.euler_rate_b("ZYX", angles[:, None, :], np.moveaxis(turns, 1, 2))

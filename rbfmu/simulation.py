@@ -16,7 +16,7 @@ from rbfmu.result import Result, Row
 from rbfmu.runs.inputs import HOLD, Drive, Inputs, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.motion import doubts_of_sizes
 from rbfmu.runs.plan import Plan, checked_plan, start_run, with_parameters
-from rbfmu.runs.steps import SAME, Driven, Events, Happened
+from rbfmu.runs.steps import SAME, Driven, Events, Occurrence
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
 from rbfmu.scene.section import as_toml, fault
 from rbfmu.types import Array, Buffer
@@ -119,14 +119,14 @@ class Simulator:
     """
 
     __slots__ = (  # without these, `sim.torque_b = ...` would silently have no effect
-        "__weakref__", "_bytes", "_clock", "_count", "_end", "_events", "_h", "_identity", "_known", "_last",
-        "_last_time", "_ports", "_quantities", "_scalars", "_start", "_step", "_told", "_untold", "_z", "plan", "scene",
-        "time",
+        "__weakref__", "_bytes", "_clock", "_count", "_end", "_events", "_h", "_identity", "_last", "_last_time",
+        "_no_reports", "_old_reports", "_ports", "_quantities", "_reports", "_scalars", "_start", "_step", "_z", "plan",
+        "scene", "time",
     )  # fmt: skip
 
     def __init__(self, /, scene: Any, **parameters: Any) -> None:
-        own, planned = of_scene_or_path(lambda one: (one, plan(one)), "Simulator")(scene)
-        self._set_up(own, *_started(own, planned, parameters))
+        own, planned = of_scene_or_path(lambda scene: (scene, plan(scene)), "Simulator")(scene)
+        self._set_up(own, *_start_with(own, planned, parameters))
 
     def _set_up(self, scene: Scene, planned: Plan, z: Buffer) -> None:
         self.scene, self.plan, self._z = scene, planned, z
@@ -141,10 +141,10 @@ class Simulator:
         self._last, self._end = run.count, run.end
         self.time, self._count = run.start, 0
         self._events = Events(self.scene, self.plan, self._z) if self.scene.events else None
-        self._untold = (math.nan,) * len(self.scene.events)
-        self._known = self._told = self._untold
+        self._no_reports = (math.nan,) * len(self.scene.events)
+        self._old_reports = self._reports = self._no_reports
         """When `step_to_event` reported each event, s: before the last step, and at its end; NaN if it did not."""
-        self._clock = struct.Struct(f"dq{2 * len(self._untold)}d")
+        self._clock = struct.Struct(f"dq{2 * len(self._no_reports)}d")
         """The time, the number of the scene's communication steps until then, and the times of reported events."""
 
     @property
@@ -156,31 +156,31 @@ class Simulator:
         """
         if self._events is None:
             return {}
-        told = [Happened(name, t, False) for name, t in zip(self._events.names, self._told, strict=True) if t == t]
-        return self._events.times(told or self._new_events(self._events))
+        listed = [Occurrence(n, t) for n, t in zip(self.scene.events, self._reports, strict=True) if math.isfinite(t)]
+        return self._events.times(listed or self._new_events(self._events))
 
-    def _new_events(self, events: Events) -> list[Happened]:
+    def _new_events(self, events: Events) -> list[Occurrence]:
         """Return the events of the last step, except those that were reported before it."""
-        known = dict(zip(events.names, self._known, strict=True))
+        known = dict(zip(events.names, self._old_reports, strict=True))
         until = {name: t + SAME * (self.time - t) for name, t in known.items()}
-        return [one for one in events.of_last_step() if not one.time <= until[one.name]]  # NaN bounds nothing
+        return [event for event in events.of_last_step() if not event.time <= until[event.name]]  # NaN bounds nothing
 
     def step_to_event(self, /, h: float | None = None, **ports: Any) -> tuple[str, ...]:
         """Step as `step` does, but not beyond the first event; return the names of the events at that time."""
-        before, time, count, told, known = self._z.copy(), self.time, self._count, self._told, self._known
+        before, time, count, reports, earlier = self._z.copy(), self.time, self._count, self._reports, self._old_reports
         self.step(h, **ports)
-        happened = [one for one in self._new_events(self._events) if not one.touched] if self._events else []
+        happened = [event for event in self._new_events(self._events) if not event.touched] if self._events else []
         if not happened:
             return ()
         first = happened[0].time
-        at_once = {one.name: one.time for one in happened if one.time <= first + SAME * (self.time - time)}
+        at_once = {event.name: event.time for event in happened if event.time <= first + SAME * (self.time - time)}
         self._z[:] = before
-        self.time, self._count, self._told, self._known = time, count, told, known
+        self.time, self._count, self._reports, self._old_reports = time, count, reports, earlier
         if first > time:
             self.step(first - time, **ports)
         else:
             self.hold(**ports)
-        self._told = tuple(at_once.get(name, math.nan) for name in self.scene.events)
+        self._reports = tuple(at_once.get(name, math.nan) for name in self.scene.events)
         return tuple(at_once)
 
     def __getattr__(self, name: str) -> Any:
@@ -224,7 +224,7 @@ class Simulator:
         try:
             if self.time < end < math.inf and self._step(self._z, length) == OK:
                 self.time, self._count = end, count
-                self._known, self._told = self._told, self._untold
+                self._old_reports, self._reports = self._reports, self._no_reports
                 return
         except KeyboardInterrupt:  # compiled code runs to its end, but its result is lost
             self.time, self._count = math.nan, 0
@@ -289,12 +289,12 @@ class Simulator:
 
     def reset(self, /, **parameters: Any) -> None:
         """Start again with the scene's values and given parameters; inputs are as at first. Raises SceneError."""
-        planned, z = _started(self.scene, self.plan, parameters)
+        planned, z = _start_with(self.scene, self.plan, parameters)
         if planned is not self.plan:
             self._set_up(self.scene, planned, z)
         self._z[:] = z
         self.time, self._count = self._start, 0
-        self._known = self._told = self._untold
+        self._old_reports = self._reports = self._no_reports
 
     def values(self) -> dict[str, Any]:
         """Return the time and all quantities at this time; `Result.of_rows` makes a result of such rows."""
@@ -310,7 +310,7 @@ class Simulator:
 
     def save(self) -> bytes:
         """Return the whole state, for `restore` of this or another simulator of the scene."""
-        content = self._clock.pack(self.time, self._count, *self._known, *self._told) + self._bytes.tobytes()
+        content = self._clock.pack(self.time, self._count, *self._old_reports, *self._reports) + self._bytes.tobytes()
         return self._identity + _checksum(content) + content
 
     def restore(self, state: bytes) -> None:
@@ -324,12 +324,12 @@ class Simulator:
         head = self._identity + _checksum(content)  # with damaged numbers a step could end the process
         if state[: -len(content)] != head:
             raise ValueError(f"these {len(state)} bytes are no state of {self.scene.name} under its plan")
-        self.time, self._count, *told = self._clock.unpack_from(content)
-        self._known, self._told = tuple(told[: len(self._untold)]), tuple(told[len(self._untold) :])
+        self.time, self._count, *times = self._clock.unpack_from(content)
+        self._old_reports, self._reports = tuple(times[: len(self._no_reports)]), tuple(times[len(self._no_reports) :])
         self._bytes[:] = content[self._clock.size :]
 
 
-def _started(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> tuple[Plan, Buffer]:
+def _start_with(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> tuple[Plan, Buffer]:
     """Return the plan, with other kernels if formulas need numbers that are zero in the scene, and the buffer."""
     changed = with_parameters(scene, planned, parameters)
     planned = planned.of_scene(changed)
@@ -338,16 +338,16 @@ def _started(scene: Scene, planned: Plan, parameters: dict[str, Any]) -> tuple[P
 
 def simulator_of(scene: Scene, planned: Plan) -> Simulator:
     """Return a simulator of a plan, without warnings about the scene."""
-    one = Simulator.__new__(Simulator)
-    one._set_up(scene, *_started(scene, planned, {}))
-    return one
+    simulator = Simulator.__new__(Simulator)
+    simulator._set_up(scene, *_start_with(scene, planned, {}))
+    return simulator
 
 
 def _in_state(scene: Scene, planned: Plan, state: bytes) -> Simulator:
     """Return a new simulator in a saved state, without planning again."""
-    one = simulator_of(scene, planned)
-    one.restore(state)
-    return one
+    simulator = simulator_of(scene, planned)
+    simulator.restore(state)
+    return simulator
 
 
 def _seconds(h: Any) -> float:

@@ -54,8 +54,8 @@ class FmiVersion:
 
     def abilities_of(self, d: Description) -> dict[str, str]:
         """Return the abilities of a native FMU besides those of both kinds, as attributes of CoSimulation."""
-        said = self.native_abilities | (self.with_input_rates if d.interpolates_inputs else {})
-        return said | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
+        abilities = self.native_abilities | (self.with_input_rates if d.interpolates_inputs else {})
+        return abilities | ({"maxOutputDerivativeOrder": "1"} if d.output_rates else {})
 
     def status_reference(self, d: Description) -> int:
         """Return the value reference of the integer output `status`, which follows those of all Reals."""
@@ -129,12 +129,12 @@ def without_blanks(**attributes: str) -> dict[str, str]:
     return {name: text for name, text in attributes.items() if text}
 
 
-def _element(version: FmiVersion, outer: str, kind: str, said: dict[str, str], typed: dict[str, str]) -> Element:
+def _element(version: FmiVersion, outer: str, kind: str, own: dict[str, str], of_type: dict[str, str]) -> Element:
     """Return an element with attributes of a thing and of its type: in FMI 2 two nested elements, in FMI 3 one."""
     if not version.nested:
-        return Element(kind, said | typed)
-    element = Element(outer, said)
-    SubElement(element, kind, typed)
+        return Element(kind, own | of_type)
+    element = Element(outer, own)
+    SubElement(element, kind, of_type)
     return element
 
 
@@ -152,26 +152,26 @@ def _variables(version: FmiVersion, d: Description) -> Iterator[Element]:
     """Yield all variables in the order of their value references."""
     named = version.references(d)
     updated = without_blanks(intermediateUpdate="true" if d.interpolates_inputs and not version.nested else "")
-    for reference, one in enumerate(named):
-        members = [d.variables[k] for k in one.elements]
+    for reference, variable in enumerate(named):
+        members = [d.variables[k] for k in variable.elements]
         first = members[0]
         variability, initial = _KINDS[first.causality]
-        words = "" if len(one.dimensions) == 2 else ", ".join(v.component for v in members)
-        about_it = f"{first.meaning}: {words}" if words else first.meaning
+        words = "" if len(variable.dimensions) == 2 else ", ".join(v.component for v in members)
+        meaning = f"{first.meaning}: {words}" if words else first.meaning
         if first.pinned:
-            about_it += f"; cannot be changed here: {slave_access.TO_VARY % first.block}"
-        said = {"name": one.name, "valueReference": str(reference), "causality": first.causality}
-        said |= without_blanks(variability=variability, description=about_it, initial=initial)
-        said |= updated if first.causality != "parameter" else {}
-        typed = without_blanks(declaredType=_unit(first.unit).quantity) | _limits_of_all(members)
-        element = _element(version, "ScalarVariable", version.real, said, typed)
-        element.extend(Element("Dimension", start=str(size)) for size in one.dimensions)
+            meaning += f"; cannot be changed here: {slave_access.TO_VARY % first.block}"
+        attributes = {"name": variable.name, "valueReference": str(reference), "causality": first.causality}
+        attributes |= without_blanks(variability=variability, description=meaning, initial=initial)
+        attributes |= updated if first.causality != "parameter" else {}
+        type_attributes = without_blanks(declaredType=_unit(first.unit).quantity) | _limits_of_all(members)
+        element = _element(version, "ScalarVariable", version.real, attributes, type_attributes)
+        element.extend(Element("Dimension", start=str(size)) for size in variable.dimensions)
         yield element
     if version.has_time:
         time = {"name": TIME.name, "valueReference": str(len(named)), "causality": "independent"}
         time |= {"variability": "continuous", "unit": TIME.unit, "description": TIME.meaning}
         yield Element(version.real, time)
-    counts = [(r, {"name": one.name, "description": one.meaning}, {"min": "0"}) for r, one in version.counts(d)]
+    counts = [(r, {"name": count.name, "description": count.meaning}, {"min": "0"}) for r, count in version.counts(d)]
     for reference, differs, limits in [(version.status_reference(d), {}, STATUS_RANGE), *counts]:
         element = _element(version, "ScalarVariable", version.integer, STATUS | updated | differs, limits)
         element.set("valueReference", str(reference))
@@ -184,22 +184,22 @@ def _limits_of_all(members: list[Variable]) -> dict[str, str]:
     lows, highs = ([getattr(v, key) for v in members] for key in ("minimum", "maximum"))
     limits = {"min": None if None in lows else min(lows), "max": None if None in highs else max(highs)}
     limits["nominal"] = first.nominal
-    said = _of_unit(first.unit) | {key: repr(x) for key, x in limits.items() if x is not None}
-    return said | ({"start": " ".join(repr(v.start) for v in members)} if first.start is not None else {})
+    attributes = _of_unit(first.unit) | {key: repr(x) for key, x in limits.items() if x is not None}
+    return attributes | ({"start": " ".join(repr(v.start) for v in members)} if first.start is not None else {})
 
 
 def _model_structure(version: FmiVersion, d: Description) -> Element:
     """Return the element ModelStructure: the outputs, with the variables on which they depend."""
     structure, named = Element("ModelStructure"), version.references(d)
-    holder = {k: reference for reference, one in enumerate(named) for k in one.elements}
-    firsts = ((reference, d.variables[one.elements[0]]) for reference, one in enumerate(named))
+    holder = {k: reference for reference, variable in enumerate(named) for k in variable.elements}
+    firsts = ((reference, d.variables[variable.elements[0]]) for reference, variable in enumerate(named))
     outputs = {reference: first for reference, first in firsts if first.causality == "output"}
     key, begin = ("index", 1) if version.nested else ("valueReference", 0)
     time = {len(named)} if version.has_time else set()
     for name, depends in (("Output", depends_on), ("InitialUnknown", depends_initially_on)):
         known: dict[int, Iterable[int]] = {
-            r: {holder[k] for k in depends(d, one)} | (time if TIME.name in one.follows else set())
-            for r, one in outputs.items()
+            r: {holder[k] for k in depends(d, output)} | (time if TIME.name in output.follows else set())
+            for r, output in outputs.items()
         }
         known |= dict.fromkeys((version.status_reference(d), *(reference for reference, _ in version.counts(d))), ())
         unknowns = SubElement(structure, f"{name}s") if version.nested else structure

@@ -49,11 +49,11 @@ def presentation_files(
     if version.name == "2.0":  # libcosim imports only this version
         files[osp_place(d)] = xml_bytes(osp_description(d))
     if needs_python:
-        files["documentation/externalDependencies.txt"] = _text("external_dependencies.txt").template.encode()
+        files["documentation/externalDependencies.txt"] = _template("external_dependencies.txt").template.encode()
     return files
 
 
-def _text(name: str) -> Template:
+def _template(name: str) -> Template:
     return Template(Path(__file__).with_name(name).read_text("utf-8"))
 
 
@@ -61,23 +61,23 @@ def page(d: Description, version: FmiVersion, needs_python: bool) -> str:
     """Return the HTML page about an FMU; it also says how inputs can change within a step."""
     scene, plan = d.scene, d.plan
     run, pivot = scene.run, scene.body is not None and scene.body.pivot
-    said = {"name": scene.name, "icon": version.icon, "status": STATUS["description"], "version": rbfmu.__version__}
-    said |= {"model": plan.model, "states": str(plan.states), "method": plan.method, "error": f"{plan.error:.1e}"}
-    said |= {key: f"{getattr(run, key):g}" for key in ("accuracy", "start", "stop", "step")}
+    texts = {"name": scene.name, "icon": version.icon, "status": STATUS["description"], "version": rbfmu.__version__}
+    texts |= {"model": plan.model, "states": str(plan.states), "method": plan.method, "error": f"{plan.error:.1e}"}
+    texts |= {key: f"{getattr(run, key):g}" for key in ("accuracy", "start", "stop", "step")}
     unless = f", unless the importer {version.course_of_inputs}" if d.interpolates_inputs and not needs_python else ""
     held = (
         f"<p>Inputs are held over a communication step{unless}. What is lost by holding an input that changes "
         "meanwhile comes on top, and is first order in the communication step.</p>\n"
     )
     made = {
-        "about": "".join(f"<p>{escape(text)}</p>\n" for text in (scene.about.description, _by_whom(scene)) if text),
+        "about": "".join(f"<p>{escape(text)}</p>\n" for text in (scene.about.description, _authorship(scene)) if text),
         "reasons": "".join(f"<li>{escape(reason)}</li>\n" for reason in plan.reasons),
         "tables": "".join(_table(d, causality) for causality in ("input", "output", "parameter")),
         "pivot": " The body's origin o is a pivot, fixed in space." if pivot else "",
         "inputs": held if d.inputs else "",
         "formulas": _formulas(scene),
     }
-    return _text("page.html").substitute({key: escape(text) for key, text in said.items()} | made)
+    return _template("page.html").substitute({key: escape(text) for key, text in texts.items()} | made)
 
 
 def _formulas(scene: rbfmu.Scene) -> str:
@@ -98,9 +98,9 @@ def _html_table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return f"<table>\n{''.join(lines)}</table>\n"
 
 
-def _by_whom(scene: rbfmu.Scene) -> str:
-    said = {"author": scene.about.author, "version": scene.about.version, "licence": scene.about.license}
-    return "; ".join(f"{word}: {text}" for word, text in said.items() if text)
+def _authorship(scene: rbfmu.Scene) -> str:
+    texts = {"author": scene.about.author, "version": scene.about.version, "licence": scene.about.license}
+    return "; ".join(f"{word}: {text}" for word, text in texts.items() if text)
 
 
 def _table(d: Description, causality: str) -> str:
@@ -119,8 +119,8 @@ def _row(variables: list[Variable]) -> tuple[str, ...]:
 
 def licenses(with_pythonfmu: bool) -> dict[str, bytes]:
     """Return the licences by their paths in an FMU; with_pythonfmu: for the kind that contains pythonfmu."""
-    texts = {"license.txt": _text("licenses.txt").substitute(pythonfmu=PYTHONFMU if with_pythonfmu else "")}
-    texts |= {"rbfmu.txt": _own(), "fmi.txt": _of_headers()}
+    texts = {"license.txt": _template("licenses.txt").substitute(pythonfmu=PYTHONFMU if with_pythonfmu else "")}
+    texts |= {"rbfmu.txt": _license_of_rbfmu(), "fmi.txt": _license_of_fmi()}
     if with_pythonfmu:
         files = importlib.metadata.files("pythonfmu") or []
         licence = next(file for file in files if re.fullmatch(r"LICEN[CS]E(\.\w+)?", file.name))
@@ -128,13 +128,13 @@ def licenses(with_pythonfmu: bool) -> dict[str, bytes]:
     return {f"{LICENSES}/{name}": text.encode() for name, text in texts.items()}
 
 
-def _own() -> str:
+def _license_of_rbfmu() -> str:
     """Return the licence of rbfmu, which is in the installed package, or in the folder above it in a clone."""
     package = Path(rbfmu.__file__).parent
     return next(path for path in (package / "LICENSE", package.parent / "LICENSE") if path.exists()).read_text("utf-8")
 
 
-def _of_headers() -> str:
+def _license_of_fmi() -> str:
     """Return the copyright and the licence in the headers of FMI, as FMPy ships them."""
     text = (FMI_HEADERS / "fmi2Functions.h").read_text("utf-8")
     notice = re.search(r"Copyright.*?(?=\*/)", text, re.DOTALL)
@@ -226,12 +226,12 @@ def terminals(d: Description, arrays: bool = False) -> Element:
     known, listed = blocks(d, "input", "output"), Element("Terminals")
     for name, row in GROUPS.items():
         terminal = Element("Terminal", name=name, matchingRule="bus", description=row["meaning"])
-        for block in (one for one in row["blocks"] if one in known):
+        for block in (name for name in row["blocks"] if name in known):
             inner = SubElement(terminal, "Terminal", name=block, matchingRule="plug")
             names = {"value": block} if arrays else _members(known[block])
             for member, variable in names.items():
-                said = {"variableName": variable, "memberName": member, "variableKind": "signal"}
-                SubElement(inner, "TerminalMemberVariable", said)
+                attributes = {"variableName": variable, "memberName": member, "variableKind": "signal"}
+                SubElement(inner, "TerminalMemberVariable", attributes)
         listed.extend([terminal] if len(terminal) else [])
     root.extend([listed] if len(listed) else [])
     return root

@@ -72,23 +72,23 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     random, of about 1 m/s2 and 1 rad/s2, since a wrongly connected port shows only if it moves the body.
     """
     path, seed = path_of(path), whole(0, 2**63).read(seed, "seed")
-    d, problems = _inside(path)
+    d, problems = _read_scene(path)
     run = d.scene.run
     _check_runs_here(path)
     time = run.grid()[: MAX_STEPS + 1]
     inputs = _signal(d, len(time) - 1, np.random.default_rng(seed))
     with _errors_of_fmpy(path):
-        problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))] + _gaps(path, d)
-        recorded, log = _through_fmpy(path, d, time, inputs)
-    expected = _through_kernels(d, time[: len(recorded)], inputs)
+        problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))] + _missing_parts(path, d)
+        recorded, log = _run_by_fmpy(path, d, time, inputs)
+    expected = _run_by_kernels(d, time[: len(recorded)], inputs)
     apart = np.nan_to_num(np.abs(recorded - expected), nan=np.inf, posinf=np.inf).max(axis=0).tolist()
     units = {v.name: v.unit for v in d.outputs} | {count.name: "1" for count in d.counts}
     differences = dict(zip(units, apart, strict=True))
     to_full = _distance_to_full(d, time, inputs, expected)
     if to_full > run.accuracy:
         problems += [f"the planned model is {to_full:.2g} from the full one: accuracy asked {run.accuracy:g}"]
-    asked, done, said = len(time) - 1, len(recorded) - 1, tuple(problems + log)
-    return Verification(seed, asked, done, differences, units, said, to_full, run.accuracy)
+    asked, done, messages = len(time) - 1, len(recorded) - 1, tuple(problems + log)
+    return Verification(seed, asked, done, differences, units, messages, to_full, run.accuracy)
 
 
 def _check_runs_here(path: Path) -> None:
@@ -121,7 +121,7 @@ def _errors_of_fmpy(path: Path) -> Iterator[None]:
         raise VerificationError(f"{path}: FMPy cannot import it: {type(error).__name__}: {error}") from error
 
 
-def _inside(path: Path) -> tuple[Description, list[str]]:
+def _read_scene(path: Path) -> tuple[Description, list[str]]:
     """Return an FMU's description, made from the scene and plan in it, and a problem if it has other kernels."""
     try:
         with zipfile.ZipFile(path) as archive:
@@ -132,8 +132,8 @@ def _inside(path: Path) -> tuple[Description, list[str]]:
     except (zipfile.BadZipFile, EOFError):
         raise VerificationError(f"{path}: not an FMU (a zip archive)") from None
     except (KeyError, TypeError, ValueError):
-        what = "not an FMU that rbfmu built, or of another version"
-        raise VerificationError(f"{path}: {what} (no resources/scene.json in it that can be read)") from None
+        reason = "not an FMU that rbfmu built, or of another version"
+        raise VerificationError(f"{path}: {reason} (no resources/scene.json in it that can be read)") from None
     old = kernels != builder.kernel_hash()
     problems = ["built from other kernels than those installed: build it anew"] if old else []
     scene = Scene.from_dict(tables, source=str(path))
@@ -143,11 +143,11 @@ def _inside(path: Path) -> tuple[Description, list[str]]:
         raise VerificationError(f"{path}: another version of rbfmu planned it: {error}") from None
 
 
-def _gaps(path: Path, d: Description) -> list[str]:
+def _missing_parts(path: Path, d: Description) -> list[str]:
     """Return problems in words: variables, units and dependencies that an importer needs and does not find."""
     model = fmpy.read_model_description(str(path), validate=False)
     found, version = {v.name: v for v in model.modelVariables}, version_in(model)
-    names = {one.name: k for k, one in enumerate(version.references(d))}
+    names = {variable.name: k for k, variable in enumerate(version.references(d))}
     problems = [f"variable {name} is missing" for name in sorted({*names} - {*found})]
     wrong = [found[name] for name, k in names.items() if name in found and found[name].valueReference != k]
     problems += [f"variable {v.name} has the value reference {v.valueReference}, not {names[v.name]}" for v in wrong]
@@ -196,7 +196,7 @@ class Unit:
     def __init__(self, folder: str, d: Description):
         model = fmpy.read_model_description(folder, validate=False)
         version = version_in(model)
-        causality = [d.variables[one.elements[0]].causality for one in version.references(d)]
+        causality = [d.variables[variable.elements[0]].causality for variable in version.references(d)]
         self._inputs, self._outputs = ([k for k, c in enumerate(causality) if c == x] for x in ("input", "output"))
         self._old = not version.has_time
         self._counted = () if self._old else (len(d.outputs),)
@@ -246,7 +246,7 @@ def unit_of(path: Path, d: Description) -> Iterator[Unit]:
         unit.fmu.freeInstance()
 
 
-def _through_fmpy(path: Path, d: Description, time: Array, inputs: Array) -> tuple[Array, list[str]]:
+def _run_by_fmpy(path: Path, d: Description, time: Array, inputs: Array) -> tuple[Array, list[str]]:
     """Return the outputs, a column each, at each time up to a refused step, and the FMU's messages.
 
     FMPy's `simulate_fmu` is not used, as it compares times with a relative tolerance of 1e-9.
@@ -256,8 +256,8 @@ def _through_fmpy(path: Path, d: Description, time: Array, inputs: Array) -> tup
             unit.start(time[0], time[-1], inputs[0].tolist())
             points = [unit.outputs()]
         except FMICallException as error:
-            said = "; ".join(unit.messages) or str(error)
-            raise VerificationError(f"{path}: refuses to start, perhaps not with another seed: {said}") from None
+            reason = "; ".join(unit.messages) or str(error)
+            raise VerificationError(f"{path}: refuses to start, perhaps not with another seed: {reason}") from None
         with suppress(FMICallException):
             for t, h, now in zip(time.tolist(), np.diff(time).tolist(), inputs.tolist(), strict=False):
                 unit.set_inputs(now)
@@ -269,7 +269,7 @@ def _through_fmpy(path: Path, d: Description, time: Array, inputs: Array) -> tup
     return rows[:, :-1], unit.messages + ([f"status was not 0 at {bad} points"] if bad else [])
 
 
-def _through_kernels(d: Description, time: Array, inputs: Array) -> Array:
+def _run_by_kernels(d: Description, time: Array, inputs: Array) -> Array:
     """Return the outputs that the kernels compute, a column each, at the same times; NaN from a refused step on."""
     kernels, z, places = d.plan.kernels, np.array(d.start_buffer), [v.offset for v in d.inputs]
     wanted = [*(v.offset for v in d.outputs), *(count.offset for count in d.counts)]
@@ -291,7 +291,7 @@ def _distance_to_full(d: Description, time: Array, inputs: Array, planned: Array
         full = plan(scene.replace(run={"stop": float(time[-1]), "accuracy": accuracy}), full=True)
     except SceneError:
         return np.nan
-    rows = _through_kernels(describe(scene, full), time, inputs)
+    rows = _run_by_kernels(describe(scene, full), time, inputs)
     of_events = {f"{name}_time" for name in scene.events}  # a small change may move such a time by a whole turn
     blocks = [v.block for v in d.outputs if v.block not in of_events]
     columns = {name: [k for k, block in enumerate(blocks) if block == name] for name in blocks}

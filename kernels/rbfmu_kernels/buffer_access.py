@@ -17,16 +17,35 @@ def copy_numbers(z: Buffer, source: int, target: int, n: int) -> None:
         z[target + i] = z[source + i]
 
 
+# Bits of several numbers are joined by OR, which is done in vectors, as no result waits for the one before. A zero of
+# either sign has no bits but its sign, which is shifted out.
+
+
 @kernel
 def are_finite(z: Buffer, first: int, end: int) -> bool:
-    """Return whether z[first], ..., z[end - 1] are finite: x - x is zero, of either sign, where x is.
-
-    The bits of all differences are joined by OR, which is done in vectors, as no result waits for the one before.
-    """
-    bits = 0
+    """Return whether z[first], ..., z[end - 1] are finite: x - x is zero where x is."""
+    bits = bits_of(0.0)
     for i in range(first, end):
         bits |= bits_of(z[i] - z[i])
-    return bits << 1 == 0
+    return bool(bits << 1 == 0)
+
+
+@kernel
+def are_zero(z: Buffer, first: int, end: int) -> bool:
+    """Return whether z[first], ..., z[end - 1] are zero."""
+    bits = bits_of(0.0)
+    for i in range(first, end):
+        bits |= bits_of(z[i])
+    return bool(bits << 1 == 0)
+
+
+@kernel
+def are_equal(z: Buffer, i: int, j: int, n: int) -> bool:
+    """Return whether n numbers from z[i] on equal those from z[j] on, all of them finite."""
+    bits = bits_of(0.0)
+    for k in range(n):
+        bits |= bits_of(z[i + k] - z[j + k])
+    return bool(bits << 1 == 0)
 
 
 @kernel

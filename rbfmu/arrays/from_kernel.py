@@ -87,8 +87,8 @@ def array_function(kernel: Function, *constants: int, singular: Singular | None 
 
 def checked_function(kernel: Function, singular: Singular | None, warning: str, *constants: int) -> Function:
     """Return the array function of a kernel; its warning begins with its name."""
-    said = f"{python_function(kernel).__name__}: {warning}"
-    return array_function(kernel, *constants, singular=singular, warning=said)
+    text = f"{python_function(kernel).__name__}: {warning}"
+    return array_function(kernel, *constants, singular=singular, warning=text)
 
 
 def sequence_function(kernel: Function, singular: Singular | None = None, warning: str = "") -> Function:
@@ -105,8 +105,8 @@ def sequence_function(kernel: Function, singular: Singular | None = None, warnin
             function = functions[seq]
         except (KeyError, TypeError):
             number = sequence(seq)
-            said = warning.format(seq=seq, poles="0 or 180" if seq[0] == seq[2] else "-90 or 90")
-            function = functions[seq] = checked_function(kernel, singular, said, number)
+            text = warning.format(seq=seq, poles="0 or 180" if seq[0] == seq[2] else "-90 or 90")
+            function = functions[seq] = checked_function(kernel, singular, text, number)
         return function(*args, **kwargs)
 
     return call
@@ -226,10 +226,10 @@ def documented_by(kernel: Function) -> Callable[[Function], Function]:
 def _with_shapes(text: str, kernel: Function) -> str:
     """Return a docstring with a line about shapes before the one about units: `q_ab (4), v_b (3) -> (3)`."""
     arguments, results = core_shapes(kernel)
-    taken = ", ".join(f"{name} {_in_brackets(shape)}" for name, shape in arguments.items())
-    given = ", ".join(map(_in_brackets, results))
+    takes = ", ".join(f"{name} {_in_brackets(shape)}" for name, shape in arguments.items())
+    gives = ", ".join(map(_in_brackets, results))
     before, units, after = text.partition("\nUnits:")
-    return f"{before}\nShapes: {taken} -> {given}; leading axes broadcast.{units}{after}"
+    return f"{before}\nShapes: {takes} -> {gives}; leading axes broadcast.{units}{after}"
 
 
 def _in_brackets(shape: Shape) -> str:

@@ -43,8 +43,8 @@ class AttitudeSpline:
     def _derivative(self, t: ArrayLike, order: int) -> Array:
         t = from_kernel.as_floats("attitude_spline", "t", t)
         first, last = self.times[0], self.times[-1]
-        if not np.all((t >= first) & (t <= last)):
-            raise ValueError(f"attitude_spline: t must be times from {first:g} to {last:g} s, those that it is made of")
+        if outside := t[~((t >= first) & (t <= last))].tolist():
+            raise ValueError(f"attitude_spline: t must be times from {first:g} to {last:g} s, got {outside[0]!r}")
         return np.asarray(self._spline(t, order))
 
 
@@ -69,11 +69,11 @@ def attitude_spline(times: ArrayLike, q_ab: ArrayLike) -> AttitudeSpline:
         raise ValueError(f"{expected}, got times[{back[0] + 1}] = {t[back[0] + 1]} after {t[back[0]]}")
     if q.shape != (len(t), 4):
         raise ValueError(f"attitude_spline: q_ab must have shape ({len(t)}, 4), one for each time, got {q.shape}")
-    q = normalize(q)
-    if bad := np.flatnonzero(np.isnan(q).any(axis=1)).tolist():
-        raise ValueError(f"attitude_spline: q_ab[{bad[0]}] must be finite and not zero")
-    turned = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0)
-    return AttitudeSpline(t, q * np.cumprod([1.0, *turned])[:, np.newaxis])
+    unit = normalize(q)
+    if bad := np.flatnonzero(np.isnan(unit).any(axis=1)).tolist():
+        raise ValueError(f"attitude_spline: q_ab[{bad[0]}] must be finite and not zero, got {q[bad[0]].tolist()}")
+    turned = np.where(np.sum(unit[1:] * unit[:-1], axis=1) < 0.0, -1.0, 1.0)
+    return AttitudeSpline(t, unit * np.cumprod([1.0, *turned])[:, np.newaxis])
 
 
 def _numbers(argument: str, value: ArrayLike) -> Array:

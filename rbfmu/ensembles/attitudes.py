@@ -33,7 +33,7 @@ def _mean_attitude(count: int, mean: Array, products: Array) -> tuple[Array, Arr
     q = np.linalg.eigh(products + count * mean[:, :, None] * mean[:, None, :])[1][:, :, -1]
     turned = np.sum(q * np.vstack([mean[:1], q[:-1]]), axis=1) < 0.0
     q = q * np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]  # signs without jumps, at first the members'
-    return q, _mapped(2.0 * _relative_to(q)[:, 1:], count, mean, products)
+    return q, _products_of_images(2.0 * _relative_to(q)[:, 1:], count, mean, products)
 
 
 def _relative_to(q: Array) -> Array:
@@ -58,10 +58,10 @@ def _mean_direction(mean: Array, products: Array) -> tuple[Array, Array]:
     sine = np.zeros((len(mean), angle.shape[1], mean.shape[1]))
     for k in range(angle.shape[1]):
         sine[:, k, 2 * k], sine[:, k, 2 * k + 1] = np.cos(angle[:, k]), -np.sin(angle[:, k])
-    return angle, _mapped(sine, 0, mean, products)
+    return angle, _products_of_images(sine, 0, mean, products)
 
 
-def _mapped(A: Array, count: int, mean: Array, products: Array) -> Array:
+def _products_of_images(A: Array, count: int, mean: Array, products: Array) -> Array:
     """Return the sums (n, i, i) of products of A x about zero, given mean and products of x; count = 0: A mean is 0."""
     of_mean = (A @ mean[:, :, None])[:, :, 0]
     return np.asarray(A @ products @ A.transpose(0, 2, 1) + count * of_mean[:, :, None] * of_mean[:, None, :])

@@ -98,10 +98,10 @@ class Control:
     @property
     def identity(self) -> dict[str, str | None]:
         """Return digests of inputs and controller, on which the members' bits depend."""
-        one = self.controller
-        said = (one.function, one.state, one.noise) if one else None
+        controller = self.controller
+        parts = (controller.function, controller.state, controller.noise) if controller else None
         given = digest((self.inputs, self.interpolate)) if self.inputs else None
-        return {"inputs": given, "controller": digest(said) if said else None}
+        return {"inputs": given, "controller": digest(parts) if parts else None}
 
     def numbers(self, scene: Scene) -> int:
         """Return how many input and noise numbers each member has of its own for a communication step."""
@@ -156,7 +156,7 @@ def _try_out(scene: Scene, plan: Plan, controller: Controller) -> None:
             raise TypeError(f"it returned {given!r}")
         controller.compiled()
     except (ArithmeticError, IndexError, NumbaError, TypeError, ValueError) as error:
-        raise _failed(scene, error, f", of {sizes}") from error
+        raise _controller_error(scene, error, f", of {sizes}") from error
 
 
 @contextmanager
@@ -167,12 +167,12 @@ def errors_named(scene: Scene, control: Control | None) -> Iterator[None]:
     except (ArithmeticError, IndexError, ValueError) as error:
         if control is None or control.controller is None:
             raise
-        raise _failed(scene, error) from None
+        raise _controller_error(scene, error) from None
 
 
-def _failed(scene: Scene, error: Exception, sizes: str = "") -> SceneError:
-    said = f"controller: {type(error).__name__}: {str(error).strip()}: expected {EXPECTED}{sizes}"
-    return SceneError(said, scene.name)
+def _controller_error(scene: Scene, error: Exception, sizes: str = "") -> SceneError:
+    message = f"controller: {type(error).__name__}: {str(error).strip()}: expected {EXPECTED}{sizes}"
+    return SceneError(message, scene.name)
 
 
 def _places(scene: Scene, blocks: dict[str, slice], ending: str = "") -> Indices:
@@ -187,23 +187,23 @@ def driven_members(
     Raises SceneError if the table of one is wrong.
     """
     each = numbers if callable(control.inputs) else numbers[:1]
-    drives = [drive_of(scene, control.tables_of(scene, one), control.interpolate, control.parts) for one in each]
+    drives = [drive_of(scene, control.tables_of(scene, number), control.interpolate, control.parts) for number in each]
     if control.controller:
-        drives = [_controlled(drive) for drive in drives]
+        drives = [_at_given_rows(drive) for drive in drives]
     before = np.cumsum([0, *(len(drive.lengths) for drive in drives[:-1])])
     counts = np.array([first + drive.counts for first, drive in zip(before, drives, strict=True)])
     lengths = np.concatenate([drive.lengths for drive in drives])
     given, slopes = (np.concatenate([_rows(scene, drive, part) for drive in drives]) for part in ("values", "slopes"))
-    one, time = control.controller or NONE, drives[0].time
-    noise = np.empty((len(numbers), len(time) - 1, one.noise))
-    for i, number in enumerate(numbers if one.noise else ()):
-        noise[i] = one.noise_of(members.ensemble_of(scene).seed, number, len(time) - 1)
-    state, ports = np.array(one.state), _places(scene, kernels.BLOCKS)
+    controller, time = control.controller or NONE, drives[0].time
+    noise = np.empty((len(numbers), len(time) - 1, controller.noise))
+    for i, number in enumerate(numbers if controller.noise else ()):
+        noise[i] = controller.noise_of(members.ensemble_of(scene).seed, number, len(time) - 1)
+    state, ports = np.array(controller.state), _places(scene, kernels.BLOCKS)
     rates = _places(scene, kernels.BLOCKS, "_rate") if slopes.any() else np.empty(0, dtype=np.int64)
-    return one.compiled(), Driving(ports, rates, time, lengths, counts, given, slopes, state, noise)
+    return controller.compiled(), Driving(ports, rates, time, lengths, counts, given, slopes, state, noise)
 
 
-def _controlled(drive: Drive) -> Drive:
+def _at_given_rows(drive: Drive) -> Drive:
     """Return the drive with each port's values only at communication points and at rows of its own table.
 
     Where a row of another port cuts a step the values are NaN, so that the port keeps what the controller wrote.
@@ -252,7 +252,7 @@ def _parts(value: Any, seen: set[Any]) -> Iterator[bytes]:
             return
         seen.add(function)
         yield from _parts((function.__code__, function.__defaults__, function.__kwdefaults__), seen)
-        for named in _named(_names(function.__code__), function.__globals__):
+        for named in _named_values(_names_in(function.__code__), function.__globals__):
             yield from _parts(named, seen)
         for cell in function.__closure__ or ():
             yield from _parts(cell.cell_contents, seen)
@@ -271,13 +271,13 @@ def _parts(value: Any, seen: set[Any]) -> Iterator[bytes]:
         yield value.__name__.encode() if isinstance(value, ModuleType) else pickle.dumps(value)
 
 
-def _named(names: set[str], known: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def _named_values(names: set[str], known: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield what code names, also inside the modules that it names, except those of VERSIONED packages."""
     for name in sorted(names & known.keys()):
         yield name, known[name]
         if isinstance(known[name], ModuleType) and known[name].__name__.partition(".")[0] not in VERSIONED:
-            yield from _named(names - {name}, vars(known[name]))
+            yield from _named_values(names - {name}, vars(known[name]))
 
 
-def _names(code: CodeType) -> set[str]:
-    return {*code.co_names}.union(*(_names(one) for one in code.co_consts if isinstance(one, CodeType)))
+def _names_in(code: CodeType) -> set[str]:
+    return {*code.co_names}.union(*(_names_in(part) for part in code.co_consts if isinstance(part, CodeType)))

@@ -112,7 +112,7 @@ _DESIGNS: Mapping[str, Callable[[Ensemble, int, int], Array]] = {
 }
 
 
-def mapped(function: Callable[[float], float], numbers: Array) -> Array:
+def map_floats(function: Callable[[float], float], numbers: Array) -> Array:
     """Return a function of floats, evaluated for each number; unlike NumPy's, its bits do not depend on the array."""
     return np.fromiter(map(function, numbers.tolist()), np.float64, len(numbers))
 
@@ -157,7 +157,7 @@ def normal_scores(u: Array) -> Array:
     r = 0.180625 - q * q  # the square of _MIDDLE, as the algorithm has it
     found = _ratio("median", r, q)
     tails = np.flatnonzero(np.abs(q) > _MIDDLE)
-    r = np.sqrt(-mapped(math.log, np.where(q[tails] <= 0.0, u[tails], 1.0 - u[tails])))
+    r = np.sqrt(-map_floats(math.log, np.where(q[tails] <= 0.0, u[tails], 1.0 - u[tails])))
     x = _ratio("tails", r - 1.6)
     far = np.flatnonzero(r > _FAR)
     x[far] = _ratio("far", r[far] - _FAR)
@@ -167,7 +167,7 @@ def normal_scores(u: Array) -> Array:
 
 def probabilities(z: Array) -> Array:
     """Return the standard normal distribution function at z, kept inside (0, 1)."""
-    return np.clip(mapped(NormalDist().cdf, z), 2.0**-1000, 1.0 - 2.0**-53)
+    return np.clip(map_floats(NormalDist().cdf, z), 2.0**-1000, 1.0 - 2.0**-53)
 
 
 def values_of(marginal: Marginal, u: Array, z: Array | None = None) -> Array:
@@ -206,7 +206,7 @@ def _exponential(x: float) -> float:
 _SCORED: Mapping[str, Callable[..., Array]] = {
     NORMAL: lambda mean, deviation, z: mean + deviation * z,
     RELATIVE: lambda deviation, z: 1.0 + deviation * z,
-    LOGNORMAL: lambda median, deviation, z: median * mapped(_exponential, deviation * z),
+    LOGNORMAL: lambda median, deviation, z: median * map_floats(_exponential, deviation * z),
 }
 """The values of each normal distribution, by its arguments and normal scores."""
 

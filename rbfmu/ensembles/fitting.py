@@ -68,12 +68,12 @@ def parts_of_steps(judges: Sequence[Judge], general: Plan) -> int:
 
     It is the number of the run's steps there, or fewer where a series serves many steps.
     """
-    one = judges[0]
-    if one.stride == 1:
+    first = judges[0]
+    if first.stride == 1:
         return 1
-    likely = series_plan(general, likely_order(one.asked.accuracy), one.asked.accuracy)
-    substeps = max(judge.try_out(likely, parts=one.stride)[1] for judge in judges)
-    return min(max(math.ceil(INSIDE * substeps / len(one.steps)), 1), one.stride)
+    likely = series_plan(general, likely_order(first.asked.accuracy), first.asked.accuracy)
+    substeps = max(judge.try_out(likely, parts=first.stride)[1] for judge in judges)
+    return min(max(math.ceil(INSIDE * substeps / len(first.steps)), 1), first.stride)
 
 
 def fit_of_members(judges: Sequence[Judge], general: Plan, parts: int, part: float) -> Plan | None:
@@ -90,8 +90,8 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, parts: int, part: flo
         return max(error for error, _ in found), max(substeps for _, substeps in found)
 
     likely = series_plan(looser, min(likely_order(asked.accuracy), HIGHEST), asked.accuracy)
-    tried = [judge.try_out(likely, parts=parts) for judge in judges]
-    hard = [judges[int(np.argmax(column))] for column in zip(*tried, strict=True)]
+    results = [judge.try_out(likely, parts=parts) for judge in judges]
+    hard = [judges[int(np.argmax(column))] for column in zip(*results, strict=True)]
     bound = part * asked.accuracy
     best, least = None, math.inf
     for way in (2, -2):
@@ -121,8 +121,8 @@ def follow_in_doubles(judges: Sequence[Judge]) -> None:
     for judge in judges:
         judge.follow_by(series_of_all(judge.asked, MAX_ORDER - 4, TIGHT))
         if judge.try_out(series_of_all(judge.asked, MAX_ORDER - 8, TIGHT))[0] > LITTLE * judge.asked.accuracy:
-            for one in judges:
-                one.forget()
+            for each in judges:
+                each.forget()
             return
 
 
@@ -145,9 +145,9 @@ def _loosest(
     kept, substeps = None, math.inf
     for _ in range(4):
         plan = series_plan(general, order, tolerance)
-        error, taken = worst(plan)
-        if error <= bound and (kept is None or taken <= substeps):
-            kept, substeps = replace(plan, error=error), taken
+        error, count = worst(plan)
+        if error <= bound and (kept is None or count <= substeps):
+            kept, substeps = replace(plan, error=error), count
         if 0.1 * bound <= error <= bound or (error <= bound and plan.tolerance >= general.tolerance):
             break
         tolerance = min(max(ratio_to(0.4 * bound, error), 1e-4), 1e2) * plan.tolerance
@@ -185,7 +185,7 @@ class Scouts:
         self.truth = self._run(self.exact)
         self.are_too_few = False
 
-    def tell_of(self, plan: Plan) -> bool:
+    def serve(self, plan: Plan) -> bool:
         """Return whether the scouts' truth is much tighter than a plan."""
         return self.exact.tolerance <= LITTLE * plan.tolerance
 

@@ -88,7 +88,7 @@ def draw(scene: Scene, first: int, count: int) -> Samples:
     if not 0 <= first < first + count <= ensemble.runs:
         raise ValueError(f"draw: first = {first}, count = {count}: expected members of the {ensemble.runs} runs")
     found = samples_at(scene, draws.points(ensemble, first, count), first)
-    return found if ensemble.design == GRID else _possible(scene, found)
+    return found if ensemble.design == GRID else _with_possible_inertia(scene, found)
 
 
 def samples_at(scene: Scene, cube: Array, first: int = 0) -> Samples:
@@ -98,7 +98,7 @@ def samples_at(scene: Scene, cube: Array, first: int = 0) -> Samples:
     return Samples(first, applied, drawn, np.zeros(len(cube), dtype=np.int64))
 
 
-def _possible(scene: Scene, found: Samples) -> Samples:
+def _with_possible_inertia(scene: Scene, found: Samples) -> Samples:
     """Return the members, with all numbers of those with an impossible inertia drawn again, by their own streams."""
     if ensemble_of(scene).variation_of(INERTIA) is None:
         return found
@@ -149,7 +149,7 @@ def member(scene: Scene, samples: Samples, row: int, more: Mapping[str, Any] = M
 def refusals(scene: Scene, samples: Samples) -> dict[int, str]:
     """Return for each refused member its row and the message, by the scene's own checks."""
     messages = {}
-    for row in np.unique(np.concatenate(list(_doubtful(scene, samples)))).tolist():
+    for row in np.unique(np.concatenate(list(_rows_in_doubt(scene, samples)))).tolist():
         try:
             member(scene, samples, row)
         except SceneError as error:
@@ -165,7 +165,7 @@ def _check_shape(scene: Scene, samples: Samples, row: int) -> None:
         SHAPES[shape.form].read({"kind": shape.form, **sizes})
 
 
-def _doubtful(scene: Scene, samples: Samples) -> list[Indices]:
+def _rows_in_doubt(scene: Scene, samples: Samples) -> list[Indices]:
     """Return the rows that a scene's checks may refuse: few, except for slender beams."""
     found, known = [np.empty(0, dtype=np.int64)], {**RULES, **variables.SIZES}
     for key, values in samples.applied.items():
@@ -255,7 +255,7 @@ class _Appliance:
         else:
             q = self.call(rotation_vector.quaternion_from_rotvec, rows)
         if form.startswith("about"):
-            q = self.call(quaternion.compose_quaternions, self._all(self.scene.initial.quaternion), q)
+            q = self.call(quaternion.compose_quaternions, self._for_all(self.scene.initial.quaternion), q)
         return self.call(quaternion.normalize, q)
 
     def _any_rotation(self, u: Array) -> Array:
@@ -294,10 +294,10 @@ class _Appliance:
             return M if own is None else M * (own[:, None, :] * np.eye(3))
         assert self.scene.body is not None
         if own is None:
-            return self._all(self.scene.body.inertia)
+            return self._for_all(self.scene.body.inertia)
         moments, R_bp = axes_of(self.scene.body)
         M = (own * moments if variation.is_relative else own)[:, None, :] * np.eye(3)
-        return M if R_bp is None else self.call(inertia.rotate_inertia, self._all(R_bp), M)
+        return M if R_bp is None else self.call(inertia.rotate_inertia, self._for_all(R_bp), M)
 
     def _inertia_of_shape(self) -> Array:
         variation = self.ensemble.variation_of(SHAPE)
@@ -309,7 +309,7 @@ class _Appliance:
         sizes = (np.abs(value) for _, value in self._sizes(variation))
         return self.call(getattr(inertia, f"{variation.form}_inertia"), np.abs(masses), *sizes)
 
-    def _all(self, value: Any) -> Array:
+    def _for_all(self, value: Any) -> Array:
         return np.broadcast_to(np.array(value), (self.count, *np.shape(value)))
 
 

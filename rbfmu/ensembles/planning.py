@@ -73,14 +73,9 @@ def plan_ensemble(scene: Scene, progress: Callable[[float], Any] | None = None) 
 
 def plan_once(scene: Scene) -> Plan:
     """Return the plan of an ensemble. A scene that was planned lately has the same plan and the same warnings again."""
-    found, doubts = _planned(scene)
+    found, doubts = _kept_with_doubts(scene)
     warn(scene, doubts)
     return found
-
-
-@lru_cache(maxsize=8)
-def _planned(scene: Scene) -> tuple[Plan, list[str]]:
-    return _with_doubts(scene)
 
 
 def _with_doubts(scene: Scene, progress: Callable[[float], Any] | None = None) -> tuple[Plan, list[str]]:
@@ -107,11 +102,14 @@ def _with_doubts(scene: Scene, progress: Callable[[float], Any] | None = None) -
             wild = likely.error > scene.run.accuracy
             chosen = chosen if wild else likely
     tell(1.0)
-    doubts = [*_of_growth(scene, growth, wild)]
+    doubts = [*_doubts_of_growth(scene, growth, wild)]
     if not scene.inputs.ports:  # a port may supply anything, so that any key may have an effect
-        doubts += _of_no_effect(scene, chosen)
-    why = (*_of_model(judges[0].asked, chosen), *_of_members(scene, chosen, len(judges), wild))
+        doubts += _doubts_of_no_effect(scene, chosen)
+    why = (*_reasons_of_model(judges[0].asked, chosen), *_reasons_of_members(scene, chosen, len(judges), wild))
     return replace(chosen, reasons=why), doubts
+
+
+_kept_with_doubts = lru_cache(maxsize=8)(_with_doubts)
 
 
 def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
@@ -124,7 +122,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
         if scene.inputs.ports or not select.series_serve_alone(judges[0]):  # pilot runs do not see what ports supply
             return False, None
         asked = judges[0].asked
-        general = replace(methods.whole_series(scene, 0, scene.run.accuracy), pinned=asked.pinned)
+        general = replace(methods.series_of_all(asked, 0, scene.run.accuracy), pinned=asked.pinned)
         if scene.run.count == 1:  # no series has to go beyond this one step, so that members run side by side
             general = replace(general, substep=scene.run.step)
         fitting.follow_in_doubles(judges)
@@ -133,15 +131,14 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
         part = fitting.PART
         fitted, found, scouts = fit(part) or fit(fitting.MOST), None, None
         while fitted:
-            if scouts is None or not scouts.tell_of(fitted):
+            if scouts is None or not scouts.serve(fitted):
                 scouts = fitting.Scouts(scene, methods.with_cost(asked, fitted), judges[0].names, parts)
             found = fitting.for_the_worst(scouts, fitted)
             if scouts.seconds < fitting.LONGER and (found is None or scouts.are_too_few):
                 # a few scouts say little about a heavy tail: take more, with a truth for the tightest tolerance
                 tightest = replace(fitted, tolerance=methods.TIGHTEST)
-                scouts = fitting.Scouts(
-                    scene, methods.with_cost(asked, tightest), judges[0].names, parts, fitting.LONGER
-                )
+                costed = methods.with_cost(asked, tightest)
+                scouts = fitting.Scouts(scene, costed, judges[0].names, parts, fitting.LONGER)
                 found = fitting.for_the_worst(scouts, fitted)
             if found is None:
                 return True, None
@@ -156,7 +153,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
 # Why
 
 
-def _of_model(pilot: question.Question, chosen: Plan) -> Iterator[str]:
+def _reasons_of_model(pilot: question.Question, chosen: Plan) -> Iterator[str]:
     """Yield what the model leaves out, and why it is valid, with one pilot's numbers."""
     if chosen.model == registry.PRESCRIBED_RATES.key:
         yield closed_forms.PRESCRIBED
@@ -179,15 +176,15 @@ def _of_model(pilot: question.Question, chosen: Plan) -> Iterator[str]:
         yield f"{held_over_a_run(chosen)} in every member"
 
 
-def _of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator[str]:
+def _reasons_of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator[str]:
     ensemble = members.ensemble_of(scene)
     keys = ", ".join(variation.key for variation in ensemble.vary)
     whatever = f"the model holds whatever {keys} may be"
     yield f"one plan for all {ensemble.runs:,} members; the numbers above are of one, {whatever}"
     if chosen.model == registry.LOADED_TAYLOR.key and not wild:
-        said = f"by {pilots} pilot members, as far out as the farthest, and by up to a thousand others"
+        evidence = f"by {pilots} pilot members, as far out as the farthest, and by up to a thousand others"
         likely = f"error at most {chosen.error:.1e} in {fitting.MEMBERS:,} members, with 99 in 100"
-        yield f"{likely}, {said}; {scene.run.accuracy:g} asked"
+        yield f"{likely}, {evidence}; {scene.run.accuracy:g} asked"
     elif chosen.model != registry.PRESCRIBED_RATES.key:
         far = f"as far out as the farthest; {scene.run.accuracy:g} asked"
         yield f"error at most {chosen.error:.1e} in {pilots} pilot members, {far}"
@@ -197,33 +194,33 @@ def _of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator
         yield f"Sobol's points are balanced where runs is a power of 2: {expected}"
 
 
-def _of_growth(scene: Scene, growth: float, wild: bool) -> Iterator[str]:
+def _doubts_of_growth(scene: Scene, growth: float, wild: bool) -> Iterator[str]:
     """Yield the doubt that members may miss the accuracy; wild: whether no tolerance is tight enough for the worst."""
     if magnified_round_off(growth) > scene.run.accuracy:
-        said = f"a pilot member magnifies an error {growth:.1e} times, round-off beyond the accuracy"
-        yield f"{said}: members may miss it"
+        message = f"a pilot member magnifies an error {growth:.1e} times, round-off beyond the accuracy"
+        yield f"{message}: members may miss it"
     elif wild:
         yield "nearly equal starts lead apart here: round-off may grow beyond the accuracy in the worst of many members"
 
 
-def _of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
+def _doubts_of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
     """Yield a doubt for each varied key without effect: a member's outputs are the same with another member's value."""
     samples = members.samples_at(scene, draws.at_random(members.ensemble_of(scene), 0, 2, APART))
     shaped = any(key.startswith(f"{SHAPE}.") for key in samples.applied)
     step = {"run.step": (scene.run.stop - scene.run.start) / FEW_POINTS}
     with suppress(SceneError, SimulationError):  # if the members cannot run, there is no doubt
-        own = _shown(members.member(scene, samples, 0).replace(step), chosen)
+        own = _outputs_of(members.member(scene, samples, 0).replace(step), chosen)
         for key in samples.applied:  # the inertia of a shape depends on the mass
             swapped = [key, INERTIA] if key == "body.mass" and shaped else [key]
-            reverse = {one: samples.applied[one][::-1] for one in swapped}
+            reverse = {name: samples.applied[name][::-1] for name in swapped}
             other = replace(samples, applied={**samples.applied, **reverse})
-            found = _shown(members.member(scene, other, 0).replace(step), chosen)
+            found = _outputs_of(members.member(scene, other, 0).replace(step), chosen)
             moved = any(_differs(own[name].ravel(), found[name].ravel()) for name in own)
-            if not moved and (name := _named(scene, key)):
+            if not moved and (name := _key_of(scene, key)):
                 yield f"ensemble.vary: {name} varies without effect on any output"
 
 
-def _named(scene: Scene, key: str) -> str:
+def _key_of(scene: Scene, key: str) -> str:
     """Return the key in `ensemble.vary` that varies an applied key; "" if no such key can be named."""
     ensemble = members.ensemble_of(scene)
     shape = ensemble.variation_of(SHAPE)
@@ -236,7 +233,7 @@ def _differs(a: Array, b: Array) -> bool:
     return len(a) != len(b) or bool(variables.differ(np.stack([a, b])).any())  # an event may happen more often
 
 
-def _shown(scene: Scene, chosen: Plan) -> dict[str, Array]:
+def _outputs_of(scene: Scene, chosen: Plan) -> dict[str, Array]:
     found = run_of(scene, chosen)
     return {**found.quantities, **{f"events.{name}": times for name, times in found.events.items()}}
 
@@ -244,7 +241,7 @@ def _shown(scene: Scene, chosen: Plan) -> dict[str, Array]:
 # Pilots
 
 
-def _listed(scene: Scene) -> dict[str, Any]:
+def _with_all_listed(scene: Scene) -> dict[str, Any]:
     """Return the scene's change that lists all varying parameters, so that a plan is valid for every value of them."""
     names = dict.fromkeys((*scene.inputs.parameters, *members.ensemble_of(scene).parameters))
     return {"inputs.parameters": [name for name in names if name not in scene.inputs.ports]}
@@ -260,7 +257,7 @@ def _pilots(scene: Scene) -> Iterator[Scene]:
             message = bad[0]
         else:
             found += 1
-            yield members.member(scene, samples, row, _listed(scene))
+            yield members.member(scene, samples, row, _with_all_listed(scene))
     if not found:
         raise SceneError(f"ensemble.vary: expected members that are scenes; of the first, {message}", scene.name)
 
@@ -289,13 +286,13 @@ def _pilot_samples(scene: Scene) -> Iterator[members.Samples]:
 def _for_all(found: list[Plan]) -> Plan:
     """Return the plan with the largest model, and of the plans with it the shortest substep and the least tolerance."""
     order = [*registry.MODELS, registry.FORMULAS.key]
-    largest = max(order.index(one.model) for one in found)
-    same = [one for one in found if order.index(one.model) == largest]
-    dearest = max(same, key=lambda one: one.cost)
-    tolerance = min(one.tolerance for one in same)
+    largest = max(order.index(plan.model) for plan in found)
+    same = [plan for plan in found if order.index(plan.model) == largest]
+    dearest = max(same, key=lambda plan: plan.cost)
+    tolerance = min(plan.tolerance for plan in same)
     if tolerance > 0.0:
         tolerance = max(MARGIN * tolerance, methods.TIGHTEST)
-    substep, error = min(one.substep for one in same), max(one.error for one in same)
+    substep, error = min(plan.substep for plan in same), max(plan.error for plan in same)
     return replace(dearest, tolerance=tolerance, substep=substep, error=error, formulas=None)
 
 

@@ -180,7 +180,7 @@ def chunks_in_order(work: Work, first: int, executor: Any) -> Generator[Chunk]:
     """Yield the chunks from number `first` on in their order; only a few are submitted at a time."""
     # threads of this process need no packing, so that functions of any kind can be used
     here = executor is None or isinstance(executor, Integral | ThreadPoolExecutor)
-    task, given = (run_chunk, work) if here else (run_packed, packed(work))
+    task, given = (run_chunk, work) if here else (run_packed, pack(work))
     with workers_of(executor) as (submit, workers):
         waiting: deque[Any] = deque()
         try:
@@ -216,7 +216,7 @@ def _losses() -> Iterator[None]:
         raise SimulationError(f"the executor lost a chunk of the ensemble: {text}") from error
 
 
-def packed(work: Work) -> bytes:
+def pack(work: Work) -> bytes:
     """Return work as bytes, with its `origin`; a worker makes kernels of formulas again from the scene."""
     bare = replace(work, plan=replace(work.plan, formulas=None))
     with suppress(ImportError):  # it is installed with Dask, and also packs functions that are in no module
@@ -227,7 +227,7 @@ def packed(work: Work) -> bytes:
 
 
 @lru_cache(maxsize=4)
-def _unpacked(given: bytes) -> Work:
+def _unpack(given: bytes) -> Work:
     work: Work = pickle.loads(given)
     return replace(work, plan=work.plan.of_scene(work.scene))
 
@@ -237,7 +237,7 @@ def run_packed(given: bytes, index: int) -> Chunk:
     there, work = pickle.loads(given)
     if other := [name for name, value in there.items() if origin().get(name) != value]:
         raise SimulationError(f"a worker has another {', '.join(other)}, whose bits may be others: expected the same")
-    return run_chunk(_unpacked(work), index)
+    return run_chunk(_unpack(work), index)
 
 
 def warm(scene: Scene, planned: Plan) -> None:

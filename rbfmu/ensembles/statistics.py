@@ -91,8 +91,8 @@ def sample_of(rows: Array, good: Indices, first: int, columns: Columns, share: f
     if ATTITUDE not in columns.slices:
         return None
     keys = keys_of(first + good)
-    taken = keys < share
-    return Sample(keys[taken], rows[good[taken], :, columns.slices[ATTITUDE]])
+    chosen = keys < share
+    return Sample(keys[chosen], rows[good[chosen], :, columns.slices[ATTITUDE]])
 
 
 def summary_of(rows: Array, good: Indices, columns: Columns, most: int, turn: int, full: bool = True) -> Summary:
@@ -136,7 +136,7 @@ def _weight(points: Points) -> int:
     return points.weight
 
 
-def _thinned(sets: Sequence[Points], weight: int, turn: int) -> Points:
+def _thin_out(sets: Sequence[Points], weight: int, turn: int) -> Points:
     """Return one set of points of a larger weight, made from sets that have one and the same weight."""
     old, count, rows = sets[0].weight, sum(points.values.shape[1] for points in sets), len(sets[0].values)
     chosen, error = _every(weight // old, count, turn)
@@ -201,13 +201,13 @@ class Statistics:
                 return
             self.levels[level] = [new]
             weight = weight_of(sum(points.members for points in sets), self.most)
-            new = _thinned(sets, weight, self.chunks // SETS ** (level + 1))
+            new = _thin_out(sets, weight, self.chunks // SETS ** (level + 1))
         self.levels.append([new])
 
     def sample(self, share: float) -> Array:
         """Return the attitudes (s, n, 4) of a share of all members, at most the share that was sampled."""
-        taken = [one.values[one.keys < share] for one in self.samples]
-        return np.concatenate(taken) if taken else np.empty((0, len(self.mean), 4))
+        chosen = [sample.values[sample.keys < share] for sample in self.samples]
+        return np.concatenate(chosen) if chosen else np.empty((0, len(self.mean), 4))
 
     def quantiles(self, probabilities: Array, middle: Array) -> tuple[Array, float]:
         """Return the quantiles (q, n, R) at probabilities (q,), and the largest error of their ranks.
@@ -215,11 +215,11 @@ class Statistics:
         middle (n, R): for angles the mean, about which quantiles are taken; NaN for other numbers. The error is a part
         of all members, 0 if all values are kept. Quantiles are NaN without members.
         """
-        sets = sorted((one for sets in self.levels for one in sets), key=_weight)
+        sets = sorted((points for sets in self.levels for points in sets), key=_weight)
         if not any(points.values.shape[1] for points in sets):
             return np.full((len(probabilities), *middle.shape), np.nan), 0.0
-        levels = [_thinned([*group], sets[-1].weight, turn) for turn, (_, group) in enumerate(groupby(sets, _weight))]
-        points = _thinned(levels, sets[-1].weight, 0) if len(levels) > 1 else levels[0]
+        levels = [_thin_out([*group], sets[-1].weight, turn) for turn, (_, group) in enumerate(groupby(sets, _weight))]
+        points = _thin_out(levels, sets[-1].weight, 0) if len(levels) > 1 else levels[0]
         angles = ~np.isnan(middle.ravel())
         points.values[angles] = around(middle.ravel()[angles, None], points.values[angles])
         found = _quantiles(points.values, probabilities)

@@ -180,8 +180,8 @@ def check_names(scene: Scene) -> None:
     dims = {PROBABILITY, RESUME}.union(*(variable.dims for variable in known))
     counts = Counter([*dims, *(variable.name for variable in known)])
     if taken := [name for name in scene.outputs.own if counts[name] > 1]:
-        said = "another name where all of the runs is kept: an ensemble calls something else so"
-        raise SceneError([f"outputs.{name}: expected {said}" for name in taken], scene.name)
+        expected = "another name where all of the runs is kept: an ensemble calls something else so"
+        raise SceneError([f"outputs.{name}: expected {expected}" for name in taken], scene.name)
 
 
 def variables_of(scene: Scene, arrays: Mapping[str, Any]) -> dict[str, Variable]:
@@ -214,8 +214,8 @@ def _dims(row: Quantity) -> tuple[str, ...]:
 
 def _attributes(row: Quantity) -> dict[str, Any]:
     attributes = {"units": row.unit, "long_name": row.meaning}
-    said = (frame for words, frame in _FRAMES.items() if words in row.meaning)
-    frame = _AXES[row.frame] if isinstance(row, Load) else next(said, "")
+    frames = (frame for words, frame in _FRAMES.items() if words in row.meaning)
+    frame = _AXES[row.frame] if isinstance(row, Load) else next(frames, "")
     return attributes | ({"frame": frame} if frame else {})
 
 

@@ -54,7 +54,7 @@ class Texts:
         self._wrong |= {name for name, value in self.own.items() if value is None}
         if unread:
             self._wrong |= read - {*self.motion.names, *self.motion.functions, *CONSTANTS}
-        self.events = {name: self._changing(f"events.{name}.when", row.when) for name, row in scene.events.items()}
+        self.events = {name: self._event_value(f"events.{name}.when", row.when) for name, row in scene.events.items()}
         self.own |= self._own_values(scene.outputs.own, lambda name: name not in read)
         self.own = {name: self.own[name] for name in scene.outputs.own}
 
@@ -68,7 +68,7 @@ class Texts:
         """Return the values of some own outputs, by name."""
         return {name: self._value_of(f"outputs.{name}.value", own[name].value, None) for name in own if which(name)}
 
-    def _changing(self, key: str, text: str) -> Any:
+    def _event_value(self, key: str, text: str) -> Any:
         """Return the value of a scalar formula that depends on the motion, the time or an input, not only by jumps."""
         found = self._value_of(key, text, ())
         if found is None or self.motion.graph.reached_of(("state", "input"), [found], "side"):
@@ -88,7 +88,7 @@ class Texts:
                 known = self.loads.get(name)
                 self.loads[name] = force + (np.array(getattr(self.scene.loads, name)) if known is None else known)
         if asked := [name for name in ENERGIES if name in self.scene.outputs.own]:
-            self.faults += self._without_potential(asked[0])
+            self.faults += self._faults_without_potential(asked[0])
         rates = self.motion.rates({name: load for name, load in self.loads.items() if load is not None})
         kinetic = self.motion.outputs(rates)["kinetic_energy"][0]
         # with a potential the buffer's force_a is the sum of both; a load that is not given is a scalar zero here
@@ -96,7 +96,7 @@ class Texts:
         energy = self.motion.potential_energy(0.0 if potential is None else potential, force_a)
         self.motion.names |= {"kinetic_energy": kinetic, "potential_energy": energy, "total_energy": kinetic + energy}
 
-    def _without_potential(self, asked: str) -> Iterator[str]:
+    def _faults_without_potential(self, asked: str) -> Iterator[str]:
         """Yield a message if loads act that have no potential; asked: the energy that an output shows."""
         loads, inputs = self.scene.loads, self.scene.inputs
         acting = [name for name in ("force_b", "torque_a", "torque_b") if any(getattr(loads, name))]
@@ -129,8 +129,8 @@ class Texts:
                 if table == "inputs.ports" and name == "h":
                     self.faults.append("inputs.ports.h: expected another name: h is a simulator's step")
                 elif table == "outputs" and name.startswith("_"):  # it could be an attribute of a simulator
-                    said = "expected another name, without _ in front: results have such names themselves"
-                    self.faults.append(f"outputs.{name}: {said}")
+                    message = "expected another name, without _ in front: results have such names themselves"
+                    self.faults.append(f"outputs.{name}: {message}")
                 elif not is_energy and (name in taken or name in beside.get(table, ())):
                     self.faults.append(f"{table}.{name}: expected another name: {name} means something else here")
                 elif name in seen:
@@ -151,8 +151,8 @@ class Texts:
             if not ready:
                 circle = _circle({n: names_in(t) & {*left} for n, t in left.items()})
                 self._wrong |= {*left}
-                said = f"expected formulas without a circle, not {' -> '.join(circle)}"
-                self.faults.append(f"formulas.{circle[0]}: {said}")
+                message = f"expected formulas without a circle, not {' -> '.join(circle)}"
+                self.faults.append(f"formulas.{circle[0]}: {message}")
                 return
             for name in ready:
                 found = self._value_of(f"formulas.{name}", left.pop(name), None)

@@ -78,7 +78,7 @@ class MismatchError(ValueError):
     """An error that says what was expected instead of the arguments."""
 
 
-def _such(x: Array, fits: bool, expected: str) -> Any:
+def _require(x: Array, fits: bool, expected: str) -> Any:
     if not fits:
         raise MismatchError(expected)
     return x
@@ -86,26 +86,26 @@ def _such(x: Array, fits: bool, expected: str) -> Any:
 
 def as_scalar(x: Array) -> graph.Number:
     """Return a scalar unchanged. Raises MismatchError for anything else, as the functions below do."""
-    return _such(x, not isinstance(x, np.ndarray | Condition | Table), "a scalar")  # type: ignore[no-any-return]
+    return _require(x, not isinstance(x, np.ndarray | Condition | Table), "a scalar")  # type: ignore[no-any-return]
 
 
 def as_number(x: Array) -> Array:
     """Return a scalar, a vector or a matrix unchanged."""
-    return _such(x, not isinstance(x, NO_NUMBER), "a number")
+    return _require(x, not isinstance(x, NO_NUMBER), "a number")
 
 
 def as_vector(x: Array) -> Array:
     """Return a vector of 3 numbers unchanged."""
-    return _such(x, shape_of(x) == (3,), "a vector of 3 numbers")
+    return _require(x, shape_of(x) == (3,), "a vector of 3 numbers")
 
 
 def as_condition(x: Array) -> Condition:
     """Return a condition unchanged."""
-    return _such(x, isinstance(x, Condition), "a condition, such as x > 0")  # type: ignore[no-any-return]
+    return _require(x, isinstance(x, Condition), "a condition, such as x > 0")  # type: ignore[no-any-return]
 
 
 def _table(table: Array, x: Array) -> graph.Number:
-    known: Table = _such(table, isinstance(table, Table), "the name of a table, then a scalar")
+    known: Table = _require(table, isinstance(table, Table), "the name of a table, then a scalar")
     return known.at(as_scalar(x))
 
 
@@ -120,7 +120,7 @@ def _dot(a: Array, b: Array) -> graph.Number:
 
 
 def _length(v: Array) -> graph.Number:
-    return graph.square_root(_dot(_such(v, len(shape_of(v)) == 1, "a vector"), v))
+    return graph.square_root(_dot(_require(v, len(shape_of(v)) == 1, "a vector"), v))
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -151,17 +151,17 @@ def _angle(y: graph.Number, x: graph.Number) -> graph.Number:
     return graph.select(graph.side(x), graph.arctangent(y, x), graph.arctangent(-y, -x) + half_turn)
 
 
-def _least(a: graph.Number, b: graph.Number) -> graph.Number:
+def _minimum(a: graph.Number, b: graph.Number) -> graph.Number:
     return graph.select(graph.side(b - a), a, b)
 
 
-def _largest(a: graph.Number, b: graph.Number) -> graph.Number:
+def _maximum(a: graph.Number, b: graph.Number) -> graph.Number:
     return graph.select(graph.side(a - b), a, b)
 
 
 def clipped(x: graph.Number, low: graph.Number, high: graph.Number) -> graph.Number:
     """Return x, but no smaller than low, and no larger than high."""
-    return _least(_largest(x, low), high)
+    return _minimum(_maximum(x, low), high)
 
 
 def _where(condition: Array, a: Array, b: Array) -> Array:
@@ -185,8 +185,8 @@ FUNCTIONS: Mapping[str, Function] = {
     "log": Function("x", "natural logarithm", _of_scalars(graph.logarithm)),
     "sqrt": Function("x", "square root", _of_scalars(graph.square_root)),
     "abs": Function("x", "absolute value", _of_scalars(lambda x: graph.select(graph.side(x), x, -x))),
-    "min": Function("a, b", "the smaller of two scalars", _of_scalars(_least)),
-    "max": Function("a, b", "the larger of two scalars", _of_scalars(_largest)),
+    "min": Function("a, b", "the smaller of two scalars", _of_scalars(_minimum)),
+    "max": Function("a, b", "the larger of two scalars", _of_scalars(_maximum)),
     "clip": Function("x, low, high", "x, but no smaller than low, and no larger than high", _of_scalars(clipped)),
     "table": Function("name, x", "a table of the scene at x", _table),
     "where": Function("condition, a, b", "a where the condition holds, else b", _where),

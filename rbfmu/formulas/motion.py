@@ -92,8 +92,8 @@ class Motion:
             self.position, self.velocity = self._places("position_0"), np.array(_ZERO, object)
         else:
             self._r_c, lever = self._leaves("state", "r_c", 3), cross(self.omega, r_oc)
-            self.position = _less(self._r_c, self.to_a(r_oc))
-            self.velocity = _less(self.v_c, self.to_a(lever))
+            self.position = _minus(self._r_c, self.to_a(r_oc))
+            self.velocity = _minus(self.v_c, self.to_a(lever))
         self._M, self._arm = self._places("M").reshape(3, 3), self._places("arm")
         self.names = self._names(r_oc)
 
@@ -163,7 +163,7 @@ class Motion:
         if self.given.pivot:
             return {"torque_b": torque}
         force = -1.0 * slopes[4:]
-        return {"force_a": force, "torque_b": _less(torque, cross(self._arm, self.to_b(force)))}
+        return {"force_a": force, "torque_b": _minus(torque, cross(self._arm, self.to_b(force)))}
 
     def potential_energy(self, potential: Number, force_a: Array | None) -> Number:
         """Return the sum of a potential and those of gravity and of a constant force_a; None: the buffer's force_a."""
@@ -211,7 +211,7 @@ class Motion:
         if not self.given.pivot:
             relative = interpreted(kernels.relative_acceleration)(*map(tuple, (omega, alpha, self._places("r_oc_b"))))
             acceleration = np.array([rates[name] for name in elements("v_c", 3)], object)
-            acceleration = _less(acceleration, R @ np.array(relative, object))
+            acceleration = _minus(acceleration, R @ np.array(relative, object))
             energy += mass * (self.v_c @ self.v_c)
         return {
             "position": self.position, "velocity": self.velocity, "acceleration": acceleration, "quaternion": self.q,
@@ -254,7 +254,7 @@ def skew(v: Array) -> Array:
     return np.array(interpreted(kernels.skew)(tuple(v)), object)
 
 
-def _less(a: Array, b: Array) -> Array:
+def _minus(a: Array, b: Array) -> Array:
     return np.array([x + -1.0 * y for x, y in zip(a, b, strict=True)], object)
 
 

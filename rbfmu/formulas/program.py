@@ -55,7 +55,7 @@ argument, the negative of the first, has risen."""
 ROOTS = tuple(formula_operations.KINDS[kind] for kind in formula_operations.ROOTS)
 """Square roots and powers."""
 TOUCHING = (*ROOTS, "atan2")
-"""Operations that have no series at a zero of their argument: see `under`."""
+"""Operations that have no series at a zero of their argument: see `zero_argument`."""
 
 
 class Factor(NamedTuple):
@@ -107,26 +107,26 @@ class Program:
         self.level_of: dict[int, int] = {}
         self.sums: list[Sum] = []
         for i in reached:
-            self._take(i)
+            self._add_operation(i)
         count = max(self.level_of.values(), default=0) + 1
         self.levels = [tuple(i for i in reached if self.level_of.get(i) == n) for n in range(count)]
         kinds = {i: graph.operations[i] for i in reached}
         self.sides = tuple(i for i, x in kinds.items() if x.kind == "side" and x.of[0] in self.level_of)
-        self.touching = tuple(i for i, x in kinds.items() if x.kind in TOUCHING and under(x) in self.level_of)
+        self.touching = tuple(i for i, x in kinds.items() if x.kind in TOUCHING and zero_argument(x) in self.level_of)
         rising = (x.of for i, x in kinds.items() if x.kind in RISING and i in self.level_of)
         self.rising = tuple(dict.fromkeys(i for of in rising for i in of))
         known = {*self.level_of, *self.sides}
         self.constants = tuple(i for i, x in kinds.items() if i not in known and x.kind != "number")
         self.groups: list[list[Sum]] = []
         for n in range(len(self.levels)):
-            here = [one for one in self.sums if one.level == n]
+            here = [sum_ for sum_ in self.sums if sum_.level == n]
             self.groups += [here[j : j + WIDTH] for j in range(0, len(here), WIDTH)]
-        self.start = _whole(len(self.constants))
-        self.head = _whole(len(rates) + len(self.watched))
+        self.start = _whole_vectors(len(self.constants))
+        self.head = _whole_vectors(len(rates) + len(self.watched))
         self.beside_at = self.head + 2 * WIDTH * len(self.groups)
-        self.row = self.beside_at + _whole(len(self.beside))
+        self.row = self.beside_at + _whole_vectors(len(self.beside))
 
-    def _take(self, i: int) -> None:
+    def _add_operation(self, i: int) -> None:
         """Find the level and the sums of an operation that depends on states or inputs and is not a side."""
         kind, of, _ = self.graph.operations[i]
         before = [self.level_of[j] for j in of if j in self.level_of]
@@ -144,7 +144,7 @@ class Program:
         if kind not in RECURRENCES or is_linear or (kind == "divide" and of[1] not in self.level_of):
             return []
         pairs = (factors.split() for factors in RECURRENCES[kind].sums)
-        return [[Factor(self.operand(i, one[0]), one.endswith("'")) for one in pair] for pair in pairs]
+        return [[Factor(self.operand(i, factor[0]), factor.endswith("'")) for factor in pair] for pair in pairs]
 
     def operand(self, i: int, letter: str) -> int:
         """Return the operation that a letter means in operation i's recurrence."""
@@ -159,18 +159,18 @@ class Program:
 
     @property
     def watched(self) -> list[Symbol]:
-        """Return the numbers after the states in a row: arguments of sides, `under` of touching, touching, rising."""
+        """Return the numbers after the states in a row: arguments of sides, those of touching, touching, rising."""
         known = self.graph.operations
-        found = [*(known[i].of[0] for i in self.sides), *(under(known[i]) for i in self.touching), *self.touching]
-        return [Symbol(self.graph, i) for i in (*found, *self.rising)]
+        sides, zeros = (known[i].of[0] for i in self.sides), (zero_argument(known[i]) for i in self.touching)
+        return [Symbol(self.graph, i) for i in (*sides, *zeros, *self.touching, *self.rising)]
 
 
-def under(operation: Operation) -> int:
+def zero_argument(operation: Operation) -> int:
     """Return the argument of one of TOUCHING at whose zero it has no series; for an angle this is x^2 + y^2."""
     return operation.of[2 if operation.kind == "atan2" else 0]
 
 
-def _whole(count: int) -> int:
+def _whole_vectors(count: int) -> int:
     """Return a count rounded up to whole vectors."""
     return -(-count // WIDTH) * WIDTH
 

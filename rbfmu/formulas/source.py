@@ -93,32 +93,32 @@ class _Writer:
         self._program, self._place, self._graph, self.row = program, place, program.graph, program.row
         self._sides = {i: n for n, i in enumerate(program.sides)}
         self._columns = {name: at for at, name in enumerate(program.rates)}
-        self._factors = [one for g in range(len(program.groups)) for one in self._factors_of(g)]
+        self._factors = [placed for g in range(len(program.groups)) for placed in self._factors_of(g)]
         roots = enumerate(program.touching if program.sides else ())
         self._resting = {i: n for n, i in roots if program.graph.operations[i].kind in ROOTS}
-        self._sums = {i: [one.name for one in own] for i, own in groupby(program.sums, lambda one: one.of)}
+        self._sums = {i: [sum_.name for sum_ in own] for i, own in groupby(program.sums, lambda sum_: sum_.of)}
 
     def series(self) -> Iterator[str]:
         """Yield the texts of SERIES."""
         program = self._program
         constants = {i: f"z[w + {at}]" for at, i in enumerate(program.constants)}
-        lines = [*self._read_sides(constants), *self._set(constants)]
+        lines = [*self._read_sides(constants), *self._assignments(constants)]
         lines += [f"{at} = {self._name(i)}" for i, at in constants.items()]
         yield _kernel("constants", "z: Buffer, w: int", "None", lines or ["pass"])
         used = {x.index for x in (*program.rates.values(), *program.beside) if isinstance(x, Symbol)}
         used |= {j for i in program.varying for j in self._graph.operations[i].of}
         known = [*self._read_sides(program.varying)]
         known += [f"{self._name(i)} = {at}" for i, at in constants.items() if i in used]
-        lines = [*known, f"r = w + {program.start}", *self._set(program.varying)]
-        lines += [f"z[r + {at}] = {'0.0' if one.slope else self._name(one.of)}" for at, one in self._factors]
-        yield _kernel("first", "z: Buffer, w: int", "None", [*lines, *self._put(self._text)])
+        lines = [*known, f"r = w + {program.start}", *self._assignments(program.varying)]
+        lines += [f"z[r + {at}] = {'0.0' if factor.slope else self._name(factor.of)}" for at, factor in self._factors]
+        yield _kernel("first", "z: Buffer, w: int", "None", [*lines, *self._store(self._text)])
         lines = [*known, f"r = w + {program.start} + k * {self.row}", "inverse = 1.0 / k", *self._orders()]
-        yield _kernel("further", "z: Buffer, w: int, k: int", "None", [*lines, *self._put(self._later, " / (k + 1)")])
+        yield _kernel("further", "z: Buffer, w: int, k: int", "None", [*lines, *self._store(self._later, " / (k + 1)")])
 
     def values(self, wanted: Mapping[str, Number], name: str = "values") -> str:
         """Return the text of the kernel that sets wanted numbers, by the states in the buffer."""
         places = {f"z[{self._place(element)}]": x for element, x in wanted.items()}
-        lines = [*self._now(wanted.values()), *(f"{at} = {self._text(x)}" for at, x in places.items())]
+        lines = [*self._value_lines(wanted.values()), *(f"{at} = {self._text(x)}" for at, x in places.items())]
         sums = " + ".join(["0.0", *(f"0.0 * {at}" for at in places)])
         return _kernel(name, "z: Buffer", "int", [*lines, f"return 0 if {sums} == 0.0 else NO_OUTPUTS"])
 
@@ -127,7 +127,7 @@ class _Writer:
 
         changes: output's place -> input's place -> derivative.
         """
-        lines = [*self._now(x for slopes in changes.values() for x in slopes.values())]
+        lines = [*self._value_lines(x for slopes in changes.values() for x in slopes.values())]
         for at, slopes in changes.items():
             terms = (f"{self._text(x)} * change[{place}]" for place, x in slopes.items())
             lines.append(f"change[{at}] = {' + '.join(terms) or 0.0}")
@@ -135,18 +135,18 @@ class _Writer:
 
     # Values
 
-    def _now(self, numbers: Iterable[Number]) -> Iterator[str]:
+    def _value_lines(self, numbers: Iterable[Number]) -> Iterator[str]:
         """Return the lines that compute all operations on which numbers depend, by the states in the buffer."""
         reached = self._graph.reached(numbers)
-        return self._set((i for i in reached if self._graph.operations[i].kind != "number"), in_row=False)
+        return self._assignments((i for i in reached if self._graph.operations[i].kind != "number"), in_row=False)
 
-    def _set(self, operations: Iterable[int], in_row: bool = True) -> Iterator[str]:
+    def _assignments(self, operations: Iterable[int], in_row: bool = True) -> Iterator[str]:
         """Return the lines that set values; in_row: whether states are in a row of the work space."""
         return (f"{self._name(i)} = {self._value(i, in_row)}" for i in operations)
 
     def _read_sides(self, readers: Iterable[int]) -> Iterator[str]:
         used = {j for i in readers for j in self._graph.operations[i].of}
-        return self._set(i for i in self._sides if i in used)
+        return self._assignments(i for i in self._sides if i in used)
 
     def _name(self, i: int) -> str:
         """Return the variable of an operation's value or k-th coefficient; for a number its text."""
@@ -169,7 +169,7 @@ class _Writer:
             return f"choose(z[{self._place('series.resting') + self._resting[i]}] != 0.0, {of_zero}, {text})"
         return text
 
-    def _put(self, text: Callable[[Number], str], divided: str = "") -> Iterator[str]:
+    def _store(self, text: Callable[[Number], str], divided: str = "") -> Iterator[str]:
         """Yield the lines that store watched numbers, numbers of `beside`, and the states' next coefficients."""
         program = self._program
         kept = (*enumerate(program.watched, len(self._columns)), *enumerate(program.beside, program.beside_at))
@@ -184,7 +184,7 @@ class _Writer:
             yield from self._products(n)
             yield from (f"{self._name(i)} = {self._coefficient(i)}" for i in level)
         for g, group in enumerate(self._program.groups):  # factors that were not known when these products were summed
-            left = (one for one in self._factors_of(g) if not self._is_known(one[1], group[0].level))
+            left = ((at, x) for at, x in self._factors_of(g) if not self._is_known(x, group[0].level))
             yield from (f"z[r + {at}] = {self._factor(factor)}" for at, factor in left)
 
     def _is_known(self, factor: Factor, level: int) -> bool:
@@ -194,14 +194,14 @@ class _Writer:
     def _factors_of(self, g: int) -> Iterator[tuple[int, Factor]]:
         """Yield a group's factors with their places in a row."""
         at = self._program.head + 2 * WIDTH * g
-        for lane, one in enumerate(self._program.groups[g], at):
-            yield lane, one.first
-            yield lane + WIDTH, one.last
+        for lane, sum_ in enumerate(self._program.groups[g], at):
+            yield lane, sum_.first
+            yield lane + WIDTH, sum_.last
 
     def _products(self, level: int) -> Iterator[str]:
         """Yield the lines that store the factors known so far, and sum the products of a level's groups."""
         groups = {g: group for g, group in enumerate(self._program.groups) if group[0].level == level}
-        for at, factor in (one for g in groups for one in self._factors_of(g)):
+        for at, factor in (placed for g in groups for placed in self._factors_of(g)):
             yield f"z[r + {at}] = {self._factor(factor) if self._is_known(factor, level) else '0.0'}"
         for first in range(0, len(groups), MOST_SUMS):
             some = [*groups][first : first + MOST_SUMS]
@@ -212,7 +212,7 @@ class _Writer:
                 product = f"multiply_lanes(lanes_at(z, a + {at}), lanes_at(z, b + {at + WIDTH}))"
                 yield f"    s{g} = add_lanes(s{g}, {product})"
         for g, group in groups.items():
-            names = [*(one.name for one in group), *["_"] * WIDTH][:WIDTH]
+            names = [*(sum_.name for sum_ in group), *["_"] * WIDTH][:WIDTH]
             yield f"{', '.join(names)} = numbers(s{g})"
 
     @property
@@ -271,7 +271,7 @@ class _WideWriter(_Writer):
 
     def __init__(self, program: Program, place: Place) -> None:
         super().__init__(program, place)
-        factors = dict.fromkeys(factor for one in program.sums for factor in (one.first, one.last))
+        factors = dict.fromkeys(factor for sum_ in program.sums for factor in (sum_.first, sum_.last))
         self._factors = [*enumerate(factors, program.head)]
         self.row = program.head + len(factors)
 
@@ -280,14 +280,14 @@ class _WideWriter(_Writer):
         for n, level in enumerate(self._program.levels):
             yield from self._products(n)
             yield from (f"{self._name(i)} = {self._coefficient(i)}" for i in level)
-            yield from (f"z[r + {at}] = {self._factor(one)}" for at, one in self._factors if one.of in level)
+            yield from (f"z[r + {at}] = {self._factor(factor)}" for at, factor in self._factors if factor.of in level)
 
     def _products(self, level: int) -> Iterator[str]:
         at = {factor: place for place, factor in self._factors}
-        sums = [one for one in self._program.sums if one.level == level]
-        yield from (f"{one.name} = 0.0" for one in sums)
+        sums = [sum_ for sum_ in self._program.sums if sum_.level == level]
+        yield from (f"{sum_.name} = 0.0" for sum_ in sums)
         yield from self._loop if sums else ()
-        yield from (f"    {one.name} += z[a + {at[one.first]}] * z[b + {at[one.last]}]" for one in sums)
+        yield from (f"    {s.name} += z[a + {at[s.first]}] * z[b + {at[s.last]}]" for s in sums)
 
 
 VALUES = {
@@ -323,4 +323,4 @@ def function_of(name: str, graph: Graph, ends: Sequence[Number], leaves: Mapping
     """
     lines, found = lines_of(graph, ends, leaves, VALUES)
     lines += [f"f[{i}] = {x}" for i, x in enumerate(found)]
-    return f"{HEAD}\ndef {name}(t, f, y):\n" + "".join(f"    {one}\n" for one in lines or ["pass"])
+    return f"{HEAD}\ndef {name}(t, f, y):\n" + "".join(f"    {line}\n" for line in lines or ["pass"])

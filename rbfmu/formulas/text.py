@@ -225,8 +225,8 @@ class _Reader:
             raise MismatchError(f"{node.func.id}({known.takes})")
         match node.func.id, node.args[0]:
             case "table", ast.Name(id=name) if name not in self._names:
-                said = _instead_of(name, tables) if tables else f"a table in [tables] in place of {name}: it has none"
-                raise self._fault(node.args[0], said)
+                hint = _instead_of(name, tables) if tables else f"a table in [tables] in place of {name}: it has none"
+                raise self._fault(node.args[0], hint)
         return known.make(*(self.value(x) for x in node.args))
 
 
@@ -244,8 +244,8 @@ def _side_of(sign: ast.cmpop, a: graph.Number, b: graph.Number) -> graph.Number:
 def _all(sides: Sequence[graph.Number]) -> Condition:
     """Return the condition that all are true."""
     found = sides[0]
-    for one in sides[1:]:
-        found = graph.select(found, one, -1.0)
+    for side in sides[1:]:
+        found = graph.select(found, side, -1.0)
     return Condition(found)
 
 

@@ -84,8 +84,8 @@ class Fit:
 
     def __repr__(self) -> str:
         numbers = zip(self.names, self.values, self.standard_errors, strict=True)
-        told = ", ".join(f"{name} = {value:.6g} +- {error:.2g}" for name, value, error in numbers)
-        return f"Fit({self.scene.name}: {told})"
+        texts = ", ".join(f"{name} = {value:.6g} +- {error:.2g}" for name, value, error in numbers)
+        return f"Fit({self.scene.name}: {texts})"
 
     @property
     def correlation(self) -> Array:
@@ -120,9 +120,9 @@ class Fit:
         document, places = tomlkit.parse(whole), by_key(self.names)
         for key, at in places.items():
             errors = ("not told" if np.isinf(e) else f"{e:.2g}" for e in self.standard_errors[at])
-            _put(tomlkit, document, self.scene, key, f"fitted; standard error {', '.join(errors)}")
+            _put_value(tomlkit, document, self.scene, key, f"fitted; standard error {', '.join(errors)}")
         if MASS in places and "shape" in document["body"]:
-            _put(tomlkit, document, self.scene, INERTIA, "of the shape, with the mass that it had")
+            _put_value(tomlkit, document, self.scene, INERTIA, "of the shape, with the mass that it had")
         written = tomlkit.dumps(document)
         Scene.from_dict(tomllib.loads(written), str(path))  # raises an error before a wrong file is written
         on_disk.write_whole(path, written.encode())  # path may be the source
@@ -135,7 +135,7 @@ class Fit:
         return plot_residuals(self.measured.time, of, path, self.scene.name)
 
 
-def _put(tomlkit: Any, document: Any, scene: Scene, key: str, comment: str) -> None:
+def _put_value(tomlkit: Any, document: Any, scene: Scene, key: str, comment: str) -> None:
     """Put a scene's value of a key into the tables of a file, in place of other keys that set the same field."""
     table, _, name = key.partition(".")
     rows = document.setdefault(table, tomlkit.table())
@@ -240,22 +240,22 @@ class _Search:
             begin = self._scene.run.start
             data = self._data.until(begin + part * (self._data.time[-1] - begin))
             if part == 1.0 or (data.count >= 2 * len(p) and data.time[-1] > begin):
-                p = self._nearest(p, data, sigma, HELD if part < 1.0 else HELD_LAST)
+                p = self._minimize(p, data, sigma, HELD if part < 1.0 else HELD_LAST)
         for _ in range(MOST_SIZES):
             grown = [chart.outgrown(row) for chart, row in by_chart(self._charts, p)]
             if not any(grown):
                 break
-            p = self._nearest(p, self._data, sigma, HELD_LAST)
+            p = self._minimize(p, self._data, sigma, HELD_LAST)
         given = np.zeros_like(p)  # which may be nearer than what parts of the time lead to
         misfits = [np.linalg.norm(self._stack(x, self._data, sigma)[0]) for x in (given, p)]
         if misfits[0] < misfits[1]:
-            p = self._nearest(given, self._data, sigma, HELD_LAST)
+            p = self._minimize(given, self._data, sigma, HELD_LAST)
         for _ in range(0 if len(self._given) == len(self._data.values) else 2):
-            sigma = self._estimated(p, sigma)
-            p = self._nearest(p, self._data, sigma, HELD_LAST)
+            sigma = self._estimate_sigma(p, sigma)
+            p = self._minimize(p, self._data, sigma, HELD_LAST)
         return self._finish(p, sigma)
 
-    def _estimated(self, p: Array, sigma: Mapping[str, float]) -> dict[str, float]:
+    def _estimate_sigma(self, p: Array, sigma: Mapping[str, float]) -> dict[str, float]:
         """Return standard deviations; those not given are estimated from residuals and the fit's degrees of freedom."""
         left, _ = self._evaluate(p, self._data)
         U, s, _ = np.linalg.svd(self._stack(p, self._data, sigma)[1] @ self._slopes(p), full_matrices=False)
@@ -297,11 +297,11 @@ class _Search:
         """Return the derivatives (n, n) of all numbers by coordinates."""
         return np.asarray(self._block_diagonal(*(chart.slopes(row) for chart, row in by_chart(self._charts, p))))
 
-    def _nearest(self, p: Array, data: Measured, sigma: Mapping[str, float], held: float) -> Array:
+    def _minimize(self, p: Array, data: Measured, sigma: Mapping[str, float], held: float) -> Array:
         """Return the coordinates of the least sum of squares; held: the weight that holds them at their start p."""
         begin, seen, self._was_long = p.copy(), dict[bytes, tuple[Array, Array]](), False
 
-        def both(x: Array) -> tuple[Array, Array]:
+        def f_and_J(x: Array) -> tuple[Array, Array]:
             if (key := x.tobytes()) not in seen:
                 seen.clear()
                 f, J = self._stack(x, data, sigma)
@@ -311,7 +311,7 @@ class _Search:
 
         low, high = (np.concatenate(side) for side in zip(*(chart.bounds for chart in self._charts), strict=True))
         found = self._least_squares(
-            lambda x: both(x)[0], np.clip(p, low, high), lambda x: both(x)[1], bounds=(low, high), x_scale="jac",
+            lambda x: f_and_J(x)[0], np.clip(p, low, high), lambda x: f_and_J(x)[1], bounds=(low, high), x_scale="jac",
             loss=self._loss, max_nfev=MOST_TRIES if held == HELD else MOST_LAST, xtol=1e-12, ftol=1e-12, gtol=1e-12,
         )  # fmt: skip
         self._ended = found.status > 0 or not _still_falls(found)
@@ -338,10 +338,10 @@ class _Search:
         # by numbers, as a coordinate that is the logarithm of a tiny number would hide that no data determine it
         sizes = np.concatenate([np.full(chart.count, chart.scale(row)) for chart, row in by_chart(self._charts, p)])
         is_known = len(self._given) == len(self._data.values)
-        told, unknown = self._tell_apart(J * sizes, noise.scatter(f, self._loss, len(p), is_known))
-        covariance = told * np.outer(sizes, sizes)
+        relative, unknown = self._tell_apart(J * sizes, noise.scatter(f, self._loss, len(p), is_known))
+        covariance = relative * np.outer(sizes, sizes)
         lost = np.any(np.abs(np.reshape(unknown, (-1, len(p)))) > PART_OF_DIRECTION, axis=0)
-        said = tuple(self._meaning(direction, sizes * direction) for direction in unknown)
+        meanings = tuple(self._meaning(direction, sizes * direction) for direction in unknown)
         errors = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
         charts = by_chart(self._charts, np.arange(len(p)))
         edges = [chart.whole for chart, at in charts if chart.is_at_edge(p[at], covariance[np.ix_(at, at)])]
@@ -356,7 +356,7 @@ class _Search:
         doubts = [*ended, *noise.trends(left, own), *noise.too_large(f, self._given)]
         if doubts and any(chart.whole == INERTIA and chart.count == 3 for chart in self._charts):
             doubts.append(f"{INERTIA} has no products, which stay zero: with a small one in the scene they vary too")
-        return Fit(scene, self._names, np.where(lost, np.nan, values), errors, covariance, said, left, dict(sigma),
+        return Fit(scene, self._names, np.where(lost, np.nan, values), errors, covariance, meanings, left, dict(sigma),
                    tuple(doubts), self._data)  # fmt: skip
 
     def _tell_apart(self, J: Array, scatter: float) -> tuple[Array, list[Array]]:
@@ -383,8 +383,8 @@ def _still_falls(found: Any) -> bool:
     _, s, V = np.linalg.svd(found.jac, full_matrices=False)
     step = V @ found.grad / s  # over the error of each direction
     share = max(1.0, 2.0 * found.cost / len(found.fun))
-    told = step[s * UNTOLD > math.sqrt(share)]
-    return bool(told @ told > STILL_FALLS * share)
+    determined = step[s * UNTOLD > math.sqrt(share)]
+    return bool(determined @ determined > STILL_FALLS * share)
 
 
 def _scene_to_run(scene: Scene, data: Measured) -> Scene:

@@ -70,8 +70,8 @@ def estimated(name: str, rows: Array, followed: float) -> float:
     if not len(known):  # only gaps
         return 1.0
     if left < LEAST_LEFT:
-        said = f"{np.isfinite(rows).sum()} numbers of {name}: the fit follows them, which tells no noise"
-        raise ValueError(f"data: {said}: expected its sigma, or more of them")
+        reason = f"{np.isfinite(rows).sum()} numbers of {name}: the fit follows them, which tells no noise"
+        raise ValueError(f"data: {reason}: expected its sigma, or more of them")
     return deviation(known) * math.sqrt(len(known) / left)
 
 

@@ -92,8 +92,8 @@ class FormulaModel:
     def own_rows(self) -> dict[str, Output]:
         """Return the rows of the scene's own outputs by name, each with its formula in its meaning."""
         own = self.scene.outputs.own.items()
-        meanings = {name: " = ".join(filter(None, (one.about, one.value))) for name, one in own}
-        return {name: own_output(name, self.own_outputs[name], one.unit, meanings[name]) for name, one in own}
+        meanings = {name: " = ".join(filter(None, (row.about, row.value))) for name, row in own}
+        return {name: own_output(name, self.own_outputs[name], row.unit, meanings[name]) for name, row in own}
 
     def keys_of(self, operation: int) -> list[str]:
         """Return the keys of the formulas that contain an operation."""
@@ -200,14 +200,14 @@ class FormulaModel:
     @cached_property
     def text(self) -> str:
         """Return the text of the module that makes the model, MODEL: a user can print it, and an FMU contains it."""
-        return self._named(f"FORMULAS_{self.key}")
+        return self._module_text(f"FORMULAS_{self.key}")
 
     @cached_property
     def key(self) -> str:
         """Return a hash of the model's text, by which compiled code is kept."""
-        return hashlib.sha256(self._named("").encode()).hexdigest()[:16]
+        return hashlib.sha256(self._module_text("").encode()).hexdigest()[:16]
 
-    def _named(self, name: str) -> str:
+    def _module_text(self, name: str) -> str:
         return module_of(self.source, name, self.blocks, self._places, self._base)
 
     @cached_property
@@ -389,11 +389,11 @@ class _Tables:
 
 
 @lru_cache(maxsize=16)
-def _of_tables(tables: _Tables) -> FormulaModel:
+def _model_of_tables(tables: _Tables) -> FormulaModel:
     return FormulaModel(texts_of(tables.scene))
 
 
 def equations_of(scene: Scene) -> FormulaModel:
     """Return the equations of a scene's motion, with formulas or without. Raises SceneError as `texts_of`."""
     tables = {key: table for key, table in scene.to_dict().items() if key not in ("name", "run", "about", "ensemble")}
-    return _of_tables(_Tables(json.dumps([tables, scene.ensemble.parameters if scene.ensemble else ()]), scene))
+    return _model_of_tables(_Tables(json.dumps([tables, scene.ensemble.parameters if scene.ensemble else ()]), scene))

@@ -78,7 +78,7 @@ def _numbers(scene: Scene) -> dict[str, Any]:
     return numbers
 
 
-def _answer(
+def _by_kernel(
     predicate: Callable[..., T], of: Callable[["BodyAtStart"], tuple[Any, ...]] = lambda start: (start.z,)
 ) -> cached_property[T]:
     """Return a kernel's value for a `BodyAtStart`, run as plain Python; of: returns the kernel's arguments."""
@@ -106,49 +106,49 @@ class BodyAtStart:
 
     # What the outputs depend on
 
-    has_pivot = _answer(memory.has_pivot)
+    has_pivot = _by_kernel(memory.has_pivot)
     """Whether o is fixed in space."""
-    needs_translation = _answer(memory.needs_translation)
+    needs_translation = _by_kernel(memory.needs_translation)
     """Whether an output needs the position or velocity."""
-    needs_attitude = _answer(memory.needs_attitude)
+    needs_attitude = _by_kernel(memory.needs_attitude)
     """Whether an output needs the attitude."""
-    needs_rate = _answer(memory.needs_rate)
+    needs_rate = _by_kernel(memory.needs_rate)
     """Whether an output needs the body's rate."""
-    shows_loads = _answer(memory.shows_loads)
+    shows_loads = _by_kernel(memory.shows_loads)
     """Whether an output changes at once when a load does."""
 
     # What changes the rotation
 
-    body = _answer(memory.body_of)
+    body = _by_kernel(memory.body_of)
     """The body's constants in the equations of motion."""
-    loads = _answer(memory.loads_of)
+    loads = _by_kernel(memory.loads_of)
     """The loads on the body."""
-    rotation = _answer(memory.rotation_of)
+    rotation = _by_kernel(memory.rotation_of)
     """Attitude and rate."""
-    begins_to_turn = _answer(unturned.begins_to_turn)
+    begins_to_turn = _by_kernel(unturned.begins_to_turn)
     """Whether an output that depends on the rotation will change."""
-    has_torque = _answer(closed_form.has_torque)
+    has_torque = _by_kernel(closed_form.has_torque)
     """Whether damping, a torque, or a force with an arm acts."""
-    has_turning_torque = _answer(closed_form.has_turning_torque)
+    has_turning_torque = _by_kernel(closed_form.has_turning_torque)
     """Whether a torque acts that depends on the motion or rotates with the body."""
-    is_driven = _answer(closed_form.is_driven)
+    is_driven = _by_kernel(closed_form.is_driven)
     """Whether a torque acts, or a force that rotates with the body while an output shows the path."""
-    has_unknown_load = _answer(memory.has_unknown_load)
+    has_unknown_load = _by_kernel(memory.has_unknown_load)
     """Whether a load acts that models with a closed form cannot represent."""
 
-    is_sphere = _answer(principal.is_sphere, lambda start: (start.body.inertia,))
+    is_sphere = _by_kernel(principal.is_sphere, lambda start: (start.body.inertia,))
     """Whether all moments are equal."""
-    shows_more_than_momentum = _answer(memory.shows_more_than_momentum, lambda start: (start.z, start.is_sphere))
+    shows_more_than_momentum = _by_kernel(memory.shows_more_than_momentum, lambda start: (start.z, start.is_sphere))
     """Whether an output depends on more than the angular momentum in a."""
-    keeps_its_rate = _answer(principal.keeps_its_rate, lambda start: (start.z, start.rotation[1]))
+    keeps_its_rate = _by_kernel(principal.keeps_its_rate, lambda start: (start.z, start.rotation[1]))
     """Whether the rate is constant without a torque."""
-    turns_path = _answer(principal.turns_path, lambda start: (start.z, start.rotation[1]))
+    turns_path = _by_kernel(principal.turns_path, lambda start: (start.z, start.rotation[1]))
     """Whether a force changes its direction with the body's rotation, while an output shows the path."""
-    is_symmetric = _answer(splitting.is_symmetric_top, lambda start: (start.body.inertia,))
+    is_symmetric = _by_kernel(splitting.is_symmetric_top, lambda start: (start.body.inertia,))
     """Whether two moments are equal."""
-    symmetric_frame = _answer(principal.symmetric_frame, lambda start: (start.body.inertia,))
+    symmetric_frame = _by_kernel(principal.symmetric_frame, lambda start: (start.body.inertia,))
     """For a body that counts as symmetric: the moment of two equal axes, that of the third axis, and the axes."""
-    leaves_third_axis = _answer(unturned.leads_astray, lambda start: (start.z, start.symmetric_frame[2]))
+    leaves_third_axis = _by_kernel(unturned.leads_astray, lambda start: (start.z, start.symmetric_frame[2]))
     """Whether those two moments differ, a load depends on the attitude or acts across the third axis, or damping is
     uneven."""
 
@@ -166,13 +166,13 @@ class BodyAtStart:
 
     # A body that turns about one axis
 
-    axis = _answer(principal.main_axis)
+    axis = _by_kernel(principal.main_axis)
     """The principal axis, in b, with the largest part of the rate; at rest, of the angular acceleration."""
-    leaves_axis = _answer(principal.leaves_axis, lambda start: (start.z, start.axis))
+    leaves_axis = _by_kernel(principal.leaves_axis, lambda start: (start.z, start.axis))
     """Whether anything turns the body about another axis."""
-    swing = _answer(principal.swing, lambda start: (start.z, start.axis))
+    swing = _by_kernel(principal.swing, lambda start: (start.z, start.axis))
     """(A, B), rad/s2: forces fixed in space accelerate the angle about the axis by A cos(angle) + B sin(angle)."""
-    drive_and_damping = _answer(principal.drive_and_damping_rate, lambda start: (start.z, start.axis))
+    drive_and_damping = _by_kernel(principal.drive_and_damping_rate, lambda start: (start.z, start.axis))
     """(P, d), rad/s2 and 1/s: torques, forces that rotate with the body, and damping add P - d rate."""
 
 

@@ -198,7 +198,7 @@ closed_form = partial(
 )
 
 
-def moments_of(asked: Question) -> str:
+def moments_text(asked: Question) -> str:
     """Return the principal moments as text, kg m2."""
     return ", ".join(f"{m:.6g}" for m in asked.start.principal_axes[0])
 
@@ -218,7 +218,7 @@ def _rate(asked: Question) -> str:
     return f"{float(np.linalg.norm(asked.scene.initial.omega_b)):.6g} rad/s"
 
 
-def _acting(asked: Question) -> str:
+def _torques(asked: Question) -> str:
     return " and ".join(sorted(asked.turning & asked.acting)) or "no torque"
 
 
@@ -227,7 +227,7 @@ def _no_rotation_rests_on(asked: Question) -> set[str]:
     return (asked.turning | quantities.TORQUES | START | asked.shape if asked.rotation else set()) | turning
 
 
-def _standing(asked: Question) -> str:
+def _reason_of_no_rotation(asked: Question) -> str:
     if asked.attitude or not any(asked.scene.initial.omega_b):
         return "rotation: 0 of 7 states, the body begins at 0 rad/s and nothing turns it"
     return f"rotation: 0 of 7 states, the rates asked for stay as they begin ({_rate(asked)})"
@@ -236,7 +236,7 @@ def _standing(asked: Question) -> str:
 NO_ROTATION = closed_form(
     "no rotation", "unturned.NO_ROTATION", states=0, rate_states=0, costs={"": 10.0, "changing": 8.0},
     holds=lambda start: not (start.needs_rate and start.begins_to_turn), rests_on=_no_rotation_rests_on,
-    may_be_unstable=True, reason=_standing,
+    may_be_unstable=True, reason=_reason_of_no_rotation,
 )  # fmt: skip
 
 
@@ -249,7 +249,7 @@ CONSTANT_RATE = closed_form(
     holds=lambda start: start.keeps_its_rate and not start.has_torque and not start.turns_path,
     rests_on=_constant_rate_rests_on, may_be_unstable=True, rates_from=lambda asked, rates: rates[0],
     reason=lambda asked:
-        f"rotation: constant rate {_rate(asked)}, about a principal axis (moments {moments_of(asked)} kg m2)",
+        f"rotation: constant rate {_rate(asked)}, about a principal axis (moments {moments_text(asked)} kg m2)",
 )  # fmt: skip
 
 
@@ -270,7 +270,7 @@ ONE_AXIS = closed_form(
     "one axis", "one_axis.ONE_AXIS", states=2, rate_states=1, costs={"": 29.0, "attitude": 18.0},
     holds=lambda start: not any(part[0] for part in start.swing) and not start.leaves_axis,
     rests_on=loads_start_and_shape, may_be_unstable=True, angle_round_off=True, rates_from=along_axis,
-    reason=lambda asked: f"rotation: one angle, closed form from {_rate(asked)} about one axis under {_acting(asked)}",
+    reason=lambda asked: f"rotation: one angle, closed form from {_rate(asked)} about one axis under {_torques(asked)}",
 )  # fmt: skip
 
 PENDULUM = closed_form(
@@ -285,7 +285,7 @@ FREE_SYMMETRIC = closed_form(
     "torque-free symmetric body", "free.FREE_SYMMETRIC", method="elementary functions", rate_states=3,
     costs={"": 46.0, "attitude": 14.0}, holds=lambda start: not start.is_driven and start.is_symmetric,
     rests_on=lambda asked: asked.would_turn | asked.shape, drops=_ALL_LOADS, conditioning=lost_by_symmetry,
-    reason=lambda asked: f"rotation: no torque, two equal moments ({moments_of(asked)} kg m2): elementary functions",
+    reason=lambda asked: f"rotation: no torque, two equal moments ({moments_text(asked)} kg m2): elementary functions",
 )  # fmt: skip
 
 
@@ -296,15 +296,15 @@ SPIN_UP = closed_form(
     ),
     rests_on=lambda asked: asked.would_turn | asked.shape | ({"r_oc_b"} if asked.attitude else set()),
     reason=lambda asked:
-        f"rotation: rates in closed form from {_rate(asked)} under {_acting(asked)}, "
-        f"two equal moments ({moments_of(asked)} kg m2)",
+        f"rotation: rates in closed form from {_rate(asked)} under {_torques(asked)}, "
+        f"two equal moments ({moments_text(asked)} kg m2)",
 )  # fmt: skip
 
 FREE_TRIAXIAL = closed_form(
     "torque-free body", "free.FREE_TRIAXIAL", method="elliptic functions", rate_states=3, costs={"": 90.0},
     holds=lambda start: not start.is_driven, rests_on=lambda asked: asked.would_turn, drops=_ALL_LOADS,
     conditioning=lost_near_separatrix,
-    reason=lambda asked: f"rotation: no torque, moments {moments_of(asked)} kg m2: elliptic functions",
+    reason=lambda asked: f"rotation: no torque, moments {moments_text(asked)} kg m2: elliptic functions",
 )  # fmt: skip
 
 CLOSED_FORMS = (

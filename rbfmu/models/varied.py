@@ -65,7 +65,7 @@ class VariedStart:
         return {name: row for name, row in zip(self._changes, rows, strict=True) if np.any(row)}
 
 
-def _generic(scene: Scene, columns: Sequence[Column]) -> Array:
+def _perturbed_numbers(scene: Scene, columns: Sequence[Column]) -> Array:
     """Return the body's numbers, slightly changed in each column: rows that are zero for these are always zero."""
     z = model_buffer.BodyAtStart(scene).z.copy()
     for n, column in enumerate(columns):
@@ -84,7 +84,7 @@ class VariedModel(formulas.FormulaModel):
 
     def __init__(self, scene: Scene, columns: Sequence[Column]) -> None:
         self._start = VariedStart(scene, columns)
-        varied = self._start.at(_generic(scene, columns))
+        varied = self._start.at(_perturbed_numbers(scene, columns))
         super().__init__(formulas.texts_of(scene, varied))
         motion = self.motion
         graph, plain = motion.graph, [name for name in self.rates if name != "t" and not name.startswith("q[")]
@@ -99,10 +99,10 @@ class VariedModel(formulas.FormulaModel):
             **{i: {graph.leaf("state", name): 1.0} for i, name in enumerate(plain, len(turns))},
             **{-1 - d: {} for d in range(len(columns))},
         }
-        for one, (name, d) in zip(elements("seeds", len(self.seeded)), self.seeded, strict=True):
-            self._changes_of_leaves[-1 - d][graph.leaf("place", name)] = graph.leaf("place", one)
+        for seed, (name, d) in zip(elements("seeds", len(self.seeded)), self.seeded, strict=True):
+            self._changes_of_leaves[-1 - d][graph.leaf("place", name)] = graph.leaf("place", seed)
         rows = self._slopes_of({i: self.rates[name] for i, name in enumerate(self.errors) if name not in TURN})
-        rows |= {i: self._turning(i) for i in range(len(turns))}
+        rows |= {i: self._slopes_of_turn(i) for i in range(len(turns))}
         sides = {len(self.errors) + n: i for n, i in enumerate(self.program.sides) if self._event_of_side[n] < 0}
         rows |= self._slopes_of({n: Symbol(graph, graph.operations[i].of[0]) for n, i in sides.items()})
         self.shown_slopes = self._slopes_of(dict(by_element(self.shown)))
@@ -126,7 +126,7 @@ class VariedModel(formulas.FormulaModel):
         row = self.program.row + len(self.errors) * self.columns  # with room for errors, a template's series
         self.program.row = row + (APART - row) % ROWS_MEET
 
-    def _turning(self, i: int) -> Slopes:
+    def _slopes_of_turn(self, i: int) -> Slopes:
         """Return the slopes of a rate of the rotation vector: u' = the error of omega_b - omega_b x u."""
         carried = {n: -x for n, x in enumerate(skew(self.motion.omega)[i]) if x != 0.0}
         return {**carried, self.errors.index(f"omega[{i + 1}]"): 1.0}

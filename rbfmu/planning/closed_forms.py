@@ -165,7 +165,8 @@ def _error(judge: Judge, spec: registry.ModelSpec, truth: Motion, names: tuple[s
     asked = judge.asked
     if not _may_be_close(asked, spec, truth, names, times * asked.accuracy):
         return math.inf
-    return judge.compare(_candidate(asked, spec), truth, names, bool(asked.varying & GROWING))
+    motion = judge.motion_by(_candidate(asked, spec), names)  # also between communication points
+    return largest_error(motion, truth, names, least_sizes(asked, truth), absolute=bool(asked.varying & GROWING))
 
 
 def _may_be_compared(asked: Question) -> bool:
@@ -189,7 +190,7 @@ def _may_be_close(
     if growth_rate(asked) * asked.span > GROWTH and not set(names) <= kept:
         return False
     if not spec.states:
-        return _stays(asked, truth, names, accuracy)
+        return _is_constant(asked, truth, names, accuracy)
     if spec.rates_from is None:
         return True
     rates = truth["omega_b"]
@@ -200,7 +201,7 @@ def _may_be_close(
     return 0.01 * change * min(asked.span, 1.0 / fastest if fastest > 0.0 else math.inf) <= accuracy
 
 
-def _stays(asked: Question, truth: Motion, names: tuple[str, ...], accuracy: float) -> bool:
+def _is_constant(asked: Question, truth: Motion, names: tuple[str, ...], accuracy: float) -> bool:
     """Return whether all compared quantities, except the path and the energy, stay as they begin."""
     names = tuple(n for n in names if n not in (*TRANSLATION, "kinetic_energy"))
     still = {n: truth[n][:1] + 0.0 * truth[n] for n in names}

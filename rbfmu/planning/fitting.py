@@ -70,12 +70,12 @@ MAX_PANELS, MAX_POINTS = 1e6, 2e7
 """The most panels of a communication step, and points of a whole trial, some two seconds of work."""
 
 
-class Tried(NamedTuple):
+class Trial(NamedTuple):
     """A candidate with its error and cost in a pilot run, its substeps, and its error in other communication steps."""
 
     plan: Plan
     substeps: float
-    other: float = 0.0
+    other_error: float = 0.0
 
 
 def cheapest_fit(asked: Question, judge: Judge, full: bool = False) -> Plan:
@@ -95,10 +95,11 @@ def of_one_angle(asked: Question, judge: Judge) -> Plan | None:
     search = _Search(asked, judge)
     for candidate in methods.one_axis_series(asked):
         search.fit(candidate, 0.1 * search.accuracy)
-    if not search.met:
+    if not search.accurate_trials:
         return None
-    found, why = search.whatever_the_step(), "rotation: one angle, every load turns the body about one principal axis"
-    return replace(found, reasons=(f"{why}; 2 of 7 states", *found.reasons))
+    found = search.cheapest_in_any_step()
+    why = "rotation: one angle, every load turns the body about one principal axis; 2 of 7 states"
+    return replace(found, reasons=(why, *found.reasons))
 
 
 def of_path_alone(asked: Question, judge: Judge) -> Plan | None:
@@ -117,7 +118,7 @@ def of_path_alone(asked: Question, judge: Judge) -> Plan | None:
         return found
 
 
-def refuse_accuracy(asked: Question, error: float, why: str = "") -> SceneError:
+def accuracy_error(asked: Question, error: float, why: str = "") -> SceneError:
     """Return the error for an accuracy below what methods reach; why: the quantities that miss it, if known."""
     reached = error / REACHED
     expected = f"expected one that this scene can meet; {what_is_reached(reached)}{why}"
@@ -139,8 +140,8 @@ class _Search:
         self.asked, self.judge, self.accuracy = asked, judge, asked.accuracy
         self.bound = AIM * self.accuracy
         self.steps = asked.scene.run.count
-        self.best: Tried | None = None
-        self.met: list[Tried] = []
+        self.best: Trial | None = None
+        self.accurate_trials: list[Trial] = []
         self.work = 0.0
         self.asked.start.check()
 
@@ -150,7 +151,7 @@ class _Search:
         self._fit_series()
         for candidate in others:  # from the longest step down, where they are cheapest
             self.fit(candidate, candidate.substep)
-        return self.whatever_the_step()
+        return self.cheapest_in_any_step()
 
     def plan_of_varying(self) -> Plan:
         """Return the cheapest plan whose substeps' errors, magnified by the motion, are a quarter of the accuracy.
@@ -172,47 +173,47 @@ class _Search:
 
     # Accuracy in any communication step
 
-    def whatever_the_step(self) -> Plan:
+    def cheapest_in_any_step(self) -> Plan:
         """Return the cheapest of the plans that meet the accuracy whatever the communication step."""
-        self.met.sort(key=lambda tried: tried.plan.cost)
-        best = self._tighten_for_other_steps(self.met[0])
-        for tried in self.met[1:]:
-            if tried.plan.cost >= best.plan.cost:
+        cheapest, *others = sorted(self.accurate_trials, key=lambda trial: trial.plan.cost)
+        best = self._tighten_for_other_steps(cheapest)
+        for trial in others:
+            if trial.plan.cost >= best.plan.cost:
                 break
-            best = min(best, self._tighten_for_other_steps(tried), key=lambda tried: tried.plan.cost)
+            best = min(best, self._tighten_for_other_steps(trial), key=lambda trial: trial.plan.cost)
         if best.plan.error > self.accuracy:  # by round-off of shorter substeps
-            best = self.met[0]._replace(other=max(self._errors_in_other_steps(self.met[0])))
+            best = cheapest._replace(other_error=max(self._errors_in_other_steps(cheapest)))
         found = replace(best.plan, error=self.judge.try_all_steps(best.plan))
         if found.error > self.accuracy:
-            raise refuse_accuracy(self.asked, found.error)
+            raise accuracy_error(self.asked, found.error)
         reasons = [why_fitted(found, self.judge.arithmetic)]
         if UNCUT * self.steps < best.substeps < 0.1 * MAX_WORK:
             pieces = [part * best.substeps for part in AS_SUBSTEPS]
-            best = best._replace(other=max(self.judge.try_between(found, n) for n in pieces))
-        if best.other > self.accuracy:
-            reasons.append(f"in other communication steps than the scene's the error is up to {best.other:.1e}")
+            best = best._replace(other_error=max(self.judge.try_between(found, n) for n in pieces))
+        if best.other_error > self.accuracy:
+            reasons.append(f"in other communication steps than the scene's the error is up to {best.other_error:.1e}")
         return replace(found, reasons=tuple(reasons))
 
-    def _tighten_for_other_steps(self, tried: Tried) -> Tried:
+    def _tighten_for_other_steps(self, trial: Trial) -> Trial:
         """Return the candidate at a tolerance or step that meets the accuracy also in other communication steps."""
-        while tried.substeps <= UNCUT * self.steps:
-            worst = max(self._errors_in_other_steps(tried))
-            tried = tried._replace(other=worst)
+        while trial.substeps <= UNCUT * self.steps:
+            worst = max(self._errors_in_other_steps(trial))
+            trial = trial._replace(other_error=worst)
             ratio = max(0.3 * self.accuracy / worst, 1e-3) if 0.0 < worst < math.inf else 1e-3
-            tighter = methods.tighter(tried.plan, ratio)
-            if worst <= REACHED * self.accuracy or tighter == tried.plan:
+            tighter = methods.tighter(trial.plan, ratio)
+            if worst <= REACHED * self.accuracy or tighter == trial.plan:
                 break
-            tried = self._try(tighter)._replace(other=worst)
-        return tried
+            trial = self._trial(tighter)._replace(other_error=worst)
+        return trial
 
-    def _errors_in_other_steps(self, tried: Tried) -> Iterator[float]:
+    def _errors_in_other_steps(self, trial: Trial) -> Iterator[float]:
         """Yield errors in longer communication steps, and in shorter ones if the scene's have several substeps."""
         count = len(self.judge.steps)
         for at_once in (*LONGER, count):
             if at_once <= count:
-                yield self.judge.try_out(tried.plan, at_once)[0]
-        if tried.substeps > self.steps:
-            yield from (self.judge.try_out(tried.plan, parts=parts)[0] for parts in SHORTER)
+                yield self.judge.try_out(trial.plan, at_once)[0]
+        if trial.substeps > self.steps:
+            yield from (self.judge.try_out(trial.plan, parts=parts)[0] for parts in SHORTER)
 
     # Methods
 
@@ -225,11 +226,11 @@ class _Search:
         tolerances = (methods.TIGHTEST, methods.FAR_BELOW_ROUND_OFF)
         for order, tolerance in [(k, x) for x in tolerances for k in (MAX_ORDER - 8, MAX_ORDER)]:
             tightest = methods.series_of_all(self.asked, order, tolerance)
-            reached = min(reached, self._note(self._try(tightest), REACHED * self.accuracy))
+            reached = min(reached, self._keep(self._trial(tightest), REACHED * self.accuracy))
             if reached <= self.bound:
                 return
         if reached > REACHED * self.accuracy:
-            raise refuse_accuracy(self.asked, reached)
+            raise accuracy_error(self.asked, reached)
         self.bound = REACHED * self.accuracy
 
     def _fit_series(self) -> None:
@@ -240,19 +241,19 @@ class _Search:
         """
         order = methods.likely_order(self.accuracy)
         first = self.fit(methods.series_of_all(self.asked, order, self.accuracy), self.accuracy / 8.0)
-        for way in (2, -2):
-            other, value, idle = order + way, first, 0
+        for change in (2, -2):
+            other, value, idle = order + change, first, 0
             while other in methods.ORDERS_OF_SERIES and idle < 2:
                 before = self.best
                 if other > order + HIGHER and not (before and before.substeps <= self.steps):
                     break
                 value = self.fit(methods.series_of_all(self.asked, other, self.accuracy), value)
                 idle = idle + 1 if self.best is before else 0
-                other += way
+                other += change
 
-    def _cheapest_over(self, tolerance: float, bound: float) -> Tried:
+    def _cheapest_over(self, tolerance: float, bound: float) -> Trial:
         """Return the cheapest series at a tolerance for the whole run, if possible among those within a bound."""
-        best: Tried | None = None
+        best: Trial | None = None
         span = self.asked.span if tolerance >= methods.TIGHTEST else 0.0  # a share of less would be below round-off
         least = methods.likely_order(tolerance) if self.judge.is_slow else LEAST_ORDER_OF_INPUTS
         for order in range(MAX_ORDER, least - 1, -2):  # down, as low orders take very many substeps
@@ -260,8 +261,8 @@ class _Search:
                 break
             plan = replace(methods.series_of_all(self.asked, order, tolerance), span=span)
             if best is None or best.plan.error > min(bound, self.bound) or self._cost(plan) < best.plan.cost:
-                found = self._try(plan)
-                best = found if best is None or _better(found, best, bound) else best
+                found = self._trial(plan)
+                best = found if best is None or _is_better(found, best, bound) else best
         assert best
         return best
 
@@ -277,20 +278,20 @@ class _Search:
 
         def error_at(value: float) -> float | None:
             plan = methods.at_setting(candidate, value)
-            if self._is_dearer(self._cost(plan)) or (self.met and self.work > MAX_WORK):
+            if self._is_dearer(self._cost(plan)) or (self.accurate_trials and self.work > MAX_WORK):
                 return None
-            found = self._try(plan)
-            error = self._note(found, self.bound)
+            found = self._trial(plan)
+            error = self._keep(found, self.bound)
             return None if error > self.bound and self._is_dearer(found.plan.cost) else error
 
         aim, power = math.sqrt(least * self.bound), methods.exponent(candidate)
         return methods.climb(value, error_at, (least, self.bound), aim, (1e-3, 1e3), power)
 
-    def _try(self, plan: Plan) -> Tried:
+    def _trial(self, plan: Plan) -> Trial:
         error, counted = self.judge.try_out(plan)
-        taken, steps = self._substeps(plan, counted), float(self.steps)
-        self.work += min(max(taken, steps), MAX_WORK)
-        return Tried(replace(plan, error=error, cost=self._cost(plan, counted)), taken)
+        substeps, steps = self._substeps(plan, counted), float(self.steps)
+        self.work += min(max(substeps, steps), MAX_WORK)
+        return Trial(replace(plan, error=error, cost=self._cost(plan, counted)), substeps)
 
     def _cost(self, plan: Plan, counted: float = 0.0) -> float:
         """Return the cost of a communication step, ns; counted: substeps of a pilot run, 0 before one."""
@@ -305,22 +306,22 @@ class _Search:
             return methods.work_of(counted, steps)
         return max(counted, steps)
 
-    def _note(self, found: Tried, bound: float) -> float:
+    def _keep(self, found: Trial, bound: float) -> float:
         """Keep a candidate that is the best or meets a bound; return its error."""
-        if self.best is None or _better(found, self.best, bound):
+        if self.best is None or _is_better(found, self.best, bound):
             self.best = found
         if found.plan.error <= bound:
-            self.met.append(found)
+            self.accurate_trials.append(found)
         return found.plan.error
 
     def _is_dearer(self, cost: float) -> bool:
         """Return whether a cheaper candidate already meets the accuracy."""
-        return bool(self.met) and self.best is not None and cost >= self.best.plan.cost
+        return bool(self.accurate_trials) and self.best is not None and cost >= self.best.plan.cost
 
 
-def _better(a: Tried, b: Tried, bound: float) -> bool:
-    met = a.plan.error <= bound and b.plan.error <= bound
-    return a.plan.cost < b.plan.cost if met else a.plan.error < b.plan.error
+def _is_better(a: Trial, b: Trial, bound: float) -> bool:
+    both_accurate = a.plan.error <= bound and b.plan.error <= bound
+    return a.plan.cost < b.plan.cost if both_accurate else a.plan.error < b.plan.error
 
 
 # Quadrature
@@ -336,8 +337,8 @@ def cheapest_quadrature(asked: Question, judge: Judge) -> Plan | None:
     grows = bool(asked.varying & GROWING)
     if grows and "kinetic_energy" in asked.judged:
         return None
-    kept = methods.EXACT + FREE_BODY_FORCE.conditioning(asked)
-    bound = asked.accuracy / 3.0 - kept
+    round_off = methods.EXACT + FREE_BODY_FORCE.conditioning(asked)
+    bound = asked.accuracy / 3.0 - round_off
     for order in ORDERS:
         panels = 1
         for _ in range(MAX_TRIALS):
@@ -349,9 +350,9 @@ def cheapest_quadrature(asked: Question, judge: Judge) -> Plan | None:
             trial = Plan(FREE_BODY_FORCE.key, method, 0, substep=length, order=order, pinned=asked.pinned)
             error, _ = judge.try_out(trial, absolute=grows)
             if error <= bound:
-                path = f"path: {rule} in panels of {length:.3g} s: error {error + kept:.1e}"
+                path = f"path: {rule} in panels of {length:.3g} s: error {error + round_off:.1e}"
                 reasons = (FREE_TRIAXIAL.reason(asked), f"{path}, {asked.accuracy:g} asked")
-                best = replace(trial, error=error + kept, cost=cost, reasons=reasons)
+                best = replace(trial, error=error + round_off, cost=cost, reasons=reasons)
                 break
             ratio = (error / bound) ** (0.5 / order) if bound > 0.0 else math.inf
             if not ratio * panels < MAX_PANELS:
@@ -382,16 +383,16 @@ def why_held_whatever(
 ) -> tuple[str, ...]:
     """Return the reasons why a plan is valid for inputs and parameters that no pilot run contained.
 
-    Raises SceneError if it misses the accuracy; missed: returns `why` of `refuse_accuracy`.
+    Raises SceneError if it misses the accuracy; missed: returns `why` of `accuracy_error`.
     """
-    held = f"{held_over_a_run(plan)}, whatever {' and '.join(sorted(asked.varying))} may be"
+    first = f"{held_over_a_run(plan)}, whatever {' and '.join(sorted(asked.varying))} may be"
     start, magnified = asked.scene.inputs.at_start, magnified_round_off(growth)
-    reasons = (held, f"error {plan.error:.1e} in a pilot run with {start}, judged in {arithmetic}")
-    by_some = missed() if plan.error > asked.accuracy else ""
-    taken = asked.scene.inputs.ports or plan.error <= AT_REST * asked.accuracy
-    if magnified > asked.accuracy and taken and not by_some:
+    reasons = (first, f"error {plan.error:.1e} in a pilot run with {start}, judged in {arithmetic}")
+    named = missed() if plan.error > asked.accuracy else ""
+    round_off_is_allowed = asked.scene.inputs.ports or plan.error <= AT_REST * asked.accuracy
+    if magnified > asked.accuracy and round_off_is_allowed and not named:
         grown = f"with {start} the motion magnifies an error {growth:.1e} times"
         return (*reasons, f"{grown}, round-off beyond the accuracy: only the errors of substeps are held to it")
     if (worst := max(plan.error, magnified)) > asked.accuracy:
-        raise refuse_accuracy(asked, worst, by_some)
+        raise accuracy_error(asked, worst, named)
     return reasons

@@ -29,14 +29,14 @@ communication step of a state. Least squares of measured times of four scenes at
 where built-in series take 1.0 to 1.35 of what `methods.MACHINE` does."""
 
 
-def _needed(formulas: FormulaModel | None) -> FormulaModel:
-    assert formulas is not None
-    return formulas
+def _formulas_of(owner: Question | Plan) -> FormulaModel:
+    assert owner.formulas is not None
+    return owner.formulas
 
 
 def _general(asked: Question) -> Plan:
     """Return a plan of the scene's formulas whose order and tolerance are still open."""
-    rates = _needed(asked.formulas).rates
+    rates = _formulas_of(asked).rates
     return replace(methods.series_of_all(asked, 0, asked.accuracy), states=len(rates) - ("t" in rates))
 
 
@@ -45,39 +45,39 @@ def formula_plan(asked: Question, judge: Judge) -> Plan:
     refuse_below(asked, fitting.SMALLEST)
     if asked.varying:
         return _plan_of_varying(asked, judge)
-    tried = list[Plan]()
+    trials = list[Plan]()
 
     def error_at(order: int, tolerance: float) -> float | None:
         plan = _try_out(asked, judge, methods.series_plan(general, order, tolerance))
-        if asked.scene.events and plan.error == math.inf and not any(one.error < math.inf for one in tried):
+        if asked.scene.events and plan.error == math.inf and not any(trial.error < math.inf for trial in trials):
             step = f"{asked.scene.run.step:g} s"
             expected = f"at most {MOST_LISTED:,} in a communication step of {step}, and a motion that can be followed"
             raise SceneError(f"events: expected {expected}", asked.scene.name)
-        tried.append(plan)
+        trials.append(plan)
         return plan.error if plan.tolerance == tolerance else None
 
     general, aim = _general(asked), fitting.AIM * asked.accuracy
     for k, order in enumerate(ORDERS):  # error ~ tolerance, cost ~ tolerance^(-1 / order)
         judge.pilots, at_order = len(ORDERS) - k, partial(error_at, order)
         methods.climb(asked.accuracy / 8.0, at_order, (0.1 * aim, aim), aim, (1e-4, 1e4), tries=TRIES, caution=3.0)
-    met = [plan for plan in tried if plan.error <= fitting.REACHED * asked.accuracy]
-    if not met:
-        best = min(tried, key=lambda plan: plan.error)
-        raise fitting.refuse_accuracy(asked, best.error, _missed_by_own_outputs(asked, judge, best))
-    best = min(met, key=lambda plan: plan.cost)
+    accurate = [plan for plan in trials if plan.error <= fitting.REACHED * asked.accuracy]
+    if not accurate:
+        best = min(trials, key=lambda plan: plan.error)
+        raise fitting.accuracy_error(asked, best.error, _missed_by_own_outputs(asked, judge, best))
+    best = min(accurate, key=lambda plan: plan.cost)
     reasons = (*what_formulas_read(asked, best), fitting.why_fitted(best, judge.arithmetic))
     return replace(best, pinned=asked.pinned, reasons=reasons)
 
 
 def _missed_by_own_outputs(asked: Question, judge: Judge, plan: Plan) -> str:
     """Return text that names own outputs if they alone miss the accuracy, as those that are only round-off; else ""."""
-    found, truth, own = judge.motion_by(plan, judge.names), judge.motion, _needed(asked.formulas).own_outputs
+    found, truth, own = judge.motion_by(plan, judge.names), judge.motion, _formulas_of(asked).own_outputs
     names = [name for name in judge.names if not name.startswith(EVENT)]
     missed = [name for name in names if largest_error(found, truth, (name,), judge.floors) > asked.accuracy]
     if not missed or missed == names or not {*missed} <= {*own}:
         return ""
-    of = " and ".join(f"outputs.{name} (at most {largest_size(truth[name]):.1e})" for name in missed)
-    return f", of {of}, as errors are relative to the largest; all else meets it"
+    named = " and ".join(f"outputs.{name} (at most {largest_size(truth[name]):.1e})" for name in missed)
+    return f", of {named}, as errors are relative to the largest; all else meets it"
 
 
 def closed_plan(asked: Question, judge: Judge) -> Plan | None:
@@ -85,7 +85,7 @@ def closed_plan(asked: Question, judge: Judge) -> Plan | None:
 
     The error of own outputs is measured. The model is valid for other parameters, or refuses them.
     """
-    formulas = _needed(asked.formulas)
+    formulas = _formulas_of(asked)
     plain = _without_formulas(asked.scene, formulas)
     if plain is None:
         return None
@@ -107,8 +107,8 @@ def closed_plan(asked: Question, judge: Judge) -> Plan | None:
         acting = {name: load for name in formulas.plain_loads if any(load := getattr(plain.scene.loads, name))}
         came = (f"{name} = [{', '.join(f'{x:.6g}' for x in load)}]" for name, load in acting.items())
         reasons += (f"loads: formulas that come to {' and '.join(came) or 'nothing'}",)
-    what = "own outputs: functions of this motion, evaluated on its rows: " if formulas.own_outputs else ""
-    reasons += (f"{what}error {error:.1e} in a pilot run, judged in {judge.arithmetic}",)
+    prefix = "own outputs: functions of this motion, evaluated on its rows: " if formulas.own_outputs else ""
+    reasons += (f"{prefix}error {error:.1e} in a pilot run, judged in {judge.arithmetic}",)
     return replace(found, error=max(error, found.error), reasons=reasons)
 
 
@@ -135,7 +135,7 @@ def _without_formulas(scene: Scene, formulas: FormulaModel) -> Question | None:
 def _try_out(asked: Question, judge: Judge, plan: Plan) -> Plan:
     """Return a plan with its error in a pilot run, and its cost of a communication step, ns."""
     error, substeps = judge.try_out(plan)
-    formulas = _needed(plan.formulas)
+    formulas = _formulas_of(plan)
     n, slots, states = plan.order, 4 * len(formulas.program.groups), len(formulas.rates)
     of_an_order = len(formulas.program.varying) * NS_AN_OPERATION + states * NS_A_STATE
     series = 0.5 * n * n * slots * NS_A_TERM + n * of_an_order
@@ -160,11 +160,11 @@ def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
 
 def what_formulas_read(asked: Question, plan: Plan) -> tuple[str, ...]:
     """Return reasons: which states are integrated for the formulas and outputs of a scene, and which are not."""
-    kept = {name.partition("[")[0] for name in _needed(plan.formulas).rates}
+    kept = {name.partition("[")[0] for name in _formulas_of(plan).rates}
     parts = {"attitude": ("q", 4), "rates": ("omega", 3), "position": ("r_c", 3), "velocity": ("v_c", 3)}
-    sizes = [f"{what} {size}" for what, (name, size) in parts.items() if name in kept]
+    sizes = [f"{part} {size}" for part, (name, size) in parts.items() if name in kept]
     sizes += [f"{name} {len(row.start)}" for name, row in asked.scene.states.items() if f"{motion.STATE}{name}" in kept]
-    left = [what for what, (name, _) in parts.items() if name not in kept]
+    left = [part for part, (name, _) in parts.items() if name not in kept]
     left += [name for name in asked.scene.states if f"{motion.STATE}{name}" not in kept]
     lines = [f"states: {', '.join(sizes) or 'none'}"]
     if left:

@@ -18,7 +18,7 @@ from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
 from rbfmu.runs.motion import largest_error, largest_size, least_sizes
 from rbfmu.runs.plan import Plan, start_run
-from rbfmu.runs.steps import Steps, Told, motion_of, record, substeps_counted
+from rbfmu.runs.steps import Steps, Tell, motion_of, record, substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.compile.tiered import evaluated
@@ -74,17 +74,17 @@ class Judge:
     """
 
     def __init__(
-        self, asked: Question, progress: Told = None, fewer: Question | None = None, most: int = MAX_STEPS
+        self, asked: Question, progress: Tell = None, fewer: Question | None = None, most: int = MAX_STEPS
     ) -> None:
         self.asked, self.scene, self.names = asked, asked.scene, asked.judged
-        own = tuple(name for name in fewer.judged if name in self.names) if fewer else self.names
+        of_fewer = tuple(name for name in fewer.judged if name in self.names) if fewer else self.names
         self._followed = tuple(dict.fromkeys((*self.names, "omega_b")))
-        self._asked = tuple(dict.fromkeys((self.names, own or self.names)))
+        self._name_sets = tuple(dict.fromkeys((self.names, of_fewer or self.names)))
         self.steps = asked.scene.run.thinned_steps(most)
         self._parts = max(2, FEW_POINTS // len(self.steps))
         self._progress = progress
         self.doubt = 0.0  # how far the truth itself may be off
-        self.left = MAX_TRIED  # substeps of pilot runs to come
+        self.substeps_left = MAX_TRIED  # of pilot runs to come
         self.pilots = 1  # how many pilot runs of the same kernels will follow: compiling them at once may pay
         self.arithmetic = "double-double arithmetic"
         self.doing = TRYING
@@ -111,10 +111,10 @@ class Judge:
         warn_caller(f"{self.scene.name}: {LONG}", PlanningWarning)
         self.arithmetic = "double precision"
         self.doing = "its motion is followed in small steps, for it turns fast, or damping is stiff"
-        one, other = (self._tight_motion(order) for order in (20, 24))
-        self.doubt = largest_error(one, other, self.names, least_sizes(self.asked, one))
+        truth, check = (self._tight_motion(order) for order in (20, 24))
+        self.doubt = largest_error(truth, check, self.names, least_sizes(self.asked, truth))
         self.doing = TRYING
-        return one
+        return truth
 
     def _tight_motion(self, order: int) -> Motion:
         """Return the motion by a tight series in doubles, in small steps, for want of a reference."""
@@ -138,7 +138,7 @@ class Judge:
 
     def error_if_soon(self, plan: Plan, otherwise: float = 0.0) -> float:
         """Return the plan's error if the truth takes no more than seconds, else `otherwise`."""
-        return otherwise if self._exact is None else self.try_out(plan)[0]
+        return otherwise if self.is_slow else self.try_out(plan)[0]
 
     @cached_property
     def _exact(self) -> Motion | None:
@@ -184,9 +184,9 @@ class Judge:
             when = f"when.{name}"
             size = largest_size(self.motion[when])  # also between communication points, at which it may be zero
             if BESIDE_POLES * largest.get(when, 0.0) > size:
-                said = f"events.{name}.when comes to {largest[when]:.1e}, and is at most {size:.1e} elsewhere"
+                sizes = f"events.{name}.when comes to {largest[when]:.1e}, and is at most {size:.1e} elsewhere"
                 expected = "expected a formula without poles, beside which zeros are lost"
-                raise SceneError(f"{said}: {expected}", self.scene.name)
+                raise SceneError(f"{sizes}: {expected}", self.scene.name)
 
     def try_out(self, plan: Plan, at_once: int = 1, parts: int = 1, absolute: bool = False) -> tuple[float, float]:
         """Return the plan's error over the run, and its number of substeps.
@@ -210,20 +210,20 @@ class Judge:
 
         In very long runs only the first steps are taken, and their round-off is extrapolated to all.
         """
-        parts, taken = self.stride, len(self.steps)
+        parts, steps = self.stride, len(self.steps)
         if parts == 1:
             return plan.error
-        count = max(min(taken, MAX_COUNTED // parts), 1)
+        count = max(min(steps, MAX_COUNTED // parts), 1)
         truth = {name: self.truth[name][: count + 1] for name in self.names}
         together, _ = self._error(plan, self.steps[:count], truth)
         apart, _ = self._error(plan, self.steps[:count], truth, parts)
-        return plan.error + max(apart - together, 0.0) * taken / count
+        return plan.error + max(apart - together, 0.0) * steps / count
 
     def _error(
         self, plan: Plan, steps: list[float], truth: Motion, parts: int = 1, absolute: bool = False
     ) -> tuple[float, float]:
         errors, substeps = [], []
-        for names in self._asked:
+        for names in self._name_sets:
             run = Steps(self.scene, plan, steps, names, parts, self.pilots)
             found = self._pilot(run, names)
             floors = self._floors_of(run)
@@ -234,9 +234,9 @@ class Judge:
 
     def _pilot(self, run: Steps, names: tuple[str, ...]) -> Motion:
         """Return the motion of a pilot run. Raises SceneError if all pilot runs together take too long."""
-        found = record(run, names, self.left)
-        self.left -= substeps_counted(run.kernels, run.z)
-        if self.left < 0.0:
+        found = record(run, names, self.substeps_left)
+        self.substeps_left -= substeps_counted(run.kernels, run.z)
+        if self.substeps_left < 0.0:
             raise too_long(self.scene, f"pilot runs take more than {MAX_TRIED:.0e} substeps")
         return found
 
@@ -271,10 +271,6 @@ class Judge:
     def motion_by(self, plan: Plan, names: tuple[str, ...]) -> Motion:
         """Return the motion by a plan in `cut_steps`."""
         return motion_of(self.scene, plan, self.cut_steps, names)
-
-    def compare(self, smaller: Plan, truth: Motion, names: tuple[str, ...], absolute: bool) -> float:
-        """Return the error of a smaller model, also between communication points; absolute: as in `try_out`."""
-        return largest_error(self.motion_by(smaller, names), truth, names, least_sizes(self.asked, truth), absolute)
 
 
 def magnified_round_off(growth: float) -> float:
@@ -312,10 +308,10 @@ def refuse_unfinished(
     turns_by = rate * done / substeps if substeps > MAX_SUBSTEPS else rate * steps[last] / MAX_SUBSTEPS
     if turns_by > TURNS:
         why = f"it turns at {rate:.2g} rad/s"
-    said = f"the {steps[last]:.3g} s from t = {reached:.6g} s take too many substeps, or leave the range of numbers"
+    message = f"the {steps[last]:.3g} s from t = {reached:.6g} s take too many substeps, or leave the range of numbers"
     if substeps > MAX_SUBSTEPS:
-        said = f"{substeps:.1e} substeps take it on by {done:.3g} s"
-    raise too_long(scene, f"{said}: {why}")
+        message = f"{substeps:.1e} substeps take it on by {done:.3g} s"
+    raise too_long(scene, f"{message}: {why}")
 
 
 def too_long(scene: Scene, why: str) -> SceneError:

@@ -262,4 +262,4 @@ def terms(asked: Question, plan: Plan) -> list[str]:
         "accelerations": start.shows_loads,
         **{name: name in asked.quantities for name in OUTPUT},
     }
-    return [spec.key, *(name for name, asked in parts.items() if asked and name in NS)]
+    return [spec.key, *(name for name, is_needed in parts.items() if is_needed and name in NS)]

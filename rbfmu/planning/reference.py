@@ -17,7 +17,7 @@ from rbfmu.formulas import program
 from rbfmu.formulas.motion import STATE, by_element, closure, groups_of
 from rbfmu.models.formulas import EVENT, FormulaModel, equations_of
 from rbfmu.models.question import Question
-from rbfmu.runs.steps import Told
+from rbfmu.runs.steps import Tell
 from rbfmu.scene.scene import Body, Scene, SceneError
 from rbfmu.types import Array, Buffer, Indices, Motion
 from rbfmu_kernels.buffer_access import matrix_at, put_quaternion_at
@@ -65,7 +65,7 @@ class ReferenceTooLongError(ArithmeticError):
     """An error for a motion that takes more steps than allowed, or leaves the range of numbers."""
 
 
-def reference_motion(scene: Scene, steps: Sequence[float], most: int, progress: Told = None) -> Motion:
+def reference_motion(scene: Scene, steps: Sequence[float], most: int, progress: Tell = None) -> Motion:
     """Return the judged quantities of a scene, and attitude and rate, at its start and after each step, s.
 
     Ports keep their values at the start. For a scene with formulas, the quantities are its outputs, its own states
@@ -73,7 +73,7 @@ def reference_motion(scene: Scene, steps: Sequence[float], most: int, progress: 
     Raises ReferenceTooLongError if it takes more than `most` steps of its own, and SceneError if a motion by formulas
     ends before the run.
     """
-    listed = Listed(scene)
+    listed = OperationList(scene)
     most = min(most, MOST_WORK // len(listed.found))
     sides = np.array([[n, 0.0, 0.0] for n in listed.sides]).reshape(-1, 3)
     with localcontext() as context:
@@ -88,27 +88,27 @@ def reference_motion(scene: Scene, steps: Sequence[float], most: int, progress: 
     for first in range(0, times.shape[1], CHUNK):
         chunk = slice(max(first - 1, 0), first + CHUNK)
         some = np.ascontiguousarray(times[:, chunk])
-        room = Room(equations, some, rows[chunk], work, here, sizes, scene.has_formulas)
-        taken, done, lately = follow(room, most, not scene.has_formulas)
-        if scene.has_formulas and (taken == NOWHERE or (taken < 0 and lately < CREEPING * done)):
+        problem = Problem(equations, some, rows[chunk], work, here, sizes, scene.has_formulas)
+        count, done, lately = follow(problem, most, in_a_hurry=not scene.has_formulas)
+        if scene.has_formulas and (count == NOWHERE or (count < 0 and lately < CREEPING * done)):
             raise _ends_early(scene, done, listed.keys_at_fault(work, sides))
         starts = scene.has_formulas and np.isfinite(rows[0]).all()  # otherwise a start in doubles says what is wrong
-        if taken >= 0 and starts and not np.isfinite(rows[chunk]).all():
+        if count >= 0 and starts and not np.isfinite(rows[chunk]).all():
             row, column = np.argwhere(~np.isfinite(rows))[0].tolist()
             raise _ends_early(scene, sum(steps[:row]), f"{listed.columns[column]} is not finite")
-        if taken < 0 or not np.isfinite(rows[chunk]).all():
+        if count < 0 or not np.isfinite(rows[chunk]).all():
             left = times[0, -1] - times[0, int(np.isfinite(rows).all(axis=1).sum()) - 1]
             if starts and left * most > 2.0 * lately * MOST_SERIES:
                 why = f"{most // 2} steps of order {kernels.ORDER} take it on by {lately:.2g} s"
                 raise SceneError(f"run.stop = {scene.run.stop!r}: expected a shorter run, as {why}", scene.name)
             raise ReferenceTooLongError(scene.name)
-        most -= taken
+        most -= count
         if progress is not None:
             progress(min((first + CHUNK) / times.shape[1], 1.0))
     return listed.named(rows)
 
 
-class Room(NamedTuple):
+class Problem(NamedTuple):
     """The equations of a motion, and the arrays that `follow` uses.
 
     times (2, N): increasing, s after the start, double-double; rows (N, w): the wanted values at these; s (2, n
@@ -125,26 +125,26 @@ class Room(NamedTuple):
     may_hide: bool
 
 
-def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float, float]:
+def follow(problem: Problem, most: int, in_a_hurry: bool) -> tuple[int, float, float]:
     """Set the rows; return the number of steps, the time that they reach, and how far those after `most` / 2 went, s.
 
     The number is -1 beyond `most` steps, and NOWHERE if values are not finite or slide along a corner. In a hurry it is
     also -1 if a fifth of `most` steps covered too little: see ENOUGH.
     """
-    equations, times, rows, s, here, sizes, _ = room
+    equations, times, rows, s, here, sizes, _ = problem
     begin, span = float(times[0, 0]), float(times[0, -1] - times[0, 0])
     now, half, tenth = (begin, float(times[1, 0])), begin, 0.0
     usual = 2.0 ** math.floor(math.log2(span)) if span > 0.0 else 1.0  # so that no term of the motion is denormal
     unit, step, shortened, steps, stalled, k = usual, 0.0, 0, 0, 0, 0
     equations.sides[:, 1:], equations.touching[:, 2], s[:, :: kernels.LENGTH] = 0.0, 0, here
     while k < times.shape[1]:
-        if not _settled(room, unit, now[0] / unit, shortened > 0):
+        if not _settle_sides(problem, unit, now[0] / unit, is_same_series=shortened > 0):
             return NOWHERE, now[0], 0.0
         last, step = step, min(kernels.longest_step(equations, sizes, s), 2.0 * span / unit)
         if math.isnan(step) and shortened < MOST_SHORTENED:
             unit, step, shortened = SHORTER * unit, last / SHORTER, shortened + 1
             continue
-        reach, step = _reach(room, now[0] / unit, unit, step, last)
+        reach, step = _reach(problem, now[0] / unit, unit, step, last)
         steps, done = steps + 1, now[0] - begin
         stalled = stalled + 1 if unit * reach[0] < FINEST * done else 0
         if not reach[0] > 0.0 or stalled > MOST_STALLED:
@@ -161,30 +161,30 @@ def follow(room: Room, most: int, in_a_hurry: bool) -> tuple[int, float, float]:
     return steps, now[0], now[0] - half
 
 
-def _settled(room: Room, unit: float, done: float, again: bool) -> bool:
+def _settle_sides(problem: Problem, unit: float, done: float, *, is_same_series: bool) -> bool:
     """Expand the series until each side agrees with the sign that its number has next; return False if no choice does.
 
-    done: the time that has passed, in units; again: whether it is the previous series in another unit.
+    done: the time that has passed, in units; is_same_series: whether it is the previous series in another unit.
     """
-    equations, sides, turned = room.equations, room.equations.sides, -1
+    equations, sides, turned = problem.equations, problem.equations.sides, -1
     roots = [n for n in equations.touching[:, 1] if equations.operations[n, 0] in ROOTS] if len(sides) else []
     equations.operations[roots, 3] = 0
-    if not again:
+    if not is_same_series:
         sides[:, 1], sides[:, 2] = sides[:, 2], 0.0
     for _ in range(3 * len(sides) + len(roots) + 1):
-        kernels.expand(equations, room.s, unit)
-        if roots and kernels.rest_roots(equations, room.s, done):
+        kernels.expand(equations, problem.s, unit)
+        if roots and kernels.rest_roots(equations, problem.s, done):
             continue
-        turned = kernels.turn_side(equations, room.s, done) if len(sides) else -1
+        turned = kernels.turn_side(equations, problem.s, done) if len(sides) else -1
         if turned < 0:
             return True
     sides[turned, 1] = SLIDES
     return False
 
 
-def _reach(room: Room, done: float, unit: float, step: float, last: float) -> tuple[tuple[float, float], float]:
+def _reach(problem: Problem, done: float, unit: float, step: float, last: float) -> tuple[tuple[float, float], float]:
     """Return the reach of the series, and the step, halved until the defect is small; last: the step before."""
-    equations, _, _, s, here, sizes, may_hide = room
+    equations, _, _, s, here, sizes, may_hide = problem
     reach, has_corners = (step, 0.0), any(map(len, (equations.sides, equations.touching, equations.rising)))
     for _ in range(MOST_HALVED):
         reach = kernels.to_corner(equations, s, step, done) if has_corners else (step, 0.0)
@@ -196,7 +196,7 @@ def _reach(room: Room, done: float, unit: float, step: float, last: float) -> tu
     return reach, step
 
 
-class Listed:
+class OperationList:
     """The motion and the wanted quantities as a list of operations, which `follow` evaluates.
 
     found: the operations' indices in the graph. All else refers to places in this list: operations: a row for each;
@@ -227,11 +227,11 @@ class Listed:
         self.states = np.array(rows, np.int64).reshape(-1, 3)
         self.least = np.array([group.least if group.relative else -group.least for group in groups])
         self.wanted = np.array([place[x.index] for x in wanted], np.int64)
-        known = [(n, self.graph.operations[i]) for n, i in enumerate(self.found)]
-        self.sides = [n for n, one in known if one.kind == "side"]
-        touching = [(place[program.under(one)], n, 0) for n, one in known if one.kind in program.TOUCHING]
+        operations = [(n, self.graph.operations[i]) for n, i in enumerate(self.found)]
+        self.sides = [n for n, x in operations if x.kind == "side"]
+        touching = [(place[program.zero_argument(x)], n, 0) for n, x in operations if x.kind in program.TOUCHING]
         self.touching = np.array(touching, np.int64).reshape(-1, 3)
-        rising = {place[i] for _, one in known if one.kind in program.RISING for i in one.of}
+        rising = {place[i] for _, x in operations if x.kind in program.RISING for i in x.of}
         self.rising = np.array([*rising], np.int64)
         self.time = dict(zip(names, self.states[:, 0].tolist(), strict=True)).get("t", -1)
 
@@ -276,11 +276,11 @@ class Listed:
             n = np.argwhere(lost.T)[0, 1]  # the one of lowest order; others may follow from it
             named = " or ".join(self.formulas.keys_of(self.found[n])) or "the motion"
             kind, of, _ = self.graph.operations[self.found[n]]
-            said = f"{named} is not finite, or has no finite derivatives"
+            message = f"{named} is not finite, or has no finite derivatives"
             if kind == "exp" and math.isinf(work[0, n * kernels.LENGTH]):
                 x = work[0, self.found.index(of[0]) * kernels.LENGTH]
-                said += f": exp({x:.6g}) is too large for a number"
-            return said
+                message += f": exp({x:.6g}) is too large for a number"
+            return message
         corner = "a corner of abs, min, max, clip, where or a table; give it a slope: clip(x/w, -1, 1) for a sign of x"
         at_fault, why = [int(n) for n, begun, _ in sides if begun == SLIDES], f"slides along {corner}"
         if not at_fault:

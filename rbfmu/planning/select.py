@@ -18,7 +18,7 @@ from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, refuse_unfinished, watched
 from rbfmu.runs.inputs import Drive
 from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.steps import Driven, Told, record, substeps_counted
+from rbfmu.runs.steps import Driven, Tell, record, substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Motion
 from rbfmu_kernels.compile.said import PATIENCE, said_after
@@ -34,7 +34,7 @@ Two different orders are used, as series of one order may take the same steps an
 """
 
 
-def plan(scene: Scene, full: bool = False, progress: Told = None, driven: Callable[[int], Drive] | None = None) -> Plan:
+def plan(scene: Scene, full: bool = False, progress: Tell = None, driven: Callable[[int], Drive] | None = None) -> Plan:
     """Choose model, method and settings; full: whether to integrate all degrees of freedom and outputs.
 
     progress: a function that is called from time to time with the part of the truth that is computed, 0 to 1.
@@ -46,7 +46,7 @@ def plan(scene: Scene, full: bool = False, progress: Told = None, driven: Callab
     found = cheapest(judged, Judge(judged, progress, asked), full)
     if driven:  # known inputs close no loop
         return plan_for_inputs(asked, found, driven)
-    return replace(found, reasons=(*found.reasons, *what_inputs_cost(judged, found)))
+    return replace(found, reasons=(*found.reasons, *reasons_of_held_inputs(judged, found)))
 
 
 def with_all_outputs(scene: Scene) -> Scene:
@@ -68,14 +68,14 @@ def cheapest(asked: Question, judge: Judge, full: bool = False) -> Plan:
             return (None if full else closed_plan(asked, judge)) or formula_plan(asked, judge)
         if asked.scene.body is None:
             return methods.with_cost(asked, closed_forms.prescribed_plan(asked))
-        smaller = None if full else next(filter(None, _smaller(asked, judge)), None)
+        smaller = None if full else next(filter(None, _plans_of_smaller_models(asked, judge)), None)
         found = smaller or fitting.cheapest_fit(asked, judge, full)
         pinned = found.pinned if found.spec.closed_form else asked.pinned  # pilot runs depend on their values
         left_out = () if full else closed_forms.what_is_left_out(asked, found.spec.force_keeps_direction)
         return methods.with_cost(asked, replace(found, pinned=pinned, reasons=(*left_out, *found.reasons)))
 
 
-def _smaller(asked: Question, judge: Judge) -> Iterator[Plan | None]:
+def _plans_of_smaller_models(asked: Question, judge: Judge) -> Iterator[Plan | None]:
     """Yield the plans of models that integrate less than all, from the smallest; None for a model that is not valid."""
     exact = closed_forms.exact_plan(asked, judge)
     yield closed_forms.plan_within_accuracy(asked, judge, exact)
@@ -87,7 +87,7 @@ def _smaller(asked: Question, judge: Judge) -> Iterator[Plan | None]:
 def series_serve_alone(judge: Judge) -> bool:
     """Return whether only series that integrate all degrees of freedom are valid, and no smaller model."""
     scene = judge.scene
-    return not (scene.has_formulas or scene.body is None or any(_smaller(judge.asked, judge)))
+    return not (scene.has_formulas or scene.body is None or any(_plans_of_smaller_models(judge.asked, judge)))
 
 
 # Inputs that are known
@@ -101,24 +101,25 @@ def plan_for_inputs(asked: Question, found: Plan, driven: Callable[[int], Drive]
     """
     if found.model == registry.PRESCRIBED_RATES.key:
         return found
-    what = f"rbfmu: planning {asked.scene.name} takes long: methods are tried under its inputs"
-    with said_after(PATIENCE, lambda: what):
-        return _least_tight(asked, found, driven(1), driven(2))
+    message = f"rbfmu: planning {asked.scene.name} takes long: methods are tried under its inputs"
+    with said_after(PATIENCE, lambda: message):
+        return _loosest_accurate(asked, found, driven(1), driven(2))
 
 
-def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> Plan:
+def _loosest_accurate(asked: Question, found: Plan, drive: Drive, halves: Drive) -> Plan:
     scene, names = asked.scene, asked.judged
     with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # for `least_sizes` of a body at rest
     tight = [methods.series_of_all(asked, order, 1e-18) for order in ORDERS]
-    (truth, run), (other, again) = (_run_under(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight)
-    for motion, one in ((truth, run), (other, again)):
-        substeps = substeps_counted(one.kernels, one.z)
+    judging = [_run_driven(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight]
+    for motion, run in judging:
+        substeps = substeps_counted(run.kernels, run.z)
         refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps, driven=True)
+    (truth, run), (check, _) = judging
     floors = least_sizes(asked, truth) | watched_sizes(scene, run.kernels.BLOCKS, run.z)
-    doubt = largest_error(other, truth, names, floors)
+    doubt = largest_error(check, truth, names, floors)
     best = math.inf
     for plan in (found, *_tighter(asked, found)):
-        motion, run = _run_under(drive, scene, plan, names, MOST_UNDER_INPUTS)
+        motion, run = _run_driven(drive, scene, plan, names, MOST_UNDER_INPUTS)
         error = largest_error(motion, truth, names, floors) + doubt
         if error <= asked.accuracy:
             reasons = [*found.reasons]
@@ -127,14 +128,14 @@ def _least_tight(asked: Question, found: Plan, drive: Drive, halves: Drive) -> P
                 reasons.append(f"{misses}: {plan.method} at {plan.tolerance:.1e} instead")
             judged = f"judged by series of order {max(ORDERS)} in half steps"
             reasons.append(f"error {error:.1e} in a pilot run with the inputs given, {judged}")
-            cost = _cost_under(asked, plan, found, substeps_counted(run.kernels, run.z), drive)
+            cost = _cost_driven(asked, plan, found, substeps_counted(run.kernels, run.z), drive)
             return replace(plan, error=error, cost=cost, reasons=tuple(reasons))
         best = min(best, error)
     expected = f"one that these inputs allow; {what_is_reached(best)} with them"
     raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", scene.name)
 
 
-def _run_under(drive: Drive, scene: Scene, plan: Plan, names: tuple[str, ...], most: float) -> tuple[Motion, Driven]:
+def _run_driven(drive: Drive, scene: Scene, plan: Plan, names: tuple[str, ...], most: float) -> tuple[Motion, Driven]:
     """Return the motion under inputs, which ends after `most` substeps, and the run."""
     run = Driven(scene, plan, drive, names)
     run.events = None  # each plan finds an event that ends the run at another time; the rest could not be compared
@@ -143,7 +144,7 @@ def _run_under(drive: Drive, scene: Scene, plan: Plan, names: tuple[str, ...], m
 
 def without_loops(scene: Scene, found: Plan) -> Plan:
     """Return a plan without its reasons about loops closed through inputs, as known inputs close no loop."""
-    of_loops = what_inputs_cost(Question(scene), found)
+    of_loops = reasons_of_held_inputs(Question(scene), found)
     return replace(found, reasons=tuple(reason for reason in found.reasons if reason not in of_loops))
 
 
@@ -156,7 +157,7 @@ def _tighter(asked: Question, found: Plan) -> Iterator[Plan]:
         yield replace(methods.series_plan(general, order, tolerance), span=asked.span)
 
 
-def _cost_under(asked: Question, plan: Plan, found: Plan, substeps: float, drive: Drive) -> float:
+def _cost_driven(asked: Question, plan: Plan, found: Plan, substeps: float, drive: Drive) -> float:
     """Return the cost of a communication step, ns, given the run's pieces and its number of substeps."""
     steps, pieces = len(drive.time) - 1, len(drive.lengths)
     if plan.model != registry.LOADED_TAYLOR.key:
@@ -168,7 +169,7 @@ def _cost_under(asked: Question, plan: Plan, found: Plan, substeps: float, drive
 # What inputs cost
 
 
-def what_inputs_cost(asked: Question, plan: Plan) -> tuple[str, ...]:
+def reasons_of_held_inputs(asked: Question, plan: Plan) -> tuple[str, ...]:
     """Return reasons: the effect of a zero-order hold of the inputs over a communication step on a closed loop.
 
     No loop can be closed if no output shows the effect of the ports; the energy alone shows no direction. The energy of
@@ -189,20 +190,20 @@ def what_inputs_cost(asked: Question, plan: Plan) -> tuple[str, ...]:
         return *held, f"a feedback of the angle on omega_b is unstable where its gain is beyond {2.0 / h:.3g} 1/s"
     lines: tuple[str, ...] = ()
     moved = shown & {"position", "velocity", "acceleration"}
-    pushed, twisted = moved and set(ports) & set(FORCES), shown - moved and set(ports) & set(TORQUES)
+    moved_by_forces, turned_by_torques = moved and set(ports) & set(FORCES), shown - moved and set(ports) & set(TORQUES)
     has_arm = any(body.r_oc_b) or "r_oc_b" in scene.inputs.parameters
-    if not (pushed or twisted or (shown and has_arm) or scene.inputs.own):
+    if not (moved_by_forces or turned_by_torques or (shown and has_arm) or scene.inputs.own):
         return ()
-    if pushed and not body.pivot:
-        lines = _held_loop(h, "forces", body.mass, "kg", "N/m", "N s/m")
-    if twisted:
+    if moved_by_forces and not body.pivot:
+        lines = _reasons_of_loop(h, "forces", body.mass, "kg", "N/m", "N s/m")
+    if turned_by_torques:
         moments = asked.start.principal_axes[0].tolist()
         least = next(moment for moment in moments if moment > 1e-12 * sum(moments))  # a beam's first is 0
-        lines += _held_loop(h, "torques", least, "kg m2", "N m/rad", "N m s/rad")
+        lines += _reasons_of_loop(h, "torques", least, "kg m2", "N m/rad", "N m s/rad")
     return *held, *lines
 
 
-def _held_loop(h: float, loads: str, m: float, inertia: str, spring: str, damper: str) -> tuple[str, ...]:
+def _reasons_of_loop(h: float, loads: str, m: float, inertia: str, spring: str, damper: str) -> tuple[str, ...]:
     gain, enough = f"gains {0.5 * h * h / m:.3g} k of its energy each step", f"{0.5 * h:.3g} k {damper}"
     return (
         f"a spring of k {spring} through {loads} on {m:.3g} {inertia} {gain}, unless a damper of {enough} is beside it",

@@ -34,7 +34,7 @@ Inputs = Mapping[str, Given] | str | Path
 """What drives a run, as a user gives it: see `input_tables`."""
 
 
-def _near(scene: Scene) -> float:
+def _time_tolerance(scene: Scene) -> float:
     """Return the largest difference, s, between times that count as the same."""
     step, round_off = scene.run.step, math.ulp(scene.run.start) + math.ulp(scene.run.stop)
     return max(NEAR * step, min(round_off, 0.1 * step))
@@ -94,9 +94,9 @@ def _from_mapping(inputs: Mapping[str, Given], scene: Scene, interpolate: str, f
         try:
             size = size_of(scene, port)
             if isinstance(given, tuple) and len(given) == 2:
-                tables[port] = _timed(given, size)
+                tables[port] = _table_of_pair(given, size)
             else:
-                tables[port] = _row_a_step(scene, given, interpolate, size)
+                tables[port] = _table_by_steps(scene, given, interpolate, size)
         except (TypeError, ValueError) as error:
             faults.append(f"inputs {port!r}: {error}")
             continue
@@ -104,7 +104,7 @@ def _from_mapping(inputs: Mapping[str, Given], scene: Scene, interpolate: str, f
     return tables
 
 
-def _timed(given: tuple[ArrayLike, ArrayLike], size: int) -> InputTable:
+def _table_of_pair(given: tuple[ArrayLike, ArrayLike], size: int) -> InputTable:
     times, values = _numbers_of(given[0], "times"), _rows_of(given[1], size)
     if times.ndim != 1 or not len(times) or values.shape != (len(times), size):
         shapes = f"shapes {times.shape} and {values.shape}"
@@ -112,7 +112,7 @@ def _timed(given: tuple[ArrayLike, ArrayLike], size: int) -> InputTable:
     return InputTable(times, values)
 
 
-def _row_a_step(scene: Scene, given: ArrayLike, interpolate: str, size: int) -> InputTable:
+def _table_by_steps(scene: Scene, given: ArrayLike, interpolate: str, size: int) -> InputTable:
     values, grid = _rows_of(given, size), scene.run.grid()
     points, steps = len(grid), len(grid) - 1
     allowed = {points} if interpolate == LINEAR else {steps, points}
@@ -190,7 +190,7 @@ def _faults_of_times(scene: Scene, times: Array, name: str, interpolate: str) ->
         before = f"a time after {float(times[row - 1])!r} s in the row before"
         yield f"{name} = {float(times[row])!r} in row {row + 1}: expected {before}"
         return
-    start, stop, near = scene.run.start, min(scene.run.stop, scene.run.end), _near(scene)
+    start, stop, near = scene.run.start, min(scene.run.stop, scene.run.end), _time_tolerance(scene)
     if times[0] > start + near:
         yield f"{name} = {float(times[0])!r} in row 1: expected at most {start!r} s, where the run starts"
     if interpolate == LINEAR and times[-1] < stop - near:
@@ -206,11 +206,11 @@ def _doubts_of_ends(scene: Scene, tables: InputTables) -> Iterator[str]:
     stop, held = min(scene.run.stop, scene.run.end), dict[float, list[str]]()
     for port, (times, _) in tables.items():
         left = stop - float(times[-1])
-        if len(times) > 1 and left > times[-1] - times[-2] + _near(scene):
+        if len(times) > 1 and left > times[-1] - times[-2] + _time_tolerance(scene):
             held.setdefault(left, []).append(port)
     for left, ports in held.items():
-        said = f"the last inputs of {', '.join(ports)} are held for {left:.6g} s, to the end of the run"
-        yield f"{said}; was the table cut short?"
+        message = f"the last inputs of {', '.join(ports)} are held for {left:.6g} s, to the end of the run"
+        yield f"{message}; was the table cut short?"
 
 
 class PortPieces(NamedTuple):
@@ -243,12 +243,12 @@ class Drive(NamedTuple):
 def drive_of(scene: Scene, tables: InputTables, interpolate: str, parts: int = 1, time: Array | None = None) -> Drive:
     """Return the pieces of a scene's run under tables; parts: into how many equal parts each is cut; time: its grid."""
     time = scene.run.grid() if time is None else time
-    near = _near(scene)
+    near = _time_tolerance(scene)
     points = _points(time, [table.times for table in tables.values()], near)
     if parts > 1:
         cuts = np.arange(parts) / parts
         points = np.append((points[:-1, None] + cuts * np.diff(points)[:, None]).ravel(), points[-1])
-    pieces = _linear if interpolate == LINEAR else _held
+    pieces = _linear_pieces if interpolate == LINEAR else _held_pieces
     ports = {port: pieces(table, points, near) for port, table in tables.items()}
     counts = np.arange(len(time)) if points is time else np.searchsorted(points, time)  # which takes longer
     return Drive(time, np.diff(points), counts, ports)
@@ -266,13 +266,13 @@ def _points(time: Array, tables: list[Array], near: float) -> Array:
     return np.union1d(time, rows)
 
 
-def _held(table: InputTable, points: Array, near: float) -> PortPieces:
-    begun = np.maximum(np.searchsorted(table.times, points[:-1] + near, side="right") - 1, 0)
-    values = table.values[begun]
-    return PortPieces(values, np.zeros_like(values), np.diff(begun, prepend=-1) > 0)
+def _held_pieces(table: InputTable, points: Array, near: float) -> PortPieces:
+    row = np.maximum(np.searchsorted(table.times, points[:-1] + near, side="right") - 1, 0)
+    values = table.values[row]
+    return PortPieces(values, np.zeros_like(values), np.diff(row, prepend=-1) > 0)
 
 
-def _linear(table: InputTable, points: Array, near: float) -> PortPieces:
+def _linear_pieces(table: InputTable, points: Array, near: float) -> PortPieces:
     begins = np.column_stack([np.interp(points, table.times, column) for column in table.values.T])
     ends = begins.copy()
     # Several rows at one point are a jump: the piece before it ends at the first row, the one after begins at the last.

@@ -89,15 +89,15 @@ def least_sizes(asked: Question, motion: Motion) -> dict[str, float]:
 
     Errors of a quantity that is zero except for round-off of its terms are relative to the size of these terms.
     """
-    return {**FLOORS, **{name: size for name, (size, part) in _parts(asked, motion).items() if part <= NOISE}}
+    return {**FLOORS, **{name: size for name, (size, part) in _sizes_and_parts(asked, motion).items() if part <= NOISE}}
 
 
 def lost_to_cancellation(asked: Question, motion: Motion) -> float:
     """Return a bound of the relative error that cancellation of terms causes in the motion's quantities."""
-    return max((NOISE / part for _, part in _parts(asked, motion).values() if part > NOISE), default=0.0)
+    return max((NOISE / part for _, part in _sizes_and_parts(asked, motion).values() if part > NOISE), default=0.0)
 
 
-def _parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
+def _sizes_and_parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
     """Return each quantity's natural size, and its largest over natural size; for an energy the ratio's square root."""
     found: dict[str, tuple[float, float]] = {}
     for name, size in natural_sizes(asked, motion).items():
@@ -110,7 +110,7 @@ def _parts(asked: Question, motion: Motion) -> dict[str, tuple[float, float]]:
 def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     """Return the size of each quantity if the scene's loads were not in balance, in the quantity's unit, by name."""
     body, size = asked.body, asked.scene.loads.sizes
-    force, linear = _pull(body, size)
+    force, linear = _force_and_acceleration(body, size)
     arm, (low, middle, high) = math.hypot(*body.r_oc_b), asked.start.principal_axes[0].tolist()
     least = low if low > INERTIA_TOLERANCE * high else middle
     torque = sum(size[name] for name in sorted(TORQUES - DISSIPATIVE))
@@ -126,7 +126,7 @@ def natural_sizes(asked: Question, motion: Motion) -> dict[str, float]:
     return {row.name: by_unit[row.unit] for row in OUTPUTS if row.unit in by_unit}
 
 
-def _pull(body: Body, loads: Mapping[str, float]) -> tuple[float, float]:
+def _force_and_acceleration(body: Body, loads: Mapping[str, float]) -> tuple[float, float]:
     """Return the force, N, and acceleration, m/s2, by loads of these sizes if they were not in balance."""
     force = body.mass * loads["gravity_a"] if body.pivot else sum(loads[name] for name in sorted(FORCES))
     return force, loads["gravity_a"] + force / body.mass
@@ -139,7 +139,7 @@ def doubts_of_sizes(scene: Scene, motion: Motion) -> Iterator[str]:
     """
     if scene.body is None:
         return
-    (_, linear), span = _pull(scene.body, scene.loads.sizes), scene.run.stop - scene.run.start
+    (_, linear), span = _force_and_acceleration(scene.body, scene.loads.sizes), scene.run.stop - scene.run.start
     arm, rate = math.hypot(*scene.body.r_oc_b), math.hypot(*scene.initial.omega_b)
     at_rest = NOISE * max(linear * span * max(span, 1.0), arm * max(rate, 1.0))
     for name, floor in FLOORS.items():

@@ -60,12 +60,12 @@ class Plan:
         return f"Plan({self.model}: {self.method}; {self.states} states, error {self.error:.1e})"
 
     def _repr_html_(self) -> str:
-        said = {"method": self.method, "states": self.states, "error expected": f"{self.error:.1e}"}
-        return table(self.model, ("", ""), [*said.items(), *(("because", reason) for reason in self.reasons)])
+        values = {"method": self.method, "states": self.states, "error expected": f"{self.error:.1e}"}
+        return table(self.model, ("", ""), [*values.items(), *(("because", reason) for reason in self.reasons)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan for JSON, where an infinite substep is None."""
-        known = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "formulas"}
+        known = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "formulas"}
         return known | {"substep": self.substep if math.isfinite(self.substep) else None}
 
     @classmethod
@@ -79,7 +79,7 @@ class Plan:
     def spec(self) -> ModelSpec:
         """Return the specification of the model. Raises ValueError for an unknown name."""
         if (found := FORMULAS if self.model == FORMULAS.key else MODELS.get(self.model)) is None:
-            raise _refused("model", self.model, f"one of {', '.join(MODELS)}")
+            raise _bad_setting("model", self.model, f"one of {', '.join(MODELS)}")
         return found
 
     @property
@@ -94,7 +94,7 @@ class Plan:
         that are zero there. Raises ValueError if the model cannot represent what moves the body.
         """
         if (scene.body is None) != (self.model == PRESCRIBED_RATES.key):
-            raise _refused("model", self.model, "a model of a body" if scene.body else f"{PRESCRIBED_RATES.key!r}")
+            raise _bad_setting("model", self.model, "a model of a body" if scene.body else f"{PRESCRIBED_RATES.key!r}")
         by_formulas = scene.has_formulas or self.model == FORMULAS.key
         if self.formulas.serves(scene) if self.formulas else not by_formulas:
             return self
@@ -103,7 +103,7 @@ class Plan:
         formulas = equations_of(scene)
         own_outputs_alone = self.model != FORMULAS.key
         if own_outputs_alone and (formulas.plain_loads is None or scene.states or scene.events):
-            raise _refused("model", self.model, f"{FORMULAS.key!r}, as formulas take part in the motion")
+            raise _bad_setting("model", self.model, f"{FORMULAS.key!r}, as formulas take part in the motion")
         return replace(self, formulas=OverClosedForm(formulas, self.spec.module) if own_outputs_alone else formulas)
 
     @property
@@ -118,10 +118,10 @@ class Plan:
         """Raise ValueError for a setting with which the model cannot run."""
         orders = self.kernels.ORDERS or (self.order,)
         if self.order not in orders:
-            raise _refused("order", self.order, f"one of {', '.join(map(str, orders))} for {self.model!r}")
+            raise _bad_setting("order", self.order, f"one of {', '.join(map(str, orders))} for {self.model!r}")
         for name in ("substep", "tolerance", "span"):
             if not (value := getattr(self, name)) >= 0.0:
-                raise _refused(name, value, "a number that is not negative")
+                raise _bad_setting(name, value, "a number that is not negative")
 
 
 def checked_plan(planned: object) -> Plan | None:
@@ -131,7 +131,7 @@ def checked_plan(planned: object) -> Plan | None:
     raise TypeError(fault("planned", planned, "a rbfmu.Plan, as rbfmu.plan returns it"))
 
 
-def _refused(name: str, value: object, expected: str) -> ValueError:
+def _bad_setting(name: str, value: object, expected: str) -> ValueError:
     return ValueError(f"Plan.{name} = {value!r}: expected {expected}")
 
 

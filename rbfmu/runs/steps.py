@@ -30,7 +30,7 @@ LONG = 20_000
 FIRST, MOST, SOON = 64, 65_536, 0.02
 """FIRST, MOST: the most steps of the first call of the loop, and of any call. SOON: the time that a call should take,
 s, as Ctrl-C and progress wait for its end. The number of steps is doubled after a shorter call, halved after others."""
-Told = Callable[[float], object] | None
+Tell = Callable[[float], object] | None
 """A function, if any, that is called from time to time with the part that is done, 0 to 1."""
 
 
@@ -203,12 +203,12 @@ class Driven(Steps):
         progress: wraps the numbers of steps; if it stops early, so do times and rows. most: the number of substeps
         after which a step is refused. Raises SimulationError if one is refused.
         """
-        at, time, numbers, taken, told = self.places(names), self._time, range(1, self.count + 1), 0, 0
+        at, time, numbers, taken, reached = self.places(names), self._time, range(1, self.count + 1), 0, 0
         rows = np.empty((len(time), len(at)))
         rows[0] = self.z[at]
         for k in (self.count,) if progress is None else progress(numbers):
-            told = min(max(k, told), self.count)
-            while taken < told and self.ended is None:
+            reached = min(max(k, reached), self.count)
+            while taken < reached and self.ended is None:
                 begin, taken = taken, self.take(taken + 1, at, rows, most)
                 if taken == begin:
                     raise self._refusal(taken, most)
@@ -217,7 +217,7 @@ class Driven(Steps):
                 time = time[:taken] if before else np.append(time[:taken], self.ended)
                 break
         else:
-            time = time[: told + 1]  # progress may stop early
+            time = time[: reached + 1]  # progress may stop early
         return time, by_block(self.kernels.BLOCKS, names, rows[: len(time)])
 
     def _refusal(self, taken: int, most: float) -> SimulationError:
@@ -225,11 +225,11 @@ class Driven(Steps):
         if (counted := substeps_counted(self.kernels, self.z)) <= most:
             return refused_step(self._name, self._time[taken])
         end = float(self._time[taken + 1])
-        said = f"t = {end!r} s takes {counted:.1e} substeps: expected a shorter run or slower rates"
-        return SimulationError(f"{self._name}: {said}")
+        message = f"t = {end!r} s takes {counted:.1e} substeps: expected a shorter run or slower rates"
+        return SimulationError(f"{self._name}: {message}")
 
 
-def record(run: Steps, names: Sequence[str], most: float = math.inf, progress: Told = None) -> Motion:
+def record(run: Steps, names: Sequence[str], most: float = math.inf, progress: Tell = None) -> Motion:
     """Return the blocks named, at the start and after each step, (n + 1, k) each; NaN after the motion ends.
 
     most: the number of substeps after which it ends; progress: a function that is called with the part that is done.
@@ -259,12 +259,12 @@ def refused_step(name: str, begin: float) -> SimulationError:
     return SimulationError(f"{name}: the step from t = {float(begin)!r} s was refused: not finite")
 
 
-class Happened(NamedTuple):
+class Occurrence(NamedTuple):
     """An event that happened at `time`, s; touched: the number watched reached zero but did not change its sign."""
 
     name: str
     time: float
-    touched: bool
+    touched: bool = False
 
 
 class Events:
@@ -277,15 +277,15 @@ class Events:
         blocks = plan.kernels.BLOCKS
         self.names, self.ending = (*scene.events,), {name for name, event in scene.events.items() if event.stop}
         self._count, self._list = z[blocks["events.listed"]], z[blocks["events.list"]].reshape(-1, 3)
-        self.taken: list[Happened] = []
+        self.taken: list[Occurrence] = []
         self.ended_by = ""
 
-    def of_last_step(self) -> list[Happened]:
+    def of_last_step(self) -> list[Occurrence]:
         """Return the events of the last step, in the order of their times."""
         from rbfmu_kernels.models.formula_events import NOT_ASKED, TOUCH  # only if needed, as it loads slowly
 
         rows = self._list[: int(self._count[0])]
-        found = [Happened(self.names[int(e)], float(t), kind == TOUCH) for e, t, kind in rows if kind != NOT_ASKED]
+        found = [Occurrence(self.names[int(e)], float(t), kind == TOUCH) for e, t, kind in rows if kind != NOT_ASKED]
         return sorted(found, key=lambda event: event.time)
 
     def take(self, length: float) -> float | None:
@@ -301,7 +301,7 @@ class Events:
         self.ended_by, end, _ = ends[0]
         return end
 
-    def times(self, happened: list[Happened], touched: bool = False) -> dict[str, Array]:
+    def times(self, happened: list[Occurrence], touched: bool = False) -> dict[str, Array]:
         """Return the times of each event, s, by name: of those that happened, or of those that only touched."""
-        wanted = {name: [one.time for one in happened if one[::2] == (name, touched)] for name in self.names}
-        return {name: np.array(times) for name, times in wanted.items()}
+        wanted = [event for event in happened if event.touched == touched]
+        return {name: np.array([event.time for event in wanted if event.name == name]) for name in self.names}

@@ -152,11 +152,11 @@ class Body(rules.Section, path="body"):
             shape: Mapping[str, Any] = ..., r_oc_b: Sequence[float] = ZERO, pivot: bool = False,
         ) -> None: ...  # fmt: skip
 
-    def _set(self) -> dict[str, object]:
+    def _non_defaults(self) -> dict[str, object]:
         """Return the fields that differ from the defaults; a diagonal inertia is given by its three moments."""
         M = self.inertia
         moments = (M[0][0], M[1][1], M[2][2])
-        return super()._set() | ({"inertia": moments} if evaluated(_inertia.diagonal, moments) == M else {})
+        return super()._non_defaults() | ({"inertia": moments} if evaluated(_inertia.diagonal, moments) == M else {})
 
     @property
     def M_c(self) -> Matrix:
@@ -200,4 +200,4 @@ class Body(rules.Section, path="body"):
         elif principal_axes(self.M)[0][1] <= _least_moment(self.M):
             about = "o, the pivot" if self.pivot else "the centre of mass"
             expected = f"at most one zero moment about {about} (a slender beam has one)"
-            yield rules.fault("body.inertia", self._set()["inertia"], expected)
+            yield rules.fault("body.inertia", self._non_defaults()["inertia"], expected)

@@ -146,10 +146,10 @@ class Ensemble(rules.Section, path="ensemble"):
         names = (named.parameter_of(key) if named.is_own(key) else variations.QUANTITY_OF[key].name for key in keys)
         return tuple(dict.fromkeys(names))
 
-    def _set(self) -> dict[str, object]:
+    def _non_defaults(self) -> dict[str, object]:
         """Return the fields that differ from the defaults, tables as in the file."""
         tables = self.table()
-        return {name: tables.get(name, value) for name, value in super()._set().items()}
+        return {name: tables.get(name, value) for name, value in super()._non_defaults().items()}
 
     def table(self) -> dict[str, Any]:
         """Return the table from which an equal ensemble can be made."""
@@ -172,7 +172,7 @@ class Ensemble(rules.Section, path="ensemble"):
         for variation in self.vary:
             wrong = [m for m in variation.marginals if (m.varies and not m.points if is_grid else m.points)]
             if wrong and is_grid:
-                yield _without_points(variation, wrong[0])
+                yield _fault_of_points(variation, wrong[0])
             elif wrong:
                 yield variation.refused('points in a grid alone: design = "grid"')
         count = math.prod(m.points or 1 for m in self.varying)
@@ -197,7 +197,7 @@ class Ensemble(rules.Section, path="ensemble"):
                     yield rules.fault("ensemble.correlation.covariance", row[k], expected)
 
 
-def _without_points(variation: Variation, marginal: Marginal) -> str:
+def _fault_of_points(variation: Variation, marginal: Marginal) -> str:
     """Return the fault of a number in a grid that has no points, or that cannot have any."""
     if marginal.name.startswith(f"{INERTIA}.{AXES}["):
         return variation.refused("no such key in a grid", AXES)
@@ -220,7 +220,7 @@ def as_written(value: object, tables: Mapping[str, object], faults: list[str]) -
     if not isinstance(value, Mapping) or not isinstance(vary := value.get("vary"), Mapping):
         return value
     vary = _with_shape(_by_dotted_key(vary, faults), tables.get("body"), faults)
-    return {**value, "vary": _with_own(_with_attitude(vary, tables.get("initial")), tables)}
+    return {**value, "vary": _with_own_vectors(_with_attitude(vary, tables.get("initial")), tables)}
 
 
 def _by_dotted_key(vary: Mapping[str, object], faults: list[str]) -> dict[str, object]:
@@ -234,12 +234,12 @@ def _by_dotted_key(vary: Mapping[str, object], faults: list[str]) -> dict[str, o
             or (key == ATTITUDE and [*value] in (["angles"], ["angles_deg"]))
         ):
             items = _by_dotted_key({f"{key}.{name}": item for name, item in value.items()}, faults)
-        faults += [_twice(name, item, found[name]) for name, item in items.items() if name in found]
+        faults += [_fault_of_two(name, item, found[name]) for name, item in items.items() if name in found]
         found = found | items
     return found
 
 
-def _twice(key: str, value: object, other: object) -> str:
+def _fault_of_two(key: str, value: object, other: object) -> str:
     return rules.fault(rules.joined("ensemble.vary", key), value, f"this or {rules.as_toml(other)}, not both")
 
 
@@ -250,7 +250,7 @@ def _with_shape(vary: dict[str, object], body: object, faults: list[str]) -> dic
     sizes = {key: vary[key] for key in vary if str(key).startswith(f"{SHAPE}.")}
     known = vary.get(SHAPE)
     if known is not None:
-        faults += [_twice(key, size, known) for key, size in sizes.items()]
+        faults += [_fault_of_two(key, size, known) for key, size in sizes.items()]
     is_fixed = isinstance(known, Mapping) and not any(isinstance(size, Mapping) for size in known.values())
     if sizes or is_fixed or (known is None and "body.mass" in vary and not _is_absolute(vary.get(INERTIA))):
         varied = {str(key).removeprefix(f"{SHAPE}."): size for key, size in sizes.items()}
@@ -274,7 +274,7 @@ def _with_attitude(vary: dict[str, object], initial: object) -> dict[str, object
     return vary
 
 
-def _with_own(vary: dict[str, object], tables: Mapping[str, object]) -> dict[str, object]:
+def _with_own_vectors(vary: dict[str, object], tables: Mapping[str, object]) -> dict[str, object]:
     """Return the table in which one relative number for a scene's own vector is repeated for its 3 components."""
     for key, item in vary.items():
         name, _, own = str(key).partition(".")

@@ -129,7 +129,7 @@ class Entry(rules.Section):
         return {name: x[0] if isinstance(x, list) and len(x) == 1 else x for name, x in found.items()}
 
     def _arguments(self) -> dict[str, object]:
-        return {name: x for name, x in self.table().items() if name in self._set()}
+        return {name: x for name, x in self.table().items() if name in self._non_defaults()}
 
 
 class WithUnit(Entry):
@@ -275,10 +275,10 @@ def parameters(tables: Mapping[str, Mapping[str, Constant | State]]) -> dict[str
     """Return a scene's own parameters by the keys that set them."""
     found = {}
     for table, end in PARAMETER_END.items():
-        for name, one in tables[table].items():
-            meaning = (one.about or table.removesuffix("s")) + (", at the start" if end else "")
-            block, unit = f"{table}.{name}{end}", one.unit or "1"
-            found[f"{table}.{name}"] = Parameter(f"{name}{end}", len(one.numbers), unit, meaning, own_block=block)
+        for name, entry in tables[table].items():
+            meaning = (entry.about or table.removesuffix("s")) + (", at the start" if end else "")
+            block, unit = f"{table}.{name}{end}", entry.unit or "1"
+            found[f"{table}.{name}"] = Parameter(f"{name}{end}", len(entry.numbers), unit, meaning, own_block=block)
     return found
 
 

@@ -120,7 +120,7 @@ class Scene(Section):
         """Yield key, value, unit and meaning of all values that differ from the defaults."""
         for key in SECTIONS:
             section = getattr(self, key)
-            for name, value in section._set().items() if section is not None else ():
+            for name, value in section._non_defaults().items() if section is not None else ():
                 rule = section._rules[name]
                 yield f"{key}.{name}", as_toml(value), getattr(rule, "unit", ""), rule.meaning
 
@@ -144,7 +144,7 @@ class Scene(Section):
             if name == "outputs" and "quantities" not in self.outputs._given:
                 del table["quantities"]
             elif name == "outputs" and isinstance(value, Mapping):
-                table["quantities"] = [one for one in table["quantities"] if value.get(one, one) is not None]
+                table["quantities"] = [q for q in table["quantities"] if value.get(q, q) is not None]
             if name == "ensemble" and table and isinstance(value, Mapping) and (table | value)["design"] == "grid":
                 del table["runs"]  # it is the number of the grid's points
             new[name] = _with_changes(table, value, SECTIONS.get(name))
@@ -152,8 +152,8 @@ class Scene(Section):
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested tables from which `from_dict` makes an equal scene; vectors are lists."""
-        untold = {"about"} if self.about == About() else set()
-        return {name: table for name, table in self.table().items() if table != {} and name not in untold}
+        omitted = {"about"} if self.about == About() else set()
+        return {name: table for name, table in self.table().items() if table != {} and name not in omitted}
 
 
 SECTIONS: Mapping[str, type[Section]] = {name: rule for name, rule in Scene._rules.items() if isinstance(rule, type)}
@@ -171,11 +171,11 @@ def _with_changes(table: Any, value: Any, section: type[Section] | None) -> Any:
     keys = section._keys if section else {}  # others are own names, whose unit and meaning stay
     fields = {keys[key][0] for key in value if key in keys}
     kept = {key: x for key, x in table.items() if keys.get(key, (key,))[0] not in fields}
-    changed = kept | {key: item if key in keys else _in_row(kept.get(key), item) for key, item in value.items()}
+    changed = kept | {key: item if key in keys else _changed_row(kept.get(key), item) for key, item in value.items()}
     return {key: item for key, item in changed.items() if item is not None or key in keys or key not in table}
 
 
-def _in_row(row: Any, item: Any) -> Any:
+def _changed_row(row: Any, item: Any) -> Any:
     """Return a new row of a constant, an output, a state or an event, in which the other keys stay."""
     if not isinstance(row, Mapping) or item is None:
         return item
@@ -263,8 +263,8 @@ def _faults_of_beam(body: Body, axis: Array, good: Mapping[str, Any]) -> Iterato
     about = f"about ({', '.join(f'{x + 0.0:.4g}' for x in axis)}), where inertia is zero to {NEGLIGIBLE:g} of its trace"
     # A force at o has the moment -r x F about the centre of mass of a free body, and no moment about a pivot.
     lever = np.zeros(3) if body.pivot else -np.cross(body.r_oc_b, axis)
-    levered = not _small(lever, np.array(body.r_oc_b))
-    if initial is not None and not _small(axis @ np.array(initial.omega_b), np.array(initial.omega_b)):
+    levered = not _is_round_off(lever, np.array(body.r_oc_b))
+    if initial is not None and not _is_round_off(axis @ np.array(initial.omega_b), np.array(initial.omega_b)):
         key, rates = initial.rates_said
         yield fault(key, rates, f"no rate {about} ({'deg/s' if key.endswith('_deg') else 'rad/s'})")
     if loads is not None:
@@ -276,22 +276,22 @@ def _faults_of_beam(body: Body, axis: Array, good: Mapping[str, Any]) -> Iterato
 
 
 def _faults_of_loads(loads: Loads, axis: Array, lever: Array, levered: bool, about: str) -> Iterator[str]:
-    if not _small(axis @ np.array(loads.torque_b), np.array(loads.torque_b)):
+    if not _is_round_off(axis @ np.array(loads.torque_b), np.array(loads.torque_b)):
         yield fault("loads.torque_b", loads.torque_b, f"no torque {about} (N m)")
     if any(loads.torque_a):
         yield fault("loads.torque_a", loads.torque_a, f"zero, or torque_b: this one can come to act {about} (N m)")
-    if levered and not _small(lever @ np.array(loads.force_b), np.array(loads.force_b) * np.linalg.norm(lever)):
+    if levered and not _is_round_off(lever @ np.array(loads.force_b), np.array(loads.force_b) * np.linalg.norm(lever)):
         yield fault("loads.force_b", loads.force_b, f"a force at o without moment {about} (N)")
     if levered and any(loads.force_a):
         yield fault("loads.force_a", loads.force_a, f"zero, or force_b: this one can come to act {about} (N)")
     for load in (row for row in LOADS if row.dissipates):
         coefficients = getattr(loads, load.name)
         damped = np.array(coefficients) * axis
-        if not _small(np.cross(damped, axis), damped):
+        if not _is_round_off(np.cross(damped, axis), damped):
             yield fault(f"loads.{load.name}", coefficients, f"one that makes no torque {about} ({load.unit})")
 
 
-def _small(part: Array, whole: Array) -> bool:
+def _is_round_off(part: Array, whole: Array) -> bool:
     """Return whether a part of a vector is round-off."""
     return bool(np.linalg.norm(part) <= NEGLIGIBLE * np.linalg.norm(whole))
 
@@ -322,15 +322,15 @@ def doubts_before(scene: Scene) -> Iterator[str]:
     if scene.body is not None:
         yield from doubts_of(scene.body)
         if scene.body.pivot:
-            yield from _held(scene)
-    yield from _turns(scene, math.hypot(*scene.initial.omega_b), "at the start")
+            yield from _doubts_of_pivot(scene)
+    yield from _doubts_of_turns(scene, math.hypot(*scene.initial.omega_b), "at the start")
 
 
 def doubts_after(scene: Scene, motion: Mapping[str, Array]) -> Iterator[str]:
     """Yield the doubts that only the results of a run raise; motion: the results by quantity."""
     found = next((motion[row.name] for row in OUTPUTS if row.unit == "rad/s" and row.name in motion), None)
-    if found is not None and not any(_turns(scene, math.hypot(*scene.initial.omega_b), "")):
-        yield from _turns(scene, float(np.max(np.linalg.norm(found, axis=1))), "at the fastest")
+    if found is not None and not any(_doubts_of_turns(scene, math.hypot(*scene.initial.omega_b), "")):
+        yield from _doubts_of_turns(scene, float(np.max(np.linalg.norm(found, axis=1))), "at the fastest")
 
 
 def doubts_of(body: Body) -> Iterator[str]:
@@ -347,7 +347,7 @@ def doubts_of(body: Body) -> Iterator[str]:
     yield f"the body's radius of gyration {wrong}; mass in kg, inertia in kg m2?"
 
 
-def _held(scene: Scene) -> Iterator[str]:
+def _doubts_of_pivot(scene: Scene) -> Iterator[str]:
     """Yield a doubt if forces act at o and o is the pivot."""
     loads = (name for name in sorted(FORCES) if name in scene.loads.formulas or any(getattr(scene.loads, name)))
     ports = (f"the port {name}" for name in scene.inputs.ports if name in FORCES)
@@ -357,7 +357,7 @@ def _held(scene: Scene) -> Iterator[str]:
         yield f"{' and '.join(forces)}: {held}"
 
 
-def _turns(scene: Scene, rate: float, when: str) -> Iterator[str]:
+def _doubts_of_turns(scene: Scene, rate: float, when: str) -> Iterator[str]:
     turns = rate * scene.run.step / (2.0 * math.pi) if scene.run.count > 1 else 0.0  # one step shows its ends
     if turns > 1.0 and (shown := [name for name in scene.outputs.quantities if name in PERIODIC]):
         lost = f"{turns:.3g} turns per communication step {when}, which {' and '.join(shown)} cannot show"
@@ -391,8 +391,8 @@ def of_scene_or_path(
             with faults_of(str(scene)):
                 return call(load_scene(scene), *args, **kwargs)
         if not isinstance(scene, Scene):
-            said = f"{name or function.__name__}: scene = {scene!r}"
-            raise TypeError(f"{said:.120}: expected a rbfmu.Scene or the path of a scene file")
+            message = f"{name or function.__name__}: scene = {scene!r}"
+            raise TypeError(f"{message:.120}: expected a rbfmu.Scene or the path of a scene file")
         warn(scene, doubts_before(scene))
         return function(scene, *args, **kwargs)
 

@@ -271,9 +271,9 @@ class Section:
         """Find the rules, own ones before a base's, and the table of each key, for messages about misplaced keys."""
         cls._path, found = path or cls._path, dict[str, Any]()
         for name, hint in get_annotations(cls).items():
-            for said in (*getattr(hint, "__metadata__", ()), hint, *get_args(hint)):
-                if isinstance(said, Rule) or (isinstance(said, type) and issubclass(said, Section)):
-                    found.setdefault(name, said)
+            for candidate in (*getattr(hint, "__metadata__", ()), hint, *get_args(hint)):
+                if isinstance(candidate, Rule) or (isinstance(candidate, type) and issubclass(candidate, Section)):
+                    found.setdefault(name, candidate)
         cls._rules, cls._keys = {**found, **cls._rules, **found}, {}
         for name, rule in cls._rules.items():
             cls._keys |= {} if name in cls._hidden else {name: (name, rule)}
@@ -344,7 +344,7 @@ class Section:
         vars(other).update(fields)
         return other
 
-    def _set(self) -> dict[str, object]:
+    def _non_defaults(self) -> dict[str, object]:
         """Return the fields that differ from the defaults."""
         return {name: value for name, value in self._values().items() if value != getattr(type(self), name, None)}
 
@@ -356,7 +356,7 @@ class Section:
 
     def _arguments(self) -> dict[str, object]:
         """Return the keys and values from which an equal section can be made."""
-        return self._by_key(self._set())
+        return self._by_key(self._non_defaults())
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self._arguments().items())})"

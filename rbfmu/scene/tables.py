@@ -203,11 +203,11 @@ class Inputs(rules.Section, path="inputs"):
             return data, {}
         paths = [f"inputs.ports.{x}" if isinstance(x := row.get("name"), str) else "inputs.ports" for row in rows]
         read = (rules.checked(named.Port.read, *row, faults) for row in zip(rows, paths, strict=True))
-        own = [one for one in read if one]
-        if any(one.name == "omega_b" for one in own):  # it is the name of the port that prescribes rates
+        own = [port for port in read if port]
+        if any(port.name == "omega_b" for port in own):  # it is the name of the port that prescribes rates
             faults.append("inputs.ports.omega_b: expected another name: omega_b means something else here")
-        found = named.Named({one.name: one for one in own})
-        if twice := [one.name for one in own if one is not found[one.name]]:
+        found = named.Named({port.name: port for port in own})
+        if twice := [port.name for port in own if port is not found[port.name]]:
             faults.append(f"inputs.ports: expected each name once, not twice {twice[0]}")
         vars(self)["_listed"] = [x.get("name") if isinstance(x, Mapping) else x for x in ports]
         return {**data, "ports": [x for x in ports if not isinstance(x, Mapping)]}, {"own": found}

@@ -40,7 +40,7 @@ def read_file(path: Path) -> tuple[dict[str, Any], str]:
     except tomllib.TOMLDecodeError as error:
         place = re.search(r"line (\d+)", str(error))
         if _TWICE.search(str(error)):
-            _refuse_what_stands_twice(text.splitlines(), place, path)
+            _refuse_repeated_key(text.splitlines(), place, path)
         hint = _hint(text.split("\n"), place)
         raise SceneError(f"not TOML: {error}{hint}", str(path)) from None
     except ValueError as error:  # such as for a number with too many digits, or a wrong path
@@ -57,8 +57,8 @@ def with_description(tables: dict[str, object], text: str, file_name: str) -> di
 
 def _first_paragraph(text: str, file_name: str) -> str:
     """Return the comment in the file's first lines, up to an empty one, as one line without the file's name."""
-    said = (line.removeprefix("#").strip() for line in takewhile(lambda line: line.startswith("#"), text.splitlines()))
-    words = takewhile(bool, dropwhile(lambda line: line in ("", file_name), said))
+    lines = (line.removeprefix("#").strip() for line in takewhile(lambda line: line.startswith("#"), text.splitlines()))
+    words = takewhile(bool, dropwhile(lambda line: line in ("", file_name), lines))
     return "".join(c for c in " ".join(words) if c.isprintable())[:LONGEST_COMMENT]
 
 
@@ -74,22 +74,22 @@ def _hint(lines: list[str], place: re.Match[str] | None) -> str:
     return quoted
 
 
-def _refuse_what_stands_twice(lines: list[str], place: re.Match[str] | None, path: Path) -> None:
+def _refuse_repeated_key(lines: list[str], place: re.Match[str] | None, path: Path) -> None:
     """Raise a SceneError with a repeated key and its line, counted from 1; tomllib only reports the statement's end."""
     last = int(place[1]) if place else len(lines)
     before = range(last - 1, max(last - MAX_LINES, 0) - 1, -1)
-    first = next((k for k in before if _parsed(lines[:k]) is not None), last)
+    first = next((k for k in before if _parse_or_none(lines[:k]) is not None), last)
     while first < last and lines[first].split("#")[0].strip() == "":
         first += 1
-    if statement := _parsed(lines[first:last]):
+    if statement := _parse_or_none(lines[first:last]):
         tables = [found[1] for line in lines[:first] if (found := _TABLE.fullmatch(line))]
         inside = tables and not _TABLE.fullmatch(lines[first])
-        key = _path(_parsed(tables[-1:]) if inside else {}, statement)
+        key = _dotted_key(_parse_or_none(tables[-1:]) if inside else {}, statement)
         expected = "expected each key and table once"
         raise SceneError(f"not TOML: {key} stands twice, again in line {first + 1}: {expected}", str(path)) from None
 
 
-def _path(*nested: object) -> str:
+def _dotted_key(*nested: object) -> str:
     path = ""
     for tables in nested:
         while isinstance(tables, dict) and len(tables) == 1:
@@ -99,7 +99,7 @@ def _path(*nested: object) -> str:
     return path
 
 
-def _parsed(lines: list[str]) -> dict[str, object] | None:
+def _parse_or_none(lines: list[str]) -> dict[str, object] | None:
     try:
         return tomllib.loads("\n".join(lines))
     except ValueError:

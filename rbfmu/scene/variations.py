@@ -159,11 +159,11 @@ def read_variations(vary: object) -> tuple[Variation, ...] | None:
     """Return the keys that vary, from the table `ensemble.vary`; None if it is no table or empty. Raises SceneError."""
     if not isinstance(vary, Mapping) or not vary:
         return None
-    return tuple(read_each(vary, "ensemble.vary", _variation).values())
+    return tuple(read_each(vary, "ensemble.vary", _read_variation).values())
 
 
-def _variation(key: str, value: object, path: str) -> Variation:
-    marginals, form = _READERS.get(key, partial(_numbers, key))(value, path)
+def _read_variation(key: str, value: object, path: str) -> Variation:
+    marginals, form = _READERS.get(key, partial(_read_numbers, key))(value, path)
     if not any(m.varies for m in marginals) and key != SHAPE:
         raise SceneError(fault(path, value, "a distribution in which something varies"))
     text = json.dumps(value, default=lambda x: dict(x) if isinstance(x, Mapping) else plain(x))
@@ -171,11 +171,11 @@ def _variation(key: str, value: object, path: str) -> Variation:
 
 
 Marginals = tuple[Marginal, ...]
-Found = tuple[Marginals, str]
+Reading = tuple[Marginals, str]
 """The marginals of a key, and the form in which they are given."""
 
 
-def _distributed(name: str, rule: rules.Numbers, value: object, path: str, relative: bool = True) -> Marginals:
+def _marginals_of(name: str, rule: rules.Numbers, value: object, path: str, relative: bool = True) -> Marginals:
     """Return the marginals of a varying number or vector; rule: of its values. Raises SceneError."""
     kinds = {kind: row for kind, row in DISTRIBUTIONS.items() if relative or kind != RELATIVE}
     given = [key for key in value if key in kinds] if isinstance(value, Mapping) else []
@@ -193,21 +193,21 @@ def _distributed(name: str, rule: rules.Numbers, value: object, path: str, relat
 def _arguments(kind: str, rule: rules.Numbers) -> rules.Rule:
     """Return the rule that reads a distribution's arguments: for each a list of numbers, one for each component."""
     expected, makers, ascending = DISTRIBUTIONS[kind]
-    each = [make(rule) for make in makers]
+    readers = [make(rule) for make in makers]
 
     def convert(value: object) -> list[list[float]] | None:
         values = [value] if kind == RELATIVE else value
-        if not isinstance(values, list | tuple) or len(values) != len(each):
+        if not isinstance(values, list | tuple) or len(values) != len(readers):
             return None
         try:
-            rows = [components(one(x), rule.shape) for one, x in zip(each, values, strict=True)]
+            rows = [components(reader(x), rule.shape) for reader, x in zip(readers, values, strict=True)]
         except ValueError as error:
             raise ValueError(f"{expected}: {error}") from None
         if ascending and any(list(column) != sorted(column) for column in zip(*rows, strict=True)):
             raise ValueError(f"{expected} in ascending order")
         return rows
 
-    return rules.Rule(f"{expected}, each {each[0].words}", convert)
+    return rules.Rule(f"{expected}, each {readers[0].words}", convert)
 
 
 MOST_POINTS = 1_000_000
@@ -243,41 +243,41 @@ _REFUSED = {
 """What a message expects in place of keys that begin in these ways."""
 
 
-def _numbers(key: str, value: object, path: str) -> Found:
+def _read_numbers(key: str, value: object, path: str) -> Reading:
     """Return the marginals of numbers that vary directly: of a body, a start or a load, or the scene's own."""
     if key in RULES:
         rule = RULES[key]
     elif own.is_own(key):
         given = value.items() if isinstance(value, Mapping) else ()
-        rule = rules.Numbers((3,) if any(_nested(x, 1 if kind == RELATIVE else 2) for kind, x in given) else ())
+        rule = rules.Numbers((3,) if any(_is_nested(x, 1 if kind == RELATIVE else 2) for kind, x in given) else ())
     elif expected := next((said for begin, said in _REFUSED.items() if key.startswith(begin)), ""):
         raise SceneError(fault(path, value, expected))
     else:
         near = closest(key, KEYS)
         expected = f"did you mean {near}?" if near else f"keys out of {', '.join(KEYS)}, constants.NAME, states.NAME"
         raise SceneError(f"{path} = {as_toml(value)}: unknown key; {expected}")
-    marginals = _distributed(key, rule, value, path)
+    marginals = _marginals_of(key, rule, value, path)
     return marginals, marginals[0].kind
 
 
-def _inertia(value: object, path: str) -> Found:
+def _read_inertia(value: object, path: str) -> Reading:
     moments, faults = value, list[str]()
     found, axes = (), ()
     if isinstance(value, Mapping) and AXES in value:
         moments = {key: item for key, item in value.items() if key != AXES}
         axes = checked(_about_zero(f"{INERTIA}.{AXES}", "deg").read, value[AXES], f"{path}.{AXES}", faults)
     if moments or moments is value:
-        matrix = isinstance(moments, Mapping) and any(_nested(moments.get(kind), 3) for kind in DISTRIBUTIONS)
+        matrix = isinstance(moments, Mapping) and any(_is_nested(moments.get(kind), 3) for kind in DISTRIBUTIONS)
         if matrix and axes:
             faults.append(fault(path, value, f"principal moments, or no {AXES}: a matrix has its axes"))
         rule = rules.Numbers((3, 3) if matrix else (3,), "kg m2")
-        found = checked(partial(_distributed, INERTIA, rule), moments, path, faults)
+        found = checked(partial(_marginals_of, INERTIA, rule), moments, path, faults)
     if faults:
         raise SceneError(faults)
     return (*found, *axes), found[0].kind if found else ""
 
 
-def _attitude(value: object, path: str) -> Found:
+def _read_attitude(value: object, path: str) -> Reading:
     if value == UNIFORM:
         names = component_names(f"{ATTITUDE}.{UNIFORM}", (3,))
         return tuple(Marginal(name, UNIFORM, (0.0, 1.0)) for name in names), UNIFORM
@@ -291,10 +291,10 @@ def _attitude(value: object, path: str) -> Found:
     if "euler" in value:
         tables.Attitude._rules["euler"].read(value["euler"], f"{path}.euler")
     rule = tables.Attitude._rules[name if name in VARYING_ANGLES else "rotvec"]
-    return _distributed(f"{ATTITUDE}.{name}", rule, angles, here, relative=False), name
+    return _marginals_of(f"{ATTITUDE}.{name}", rule, angles, here, relative=False), name
 
 
-def _shape(value: object, path: str) -> Found:
+def _read_shape(value: object, path: str) -> Reading:
     if not isinstance(value, Mapping) or not isinstance(kind := value.get("kind"), str) or kind not in body.SHAPES:
         raise SceneError(fault(path, value, f"a table with kind out of {', '.join(body.SHAPES)}, and its sizes"))
     shape, keys = body.SHAPES[kind], body.SHAPES[kind].sizes()
@@ -304,7 +304,7 @@ def _shape(value: object, path: str) -> Found:
     def size(key: str, value: object, path: str) -> Marginals:
         name, rule = f"{SHAPE}.{key}", shape._rules[key]
         if isinstance(value, Mapping):
-            return _distributed(name, rule, value, path, relative=False)
+            return _marginals_of(name, rule, value, path, relative=False)
         row = components(rule.read(value, path), rule.shape)
         return tuple(Marginal(n, FIXED, (x,)) for n, x in zip(component_names(name, rule.shape), row, strict=True))
 
@@ -312,10 +312,10 @@ def _shape(value: object, path: str) -> Found:
     return tuple(marginal for marginals in found.values() for marginal in marginals), kind
 
 
-_READERS: Mapping[str, Callable[[object, str], Found]] = {INERTIA: _inertia, ATTITUDE: _attitude, SHAPE: _shape}
+_READERS: Mapping[str, Callable[..., Reading]] = {INERTIA: _read_inertia, ATTITUDE: _read_attitude, SHAPE: _read_shape}
 """The readers of keys whose tables have special forms."""
 
 
-def _nested(value: object, levels: int) -> bool:
+def _is_nested(value: object, levels: int) -> bool:
     """Return whether lists are nested, at least `levels` deep."""
-    return isinstance(value, list | tuple) and (levels == 1 or any(_nested(item, levels - 1) for item in value))
+    return isinstance(value, list | tuple) and (levels == 1 or any(_is_nested(item, levels - 1) for item in value))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rbfmu.on_disk import replacing as replacing
+from rbfmu.on_disk import replacing
 
 Progress = Callable[[int, int, str], object]
 """A function that is called with (done, total, text)."""

@@ -99,7 +99,7 @@ class _Own(OneStepMethod):
 
 EXPECTED = "expected a function step(q, omega, h, body, loads) that returns (q, omega): 4 and 3 finite numbers"
 _I = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-_TRIED = (1.0, 0.0, 0.0, 0.0), (0.3, 1.0, 0.2)
+_TRIAL = (1.0, 0.0, 0.0, 0.0), (0.3, 1.0, 0.2)
 
 
 def method_of_file(path: str | Path) -> OneStepMethod:
@@ -110,13 +110,13 @@ def method_of_file(path: str | Path) -> OneStepMethod:
         step = getattr(step, "py_func", step)  # compiled as all others are
         if not callable(step) or len(inspect.signature(step).parameters) != 5:
             raise ValueError(f"{EXPECTED}, got {'none' if step is None else step}")
-        _check(step(*_TRIED, 0.01, Body(1.0, _I, _I, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0), NO_LOADS))
+        _check(step(*_TRIAL, 0.01, Body(1.0, _I, _I, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0), NO_LOADS))
     except Exception as error:  # a user's file may raise anything
         kind = "" if type(error) is ValueError else f"{type(error).__name__}: "
         raise ValueError(f"{path}: {kind}{error}") from error
     try:
         name, loop = path.stem, compiled_loop(path.stem, _step_of(compiled(step)), compiled)
-        loop(State((0.0,) * 3, (0.0,) * 3, *_TRIED), 0.01, 1, Body(1.0, _I, _I, (0.0,) * 3, (0.0,) * 3, 1.0), NO_LOADS)
+        loop(State((0.0,) * 3, (0.0,) * 3, *_TRIAL), 0.01, 1, Body(1.0, _I, _I, (0.0,) * 3, (0.0,) * 3, 1.0), NO_LOADS)
     except (NumbaError, TypeError):  # TypeError: an object that can be called, but is no function
         name, loop = f"{path.stem} (as Python)", _interpreted(step)
     return _Own(name, loop, 0, math.nan, compiler=compiled)

@@ -49,7 +49,7 @@ def test_an_fmu_equals_its_kernels_to_the_bit(fmu: Path) -> None:
 
 
 def test_what_is_no_number_differs(fmu: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verification, "_through_kernels", lambda d, time, inputs: np.full((len(time), 29), np.nan))
+    monkeypatch.setattr(verification, "_run_by_kernels", lambda d, time, inputs: np.full((len(time), 29), np.nan))
     monkeypatch.setattr(verification, "_distance_to_full", lambda *_: 0.0)
     found = verify(fmu)
     assert set(found.differences.values()) == {np.inf}

@@ -106,7 +106,7 @@ def test_a_search_is_held_to_where_it_begins_and_zeros_get_the_unit_that_moves_s
     assert search._charts[1].size == pytest.approx(4.0, rel=1e-6)  # N: by which the position is 1 m, the velocity 2 m/s
     begin = np.array([0.5, 0.0])  # without a force no data tell the mass
     still = Measured(known.time, {name: 0.0 * rows for name, rows in known.values.items()})
-    found = search._nearest(begin, still, {"velocity": 1.0, "position": 1.0}, HELD)
+    found = search._minimize(begin, still, {"velocity": 1.0, "position": 1.0}, HELD)
     np.testing.assert_allclose(found, begin, atol=1e-9)
 
 

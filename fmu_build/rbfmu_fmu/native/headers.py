@@ -29,7 +29,7 @@ def headers(d: Description, version: FmiVersion, guid: str = "") -> dict[str, st
     return {"call_rules.h": call_rules(), "scene.h": scene_header(d, version, guid), "slopes.h": slopes_header(d)}
 
 
-def _filled(name: str, parts: Mapping[str, object]) -> str:
+def _fill_template(name: str, parts: Mapping[str, object]) -> str:
     """Return a header made from its template, which is beside this file, and the parts to fill in."""
     return Template(Path(__file__).with_name(f"{name}.txt").read_text(encoding="ascii")).substitute(parts)
 
@@ -38,7 +38,7 @@ def call_rules() -> str:
     """Return the rules in call_rules.py as C source."""
     rules = (f"[{name.upper()}] = {{{_bits(rule.phases)}, {_c(rule.refusal)}}}," for name, rule in CALLS.items())
     settable = (f"[{name.upper()}] = {{{_c(name)}, {_bits(phases)}}}," for name, phases in SETTABLE.items())
-    return _filled("call_rules.h", {
+    return _fill_template("call_rules.h", {
         "phases": _row([*PHASES, "PHASES"]), "phase_names": _row(map(_c, PHASES.values())),
         "calls": _row(map(str.upper, CALLS)), "causalities": _row(map(str.upper, SETTABLE)),
         "rules": _table(rules), "settable": _table(settable), "set_refusal": _c(SET_REFUSAL),
@@ -53,12 +53,12 @@ def scene_header(d: Description, version: FmiVersion, guid: str) -> str:
     """Return the scene's numbers and names as C source."""
     inputs, parameters = (sum(v.causality == c for v in d.variables) for c in ("input", "parameter"))
     # the Reals of each value reference; the time is one more Real
-    elements = [one.elements for one in version.references(d)] + [(len(d.variables),)] * version.has_time
+    elements = [variable.elements for variable in version.references(d)] + [(len(d.variables),)] * version.has_time
     run, unknown, sizes = d.scene.run, max(FAULTS) + 1, [*map(len, elements)]
     faults = FAULTS | {unknown: ("", "initialisation failed")}
     texts = {"guid": guid, "identity": _IDENTITIES[version.identity], "real": version.real, "integer": version.integer}
     texts |= {"held": slave_access.HELD, "to_vary": slave_access.TO_VARY, "changed": CHANGED}
-    return _filled("scene.h", {name: _c(text) for name, text in texts.items()} | {
+    return _fill_template("scene.h", {name: _c(text) for name, text in texts.items()} | {
         "categories": _row([*map(_c, LOG_CATEGORIES), "NULL"]), "unknown": unknown, "start_place": d.start_place,
         "start_time": run.start.hex(), "last_time": run.last_time.hex(), "accuracy": run.accuracy.hex(),
         "output_derivatives": "#define OUTPUT_DERIVATIVES" if d.output_rates else "/* no output has a derivative */",
@@ -104,7 +104,7 @@ def _c(text: str) -> str:
 
 # --- derivatives of outputs with respect to parameters in Initialization Mode
 
-Shown = Mapping[str, Sequence[Number]]
+Outputs = Mapping[str, Sequence[Number]]
 _IN_C = {kind: text.replace("math.", "") for kind, text in source.VALUES.items()} | {
     "sin": "sin({})", "cos": "cos({})", "exp": "exp({})", "log": "log({})", "power": "pow({}, {})",
     "logistic": "1.0 / (1.0 + exp(-1.0 * {0}))",
@@ -135,8 +135,8 @@ def slopes_header(d: Description) -> str:
         if x != 0.0
     ]
     lines = [*(f"const double {line};" for line in lines), *added]
-    lines += [f"(void){one};" for one in ("z", "change", *by.values())]
-    return _filled("slopes.h", {"lines": "\n".join(f"    {line}" for line in lines)})
+    lines += [f"(void){name};" for name in ("z", "change", *by.values())]
+    return _fill_template("slopes.h", {"lines": "\n".join(f"    {line}" for line in lines)})
 
 
 def _moved_by(d: Description, names: Collection[str]) -> str:
@@ -148,7 +148,7 @@ def _moved_by(d: Description, names: Collection[str]) -> str:
 def _leaves_in_c(graph: Graph, blocks: Mapping[str, slice]) -> dict[str, str]:
     """Return the C expressions of the graph's leaves by name; the time is missing if the model has none."""
     found = {}
-    for name in (str(one.value) for one in graph.operations if one.kind in LEAVES):
+    for name in (str(operation.value) for operation in graph.operations if operation.kind in LEAVES):
         block, _, index = name.removeprefix(CHANGE).partition("[")
         block = "time" if block == "t" else block
         if place := blocks.get(block, blocks.get(f"series.{block}")):
@@ -157,7 +157,7 @@ def _leaves_in_c(graph: Graph, blocks: Mapping[str, slice]) -> dict[str, str]:
     return found
 
 
-def _prescribed(set_by: Iterable[str], _: Scene) -> tuple[Start, Shown]:
+def _prescribed(set_by: Iterable[str], _: Scene) -> tuple[Start, Outputs]:
     start = Start(Graph(), set_by)
     q, omega = (np.array(start.leaves(*of), object) for of in (("quaternion", 4, "state"), ("omega_b", 3, "input")))
     start.normalize(q.tolist())
@@ -165,7 +165,7 @@ def _prescribed(set_by: Iterable[str], _: Scene) -> tuple[Start, Shown]:
     return start, {"quaternion": q.tolist(), "rpy": _roll_pitch_yaw(R), "omega_a": (R @ omega).tolist()}
 
 
-def _of_body(set_by: Iterable[str], scene: Scene) -> tuple[Start, Shown]:
+def _of_body(set_by: Iterable[str], scene: Scene) -> tuple[Start, Outputs]:
     texts = formulas.texts_of(scene, {*MADE, *set_by})
     motion, own = texts.motion, texts.motion.given.states
     start = Start(motion.graph, set_by)

@@ -83,15 +83,15 @@ def this_platform() -> Platform:
     """Return the platform on which Python runs. Raises BuildError if it is not in PLATFORMS."""
     if found := next(filter(is_this, PLATFORMS.values()), None):
         return found
-    raise BuildError(f"{_here()} is no platform for FMUs: name one of {', '.join(PLATFORMS)}")
+    raise BuildError(f"{_this_target()} is no platform for FMUs: name one of {', '.join(PLATFORMS)}")
 
 
-def is_this(one: Platform) -> bool:
+def is_this(platform: Platform) -> bool:
     """Return whether Python runs on this platform."""
-    return one.zig.startswith(_here())
+    return platform.zig.startswith(_this_target())
 
 
-def _here() -> str:
+def _this_target() -> str:
     """Return processor and system, named as by ziglang."""
     name = machine().lower()
     processor = {"amd64": "x86_64", "arm64": "aarch64"}.get(name, name)

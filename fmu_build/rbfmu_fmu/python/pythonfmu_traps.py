@@ -38,8 +38,8 @@ def keep_script(names: dict[str, object]) -> None:
 
 def keep_after_exception(instance: Any) -> None:
     """Keep alive what the library releases twice, after an exception and when freed, which would end the process."""
-    for one in (type(instance), instance, instance.log_queue):
-        _increment(one)
+    for item in (type(instance), instance, instance.log_queue):
+        _increment(item)
 
 
 def forget_resources(folder: str) -> None:

@@ -121,7 +121,7 @@ def _shipped_entries(folder: str, checksums: dict[str, int]) -> Entries | None:
         of_buffer = ctypes.PYFUNCTYPE(result, pointer)
         of_buffer_and_step = ctypes.PYFUNCTYPE(result, pointer, ctypes.c_double)
         initialize, outputs = of_buffer(address("initialize")), of_buffer(address("outputs"))
-        return Entries(initialize, of_buffer_and_step(address("step")), outputs, False)
+        return Entries(initialize, of_buffer_and_step(address("step")), outputs, on_array=False)
     except (ImportError, RuntimeError, OSError, AttributeError, ValueError) as error:
         tell(f"rbfmu: no shipped kernels can be used here ({error}): Numba compiles them")
         return None
@@ -156,7 +156,7 @@ def _numba_entries(model: str) -> Entries:
     else:
         entries = importlib.import_module(".models", __package__).model_named(model)
     tiered = importlib.import_module(".compile.tiered", __package__).tiered
-    return Entries(tiered(entries.initialize), tiered(entries.step), tiered(entries.outputs), True)
+    return Entries(tiered(entries.initialize), tiered(entries.step), tiered(entries.outputs), on_array=True)
 
 
 def tell(text: str) -> None:

@@ -5,9 +5,8 @@ the input keeps its last value, and its rates are 0 until they are set again.
 """
 
 from ..buffer import OK, STEP_REJECTED, places
-from ..buffer_access import copy_numbers
+from ..buffer_access import are_equal, are_zero, copy_numbers
 from ..compile.decorator import kernel
-from ..compile.wide import bits_of
 from ..mechanics import equations_of_motion as motion
 from ..mechanics.equations_of_motion import RATE_ONLY, ROTATION, STATE_SIZE, WHOLE_STATE, Body, LoadPolynomial, Loads
 from ..rotations.vec3 import add_scaled, is_nonzero
@@ -49,10 +48,7 @@ def part_to_integrate(z: Buffer, body: Body, loads: LoadPolynomial) -> int:
 @kernel
 def holds_inputs(z: Buffer, held: int) -> bool:
     """Return whether the inputs equal those kept from z[held] on, and are constant over the step."""
-    bits = 0
-    for i in range(NUMBER_OF_INPUTS):
-        bits |= bits_of(z[memory.INPUTS_START + i] - z[held + i])  # as in `are_finite`
-    return bits << 1 == 0 and not inputs_change(z)
+    return are_equal(z, memory.INPUTS_START, held, NUMBER_OF_INPUTS) and not inputs_change(z)
 
 
 @kernel
@@ -90,10 +86,7 @@ def finish_steadily(z: Buffer, n: int, h: float) -> int:
 @kernel
 def inputs_change(z: Buffer) -> bool:
     """Return whether any input changes within the step, including a force at a pivot, which the loads leave out."""
-    bits = 0
-    for i in range(2 * NUMBER_OF_INPUTS):
-        bits |= bits_of(z[RATES_START + i])
-    return bits << 1 != 0
+    return not are_zero(z, RATES_START, RATES_2_START + NUMBER_OF_INPUTS)
 
 
 @kernel

@@ -21,17 +21,7 @@ from ..compile.decorator import kernel
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
 from ..integrators import dense_output as dense, substeps, taylor, taylor_coefficients as series
-from ..integrators.taylor_coefficients import (
-    FORCE,
-    FORCE_RATE,
-    RATE,
-    TORQUE,
-    TURN,
-    WORK,
-    SpaceFixedLoads,
-    Torques,
-    term,
-)
+from ..integrators.taylor_coefficients import FORCE, FORCE_RATE, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_STATE, Body
 from ..mechanics.inertia import is_diagonal
 from ..rotations.quaternion import invert_quaternion, rotate
@@ -309,7 +299,7 @@ def _bodies(c: Buffer) -> Body:
 
 
 @kernel
-def _torques(c: Buffer) -> Torques:
+def _torques(c: Buffer) -> series.Torques:
     """Return the coefficients of the constant torque in b: only the first is not zero."""
     zero = alike(c[LANE.rest], 0.0)
     return vec3_at(c, LANE.torque_b), (zero, zero, zero), (zero, zero, zero)

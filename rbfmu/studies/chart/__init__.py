@@ -10,8 +10,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from rbfmu.on_disk import replacing
 from rbfmu.scene.scene import Scene, of_scene_or_path
-from rbfmu.studies import WIDTH, Progress, cost_text, join_parts, replacing, short, times, wrap_lines, write_rows
+from rbfmu.studies import WIDTH, Progress, cost_text, join_parts, short, times, wrap_lines, write_rows
 from rbfmu.studies.chart import cases, measure
 from rbfmu.studies.chart.result import SIDES, STOPPED, Chart, Offer
 
@@ -69,10 +70,10 @@ def write_charts(folder: Path, charts: Sequence[Chart]) -> list[Path]:
         text,
         draw_answers(judged, folder / "answers.png"),
     ]
-    for one in charts:
-        name = one.key.replace("'", "2")
-        files += one.save(folder, f"case_{name}_many" if one.many else f"case_{name}")
-        files += [] if one.many else draw_kept(one, folder / f"kept_{name}.png")
+    for each in charts:
+        name = each.key.replace("'", "2")
+        files += each.save(folder, f"case_{name}_many" if each.many else f"case_{name}")
+        files += [] if each.many else draw_kept(each, folder / f"kept_{name}.png")
     return files
 
 

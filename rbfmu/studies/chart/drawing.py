@@ -86,8 +86,8 @@ def _words(figure: Figure, chart: Chart) -> None:
     figure.text(0.015, 0.98, "\n".join(title), fontsize=13.5, weight="bold", va="top", parse_math=False)
     figure.text(0.015, below, second, fontsize=11.5, va="top")
     figure.text(0.015, below - 0.036, "\n".join(textwrap.wrap(_HOW, 150)), fontsize=8.5, color="#555555", va="top")
-    said = (f"Run: {chart.conditions}.", _further(chart), _small(chart))
-    lines = [line for text in said for line in textwrap.wrap(text, 132)]
+    paragraphs = (f"Run: {chart.conditions}.", _further(chart), _small(chart))
+    lines = [line for text in paragraphs for line in textwrap.wrap(text, 132)]
     figure.text(0.015, 0.15, "\n".join(lines[:6]), fontsize=9.5, va="top", color=DARK, linespacing=1.35)
 
 
@@ -96,19 +96,19 @@ def _further(chart: Chart) -> str:
     why = chart.why_no_further
     if not more:
         return f"Further digits: {why}" if why else ""
-    spans = [(ratio, [value for _, value in group]) for ratio, group in groupby(more, lambda one: one[0])]
-    said = [f"{' to '.join(dict.fromkeys((values[0], values[-1])))}: {ratio}" for ratio, values in spans]
+    spans = [(ratio, [value for _, value in group]) for ratio, group in groupby(more, lambda pair: pair[0])]
+    costs = [f"{' to '.join(dict.fromkeys((values[0], values[-1])))}: {ratio}" for ratio, values in spans]
     end = [f"no plan at {why.split(':')[0]}"] if chart.refusal else []
-    return "Further digits, and their cost by that of the plan: " + ", ".join([*said, *end])
+    return "Further digits, and their cost by that of the plan: " + ", ".join([*costs, *end])
 
 
 def _small(chart: Chart) -> str:
     wrong = [f"{m.model} {short_number(m.error)}" for m in chart.too_small if not m.why]
-    said = [f"Models that are too small, and their errors: {', '.join(wrong)}."] if wrong else []
+    sentences = [f"Models that are too small, and their errors: {', '.join(wrong)}."] if wrong else []
     for why in dict.fromkeys(m.why for m in chart.too_small if m.why.startswith(TAKES_NO)):
         names = ", ".join(m.model for m in chart.too_small if m.why == why)
-        said.append(f"Models without {why.removeprefix(TAKES_NO).strip()}: {names}.")
-    return " ".join(said)
+        sentences.append(f"Models without {why.removeprefix(TAKES_NO).strip()}: {names}.")
+    return " ".join(sentences)
 
 
 # Lines and their names

@@ -117,7 +117,7 @@ class Extent:
     own: one_step.OneStepMethod | None = None
 
 
-QUICK = Extent(0.02, 2, 2e-4, True, tuple(tables_of("chart/kinds.toml")["quick"]))
+QUICK = Extent(0.02, 2, 2e-4, quick=True, only=tuple(tables_of("chart/kinds.toml")["quick"]))
 
 
 def extent(quick: bool, method: str | Path | None) -> Extent:
@@ -136,23 +136,23 @@ def measure(case: Case, what: Extent, progress: Progress, first_calls: dict[str,
     own = [] if what.own is None else [fixed_steps(what.own, YOURS, lambda case: takes_step)]
     methods += [method for method in own if not why_not(method, case)]
     first_calls, total = {} if first_calls is None else first_calls, len(methods) + what.repeats
-    found, ends = list[Tried](), list[End]()
+    found, ends = list[Trial](), list[End]()
     for i, method in enumerate(methods):
         progress(i, total, f"{name}, {case.outputs} outputs: {method.name}")
-        tried, end = explore(what, case, method, first_calls)
-        found += tried
+        trials, end = explore(what, case, method, first_calls)
+        found += trials
         ends.append(end)
     order = random.Random(1)  # no method has an advantage by its place
     for repeat in range(what.repeats):
         progress(len(methods) + repeat, total, f"{name}: timing {repeat + 1}")
         again = [t for t in found if t.row.run_seconds < what.longest * (3.0 if repeat < 2 else 0.1)]
         order.shuffle(again)
-        for one in again:
-            one.time(what.shortest)
+        for trial in again:
+            trial.time(what.shortest)
     progress(total, total, "")
     return Chart(
         name, chosen.model, case.scene.run.accuracy, case.span, case.outputs, tuple(case.scene.inputs.ports),
-        tuple(one.row for one in found), tuple(ends), tuple(too_small(case, chosen)),
+        tuple(trial.row for trial in found), tuple(ends), tuple(too_small(case, chosen)),
         (*_not_charted(case, ends), *(f"{m.name}: {_NOT_OWN}" for m in own if m not in methods)),
         next((m.refusal for m in methods if m.refusal), ""),
         tuple(line for line in machine() if line not in absent()), key=case.key, many=case.many,
@@ -172,7 +172,7 @@ def charts_of(keys: Sequence[str], what: Extent, progress: Progress) -> list[Cha
 
 
 @dataclass
-class Tried:
+class Trial:
     """A row of a chart with its run, which can be timed again; span: the simulated time, s.
 
     The row has the least time so far. Its spread is the ratio, at least 1, of the least odd and the least even time.
@@ -192,40 +192,40 @@ class Tried:
         self.row = replace(self.row, seconds=least / self.span, run_seconds=least, spread=max(halves) / least)
 
 
-def explore(what: Extent, case: Case, method: Method, first_calls: dict[str, float]) -> tuple[list[Tried], End]:
+def explore(what: Extent, case: Case, method: Method, first_calls: dict[str, float]) -> tuple[list[Trial], End]:
     """Try settings from coarse to fine, until a run takes too long or errors no longer fall.
 
     first_calls: times to compile, s, by method; new ones are added. If an error is below round-off, no finer setting
     is tried, unless the case names accuracies.
     """
-    found: list[Tried] = []
+    found: list[Trial] = []
     least, last, idle, refused, why = math.inf, math.inf, 0, 0, "all settings tried"
     finest = 0.0 if case.accuracies else FLOOR
     for value in method.settings(case, what.quick):
         try:
-            tried = _first_run(case, method, value, first_calls)
+            trial = _first_run(case, method, value, first_calls)
         except NotFeasibleError as fault:
             why, refused = f"not run at {value:g}: {' '.join(str(fault).split())}"[:200], refused + 1
             if refused == MAX_REFUSED:
                 break
             continue
-        refused, why, error = 0, "all settings tried", tried.row.error
+        refused, why, error = 0, "all settings tried", trial.row.error
         if error <= LARGEST_ERROR:
-            found.append(tried)
+            found.append(trial)
         idle = 0 if error < 0.7 * least else idle + (error != last)
         last = error  # two errors are equal if both settings take one step to each output
         least = min(least, error)
-        if 1.5 * tried.row.run_seconds > what.longest:
+        if 1.5 * trial.row.run_seconds > what.longest:
             why = STOPPED
             break
         if (idle >= MAX_IDLE and least < 1e-2) or error < finest:
             why = "no more digits"
             break
-    best = min((tried.row.error for tried in found), default=math.inf)
+    best = min((trial.row.error for trial in found), default=math.inf)
     return found, End(kind_of(method.name, method.family), method.name, best, why)
 
 
-def _first_run(case: Case, method: Method, value: float, first_calls: dict[str, float]) -> Tried:
+def _first_run(case: Case, method: Method, value: float, first_calls: dict[str, float]) -> Trial:
     """Return a run with its error and one time; the first run of a method compiles, which is timed separately."""
     start = thread_time()
     run = method.run(case, value)
@@ -238,7 +238,7 @@ def _first_run(case: Case, method: Method, value: float, first_calls: dict[str, 
         kind_of(method.name, method.family), method.name, run.detail, method.family, method.setting, value, error,
         seconds / case.span, seconds, 1.0, run.evaluations, first_calls[method.name], **drifts,
     )  # fmt: skip
-    return Tried(row, run, case.span)
+    return Trial(row, run, case.span)
 
 
 def _not_charted(case: Case, ends: Sequence[End]) -> Iterator[str]:
@@ -246,12 +246,12 @@ def _not_charted(case: Case, ends: Sequence[End]) -> Iterator[str]:
     if case.scene.body is None:
         yield "Peers: the scene has no body, and prescribed rates are theirs to supply"
         return
-    told = {m.name if m.takes_formulas else _program(m.name): why for m in peers() if (why := why_not(m, case))}
+    reasons = {m.name if m.takes_formulas else _program(m.name): why for m in peers() if (why := why_not(m, case))}
     names = {method.name for method in peers()}
     for end in ends:
         if end.method in names and math.isinf(end.error) and end.why.startswith("not run"):
-            told[_program(end.method)] = end.why.split(": ", 1)[1]
-    yield from (f"{name}: {why}" for name, why in told.items())
+            reasons[_program(end.method)] = end.why.split(": ", 1)[1]
+    yield from (f"{name}: {why}" for name, why in reasons.items())
     yield from absent()
 
 

@@ -290,7 +290,7 @@ def planned() -> Method:
 def own_methods() -> tuple[Method, ...]:
     """Return the library's methods except plans, and one-step methods in common use with the same right-hand sides."""
     return (
-        *map(closed_form, registry.CLOSED_FORMS), substeps(0), substeps(0, False),
+        *map(closed_form, registry.CLOSED_FORMS), substeps(0), substeps(0, controlled=False),
         *map(substeps, (6, 8, 12, 16, 20, 24)),
         *(fixed_steps(m, "splitting", lambda case: "" if case.top else "no top") for m in SPLITTINGS.values()),
         *(fixed_steps(m, "classic", lambda case: "") for m in REFERENCE_INTEGRATORS.values()),

@@ -226,10 +226,10 @@ class Chart:
         """Return how the scene was run."""
         whole = self.whole or self.span
         part = f"the first {self.span:,.8g} s of " if self.span < 0.999 * whole else ""
-        said = f"{part}{whole:,.8g} s, an output every {self.span / self.outputs:,.8g} s"
+        text = f"{part}{whole:,.8g} s, an output every {self.span / self.outputs:,.8g} s"
         if not self.ports:
-            return said
-        return f"{said}; {' and '.join(self.ports)} {self.held} all the time, so that others may step over outputs"
+            return text
+        return f"{text}; {' and '.join(self.ports)} {self.held} all the time, so that others may step over outputs"
 
     def _kinds(self) -> Iterator[str]:
         asked = short_number(self.accuracy)
@@ -246,8 +246,8 @@ class Chart:
                 yield _KIND.format(reach.name, reach.method, cost_text(reach.cost), run, ratio)
             else:
                 least = short_number(end.error) if math.isfinite(end.error) else "none below 1"
-                said = f"{reach.name:22}{missed}: {least} by {end.method} ({end.why})"
-                yield from textwrap.wrap(said, WIDTH, subsequent_indent=" " * 24)
+                line = f"{reach.name:22}{missed}: {least} by {end.method} ({end.why})"
+                yield from textwrap.wrap(line, WIDTH, subsequent_indent=" " * 24)
 
     def _digits(self) -> Iterator[str]:
         yield "What each further digit costs, as rbfmu plans it:"

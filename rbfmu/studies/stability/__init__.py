@@ -196,7 +196,7 @@ def run_stability(
 
     parts: list[tuple[list[Any], Callable[[], Sequence[object]]]] = [
         *((found, lambda study=study: [study(quick)]) for study in studies),
-        *((cells, partial(motions.verdicts, *one, quick)) for one in judged),
+        *((cells, partial(motions.verdicts, *pair, quick)) for pair in judged),
         *([(found, lambda: [method_laws.own_laws(own, found)])] if own else ()),
         (paths, write),
         *((paths, lambda k=k: [draw(found[k], folder)]) for k in range(len(studies))),

@@ -236,9 +236,9 @@ def _draw_map(panel: Axes, name: str, rows: Sequence[Row]) -> None:
     panel.set_yticks([0.01, 0.1, 1.0], ["0.01", "0.1", "1"], fontsize=8)
     panel.minorticks_off()
     right = sum(row.verdict == VERDICTS[0] for row in rows) / len(rows)
-    said = f"within {_worst(rows):.0e} rad" if name in OURS else f"{right:.0%} right"
+    summary = f"within {_worst(rows):.0e} rad" if name in OURS else f"{right:.0%} right"
     title, weight = name.replace("quaternion not", "q not"), "bold" if name in OURS else "normal"
-    panel.set_title(f"{title}: {said}", fontsize=9, fontweight=weight, loc="left")
+    panel.set_title(f"{title}: {summary}", fontsize=9, fontweight=weight, loc="left")
 
 
 def _worst(rows: Sequence[Row]) -> float:

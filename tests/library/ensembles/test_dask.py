@@ -86,7 +86,7 @@ def test_four_workers_share_one_cache_and_little_is_sent(whole, tmp_path):
     assert len(used) > 1
     scene = satellite().replace({"ensemble.keep": ["final"], "ensemble.runs": 4096})
     work = Work(scene, PLAN, 1024)
-    there, chunk = running.packed(work), run_chunk(work, 0)
+    there, chunk = running.pack(work), run_chunk(work, 0)
     back, numbers = len(pickle.dumps(chunk)), (chunk.rows.nbytes + sum(a.nbytes for a in chunk.samples.values()))
     said = sum(len(text.encode()) for text in chunk.failed.values())
     print(

@@ -176,15 +176,14 @@ def test_a_key_that_moves_an_event_alone_has_an_effect(recwarn):
     assert said == ["it: ensemble.vary: constants.idle varies without effect on any output"]
 
 
-def test_a_scene_that_was_run_is_planned_once_and_its_warnings_are_said_each_time(recwarn, monkeypatch):
+def test_a_scene_that_was_run_is_planned_once_and_its_warnings_are_said_each_time(recwarn):
     warnings.simplefilter("always")
-    planned, as_it_is = [], planning._with_doubts
-    monkeypatch.setattr(planning, "_with_doubts", lambda scene: planned.append(scene) or as_it_is(scene))
     vary = {"body.mass": {"uniform": [40.0, 60.0]}, "initial.omega_b": {"relative": 0.1}}
     scene = Scene.from_dict(FREE | {"name": "again", "ensemble": {"runs": 4, "vary": vary}})
+    before = planning._kept_with_doubts.cache_info().misses
     first, again = (rbfmu.run_ensemble(scene, executor=1, progress=False) for _ in range(2))
     rbfmu.run_ensemble(scene.replace({"run.accuracy": 1e-9}), executor=1, progress=False)
-    assert len(planned) == 2
+    assert planning._kept_with_doubts.cache_info().misses == before + 2
     assert [w.filename for w in recwarn if "without effect" in str(w.message)] == [__file__] * 3
     np.testing.assert_array_equal(first.final["omega_b"], again.final["omega_b"])
 

@@ -120,7 +120,7 @@ def test_an_executor_that_breaks_is_named(scene, tmp_path, whole):
 
 @pytest.mark.parametrize("name", ["rbfmu", "rbfmu_kernels", "numpy"])
 def test_workers_of_another_origin_are_refused(scene, monkeypatch, name):
-    packed = running.packed(running.Work(scene, PLAN, 8))
+    packed = running.pack(running.Work(scene, PLAN, 8))
     monkeypatch.setattr(running, "origin", lambda: origin() | {name: "other"})
     with pytest.raises(SimulationError, match=f"a worker has another {name}, whose bits"):
         running.run_packed(packed, 0)

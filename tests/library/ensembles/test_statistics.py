@@ -107,7 +107,7 @@ def test_sets_are_thinned_as_all_of_their_values_are(seed, lengths):
     values = [np.sort(np.random.default_rng(seed + k).normal(size=(3, n))) for k, n in enumerate(lengths)]
     sets = [statistics.Points(rows, 2, 2 * rows.shape[1], 0.0) for rows in values]
     every, _ = statistics._every(4, sum(lengths), 1)
-    found = statistics._thinned(sets, 8, 1)
+    found = statistics._thin_out(sets, 8, 1)
     assert (found.values == np.sort(np.concatenate(values, axis=1))[:, every]).all()
     assert found.members == 2 * sum(lengths)
 

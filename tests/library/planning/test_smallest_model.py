@@ -12,8 +12,8 @@ from numba import config
 import rbfmu
 from rbfmu.models.question import Question
 from rbfmu.models.registry import CLOSED_FORMS
+from rbfmu.planning import closed_forms
 from rbfmu.planning.closed_forms import FEW, GROWTH, SHARE, growth_rate
-from rbfmu.planning.judge import Judge
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
@@ -197,13 +197,13 @@ def test_a_force_whose_path_nobody_sees_shortens_no_pilot_run():
 
 @pytest.mark.parametrize(("moments", "smaller"), [([1.0, 2.0, 2.5], False), ([1.0, 1.0, 1.0 + 1e-9], True)])
 def test_a_model_that_is_far_off_is_compared_at_few_times_alone(moments, smaller, monkeypatch):
-    compare, compared = Judge.compare, []
+    compare, compared = closed_forms.largest_error, []
 
-    def noted(self, candidate, truth, *how):
+    def noted(motion, truth, *how, **more):
         compared.append(len(truth["omega_b"]) - 1)
-        return compare(self, candidate, truth, *how)
+        return compare(motion, truth, *how, **more)
 
-    monkeypatch.setattr(Judge, "compare", noted)
+    monkeypatch.setattr(closed_forms, "largest_error", noted)
     tables = {"body": {"mass": 1.0, "inertia": moments}, "initial": {"omega_b": [0.3, 0.2, 1.0]}}
     run = {"stop": 10.0, "step": 0.01, "accuracy": 1e-6}
     found = plan(Scene.from_dict(tables | {"outputs": {"quantities": ["quaternion"]}, "run": run}))

@@ -9,7 +9,7 @@ import pytest
 from rbfmu.studies import WIDTH, cost_text
 from rbfmu.studies.chart import Chart, answers, drawing, measure, methods, plans_text, solvers, verdicts
 from rbfmu.studies.chart.cases import CASES, Case
-from rbfmu.studies.chart.measure import Extent, Tried, contestants, explore, why_not
+from rbfmu.studies.chart.measure import Extent, Trial, contestants, explore, why_not
 from rbfmu.studies.chart.methods import NotFeasibleError, Run
 from rbfmu.studies.chart.result import KINDS, STOPPED, End, Row, TooSmall, cost_of, front
 from tests.support.chart_points import judged, made_chart, made_plan, made_row, true_states, turned_by
@@ -99,7 +99,7 @@ def test_long_motions_are_said_to_be_beyond_the_peers_time(monkeypatch) -> None:
 
 def test_noise_is_how_far_halves_of_the_repeats_come_apart() -> None:
     times = iter([3.0, 2.2, 2.0, 2.5, 4.0, 2.4])
-    tried = Tried(made_row("MuJoCo", "peer", 1e-6, 0.5), Run([], lambda k: k * next(times), 1.0), 10.0)
+    tried = Trial(made_row("MuJoCo", "peer", 1e-6, 0.5), Run([], lambda k: k * next(times), 1.0), 10.0)
     for _ in range(6):
         tried.time(1e-9)
     row = tried.row
