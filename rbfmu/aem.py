@@ -67,7 +67,7 @@ def read_aem(path: Path) -> dict[str, Array]:
     ValueError with file, line, and what was expected.
     """
     origin: Decimal | None = None
-    meta: dict[str, str] = {}
+    meta, begins = dict[str, str](), True
     rows: list[tuple[Decimal, list[float], str, list[float]]] = []
     lines = [line.strip() for line in path.read_text(encoding="utf-8-sig", errors="replace").splitlines()]
     number, first = next(((n, line) for n, line in enumerate(lines, 1) if line), (1, ""))
@@ -79,14 +79,15 @@ def read_aem(path: Path) -> dict[str, Array]:
             if found := _ORIGIN.match(line):
                 origin = _seconds(found[1])
             elif line == "META_START":
-                meta = {line: "its first line is still to come"}
+                meta, begins = {}, True
             elif equals:
                 meta[key] = value.upper()
             elif line and line.split()[0] not in ("COMMENT", "META_STOP", "DATA_START", "DATA_STOP"):
                 row = _row(line.split(), meta)
-                if meta.pop("META_START", "") and rows and rows[-1][0] == row[0]:
+                if begins and rows and rows[-1][0] == row[0]:
                     rows.pop()
                 rows.append(row)
+                begins = False
         if not rows:
             raise ValueError("expected lines of attitudes")
         if lines.count("DATA_START") > lines.count("DATA_STOP"):  # else a last number that is cut short would be read

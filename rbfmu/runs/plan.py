@@ -70,10 +70,13 @@ class Plan:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> "Plan":
-        """Return the plan from what `to_dict` returned, also after JSON."""
-        substep = math.inf if data["substep"] is None else data["substep"]
-        lists = {"pinned": tuple(data["pinned"]), "reasons": tuple(data["reasons"])}
-        return cls(**data | {"substep": substep} | lists)
+        """Return the plan from what `to_dict` returned, also after JSON. Raises ValueError for anything else."""
+        try:
+            substep = math.inf if data["substep"] is None else data["substep"]
+            lists = {"pinned": tuple(data["pinned"]), "reasons": tuple(data["reasons"])}
+            return cls(**data | {"substep": substep} | lists)
+        except (KeyError, TypeError) as error:
+            raise ValueError(fault("data", data, f"what Plan.to_dict returned ({error})")) from None
 
     @property
     def spec(self) -> ModelSpec:

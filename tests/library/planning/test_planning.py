@@ -253,6 +253,12 @@ def test_a_plan_survives_json(name):
     assert {"model", "method", "substep", "states", "reasons"} <= data.keys()
 
 
+@pytest.mark.parametrize("data", [{}, 3, {"model": "no rotation"}, {"substep": None, "pinned": [], "reasons": []}])
+def test_what_is_no_plan_is_named(data):
+    with pytest.raises(ValueError, match=r"^data = .*: expected what Plan\.to_dict returned"):
+        Plan.from_dict(data)
+
+
 # How errors are measured
 
 
