@@ -226,11 +226,10 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
     w_p, w_r, w_s = dd.scale(sign_p, w_p), dd.scale(sign_r, w_r), dd.scale(sign_s, w_s)
 
     kappa, one_kappa = kappa_of(i_p, i_r, i_s)
-    m_r = dd.multiply(i_r, w_r)
-    across = _momentum_across(dd.multiply(i_p, w_p), m_r, one_kappa)
+    across = _momentum_across(i_p, i_r, w_p, w_r, one_kappa)
     polhode, kc, kc2 = _polhode_of((i_p, i_r, i_s), w_s, across, kappa, one_kappa, distance, distance_unit)
     kind, precession, width, shift, series = _periodic_part(polhode, kappa, kc, across.a_p, sign)
-    phase = dd.scale(sign * math.copysign(1.0, m_r[0]), polhode.phase)
+    phase = dd.scale(sign * math.copysign(1.0, across.m_r[0]), polhode.phase)
     a_r = dd.scale(sign, dd.multiply(dd.root(one_kappa), across.a_p))
     rate_p = dd.scale(unit * sign_p, dd.divide(across.a_p, i_p))  # A_p itself may be too small for the unit
     rate_r = dd.scale(unit * sign_r, dd.divide(a_r, i_r))
@@ -249,26 +248,27 @@ def tumbling_setup(moments: Vector, q_0: Quaternion, omega: Vector, unit: float)
 
 
 class _Across(NamedTuple):
-    """The angular momentum across s: A_p, A_p^2, m_r^2 / (1 + kappa); |m_r| and m_p sqrt(1 + kappa) in any unit."""
+    """The angular momentum across s: A_p, A_p^2, m_r^2 / (1 + kappa); m_r and m_p sqrt(1 + kappa) in any unit."""
 
     a_p: DoubleDouble
     a_p2: DoubleDouble
     m_r2: DoubleDouble
-    am_s: DoubleDouble
+    m_r: DoubleDouble
     am_c: DoubleDouble
 
 
 @kernel
-def _momentum_across(m_p: DoubleDouble, m_r: DoubleDouble, one_kappa: DoubleDouble) -> _Across:
-    """Return what follows from the components along p and r, which may both be tiny: a power of two scales them."""
-    up = elementary.power_of_two_for(max(m_p[0], abs(m_r[0])))
-    m_p, m_r, down = dd.scale(up, m_p), dd.scale(up, m_r), 1.0 / up
+def _momentum_across(
+    i_p: DoubleDouble, i_r: DoubleDouble, w_p: DoubleDouble, w_r: DoubleDouble, one_kappa: DoubleDouble
+) -> _Across:
+    """Return what follows from the rates along p and r, which may both be tiny: a power of two scales them first."""
+    up = elementary.power_of_two_for(max(w_p[0], abs(w_r[0])))
+    m_p, m_r, down = dd.multiply(i_p, dd.scale(up, w_p)), dd.multiply(i_r, dd.scale(up, w_r)), 1.0 / up
     m_r2 = dd.divide(dd.multiply(m_r, m_r), one_kappa)
     a_p2 = dd.add(dd.multiply(m_p, m_p), m_r2)
     return _Across(
         a_p=dd.scale(down, dd.root(a_p2)), a_p2=dd.scale(down, dd.scale(down, a_p2)),
-        m_r2=dd.scale(down, dd.scale(down, m_r2)), am_s=dd.scale(math.copysign(1.0, m_r[0]), m_r),
-        am_c=dd.multiply(dd.root(one_kappa), m_p),
+        m_r2=dd.scale(down, dd.scale(down, m_r2)), m_r=m_r, am_c=dd.multiply(dd.root(one_kappa), m_p),
     )  # fmt: skip
 
 
@@ -279,9 +279,9 @@ def _polhode_of(
 ) -> tuple[Polhode, DoubleDouble, DoubleDouble]:  # fmt: skip
     """Return the polhode, and kc and its square, which `distance` from the separatrix gives without cancellation."""
     i_p, i_r, i_s = moments_prs
-    m_s = dd.multiply(i_s, w_s)
+    m_s, am_s = dd.multiply(i_s, w_s), dd.scale(math.copysign(1.0, across.m_r[0]), across.m_r)
     if all_of(dd.equal(i_p, i_r)):
-        polhode = symmetric_polhode(i_r, i_s, w_s, m_s, across.a_p2, across.am_s, across.am_c)
+        polhode = symmetric_polhode(i_r, i_s, w_s, m_s, across.a_p2, am_s, across.am_c)
         kc: DoubleDouble = (1.0, 0.0)
         kc2 = kc
     else:
@@ -292,7 +292,7 @@ def _polhode_of(
         above = kc[0] - 1.0 + kc[1] > 0.0
         kc, kc2 = dd.choose(above, (1.0, 0.0), kc), dd.choose(above, (1.0, 0.0), kc2)
         kc = dd.choose(kc[0] <= _LEAST_KC, (_LEAST_KC, 0.0), kc)
-        polhode = triaxial_polhode(moments_prs, kappa, one_kappa, across.a_p2, a_s2, kc, across.am_s, across.am_c)
+        polhode = triaxial_polhode(moments_prs, kappa, one_kappa, across.a_p2, a_s2, kc, am_s, across.am_c)
     return polhode, kc, kc2
 
 
