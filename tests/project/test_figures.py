@@ -197,17 +197,16 @@ def test_rows_of_peers_are_quoted_with_every_accuracy() -> None:
 def test_who_is_ahead_where_is_what_the_readme_says() -> None:
     """DOP853 at 1e-3, with many outputs LSODA there; from 1e-6 on nobody."""
     behind = [row for row in record.read("peers")[1] if not float(row["seconds"]) < float(row["peer_seconds"])]
-    noise = {float(row["peer_seconds"]) / float(row["seconds"]) for row in behind if row["even"] == "True"}
-    assert min(noise) >= 0.99
+    assert {float(row["accuracy"]) for row in behind} == {1e-3}
     behind = [row for row in behind if row["even"] == "False"]
     ahead = {(row["case"], row["peer"], float(row["accuracy"]), int(row["outputs"]) > CASES[row["case"]].outputs):
              float(row["peer_seconds"]) / float(row["seconds"]) for row in behind}  # fmt: skip
     few = {key: ratio for key, ratio in ahead.items() if not key[-1]}
     assert {key[1:3] for key in few} == {("numbalsoda DOP853", 1e-3)}
-    assert 0.785 <= min(few.values()) < 0.795
+    assert 0.78 <= min(few.values()) < 0.79
     coarse = {key: ratio for key, ratio in ahead.items() if key[1] == "numbalsoda LSODA"}
     assert {key[2] for key in coarse} == {1e-3}
-    assert 0.795 <= min(coarse.values()) < 0.805
+    assert 0.775 <= min(coarse.values()) < 0.785
     assert ahead.keys() == few.keys() | coarse.keys()
     many = [row for row in record.read("peers")[1] if int(row["outputs"]) > CASES[row["case"]].outputs]
     sure = [row for row in many if "**" in pages.times(row)]
