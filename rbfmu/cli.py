@@ -65,7 +65,7 @@ def new(name: str) -> None:
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     common.check_target(path, "NAME", (".toml",))
     rbfmu.Scene._rules["name"].read(path.stem, "NAME")
-    if path.exists():
+    if path.exists() or path.is_symlink():  # a link may lead to a file that is not there
         raise click.UsageError(f"{path}: exists already, and stays as it is")
     write_whole(path, new_scene(path.stem).encode())
     shown = f"./{path}" if name.startswith("-") else str(path)  # else it looks like an option

@@ -86,7 +86,7 @@ def finish_steadily(z: Buffer, n: int, h: float) -> int:
 @kernel
 def inputs_change(z: Buffer) -> bool:
     """Return whether any input changes within the step, including a force at a pivot, which the loads leave out."""
-    return not are_zero(z, RATES_START, RATES_2_START + NUMBER_OF_INPUTS)
+    return not are_zero(z, RATES_START, RATES_2_START + NUMBER_OF_INPUTS)  # the second rates follow the first
 
 
 @kernel

@@ -122,6 +122,10 @@ def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
     assert result.exit_code == 2
     assert "mine.toml: exists already" in result.stderr
     assert path.read_text() == "precious"
+    link, target = tmp_path / "link.toml", tmp_path / "elsewhere.toml"
+    link.symlink_to(target)
+    assert "link.toml: exists already" in call("new", link).stderr
+    assert not target.exists()
 
 
 def test_a_file_that_a_full_disk_cuts_short_is_not_left(tmp_path: Path) -> None:
