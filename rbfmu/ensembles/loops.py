@@ -179,7 +179,7 @@ def _merge(x: Any, at: Any, beside: Any, half: Any, y: Any, to: Any, other: Any)
 
 
 def merged(x: Any, ranks: Any, found: Any, room: Any) -> int:
-    """Set `found` (r, p) to the numbers of given ranks (p,) in each of r rows x (r n,), whose runs are sorted.
+    """Set `found` (r, p) to the integers of given ranks (p,) in each of r rows x (r n,), whose runs are sorted.
 
     room (2 n,): work space; see `in_order`.
     """
@@ -203,14 +203,22 @@ def in_order(values: Array, ranks: Indices) -> Array:
     """Return the numbers (..., p) of given ranks (p,), counted from 0, among values (..., n).
 
     Runs of RUN numbers are sorted, then merged two by two. Rows are filled up with infinity to a power of 2 of runs.
+    Integers are sorted in place of numbers: merging waits for comparisons, and those of integers take half as long.
     """
     *shape, count = values.shape
     size = max(count, 1) if count <= RUN else RUN << (-(-count // RUN) - 1).bit_length()
-    x, found = np.full((math.prod(shape), size), np.inf), np.empty((math.prod(shape), len(ranks)))
+    x = np.full((math.prod(shape), size), np.inf)
     x[:, :count] = values.reshape(len(x), count)
-    x.reshape(-1, min(size, RUN)).sort(axis=1)
-    compiled(merged)(x.ravel(), ranks, found, np.empty(2 * size))
-    return found.reshape(*shape, len(ranks))
+    keys, found = _as_keys(x.view(np.int64)), np.empty((len(x), len(ranks)), np.int64)
+    keys.reshape(-1, min(size, RUN)).sort(axis=1)
+    compiled(merged)(keys.ravel(), ranks, found, np.empty(2 * size, np.int64))
+    return _as_keys(found).view(np.float64).reshape(*shape, len(ranks))
+
+
+def _as_keys(bits: Indices) -> Indices:
+    """Turn, in place, the bits of numbers into integers in the order of the numbers, or such integers into the bits."""
+    bits ^= (bits >> 63) & np.iinfo(np.int64).max  # the less a negative number, the larger are its other bits
+    return bits
 
 
 _GIVEN = (
@@ -222,7 +230,7 @@ _GIVEN = (
 _SIGNATURES: dict[Callable[..., Any], Any] = {
     run_members: int64(_INITIALIZE, _STEP, *_GIVEN, _NUMBERS, _NUMBERS),
     moments: int64(_BLOCK, _INDICES, int64, _INDICES, _PAIRS, _TABLE, _TABLE, _TABLE),
-    merged: int64(_NUMBERS, _INDICES, _TABLE, _NUMBERS),
+    merged: int64(_INDICES, _INDICES, _PAIRS, _INDICES),
 }
 
 

@@ -29,8 +29,9 @@ SETS = 8
 """The number of sets of points of a level that are merged into one set of the next level."""
 LEAST_WEIGHT = 8
 """The least weight of a point if not all values fit: it divides the work of merging."""
-SUMMED_AT_ONCE = 100_000
-"""How many numbers are summed up and sorted together: more have longer contiguous rows, fewer stay in a cache."""
+SUMMED_AT_ONCE, OF_A_MEMBER = 100_000, 24
+"""SUMMED_AT_ONCE: how many numbers are summed up and sorted together: more have longer contiguous rows, fewer stay in a
+cache. OF_A_MEMBER: at least so many of each member, as fewer leave most of a cache line that is read unused."""
 
 
 class Points(NamedTuple):
@@ -101,13 +102,13 @@ def summary_of(rows: Array, good: Indices, columns: Columns, most: int, turn: in
     full: whether the chunk has the full number of members. A smaller one is the last or the only one. Its points are
     merged with no others, so that it keeps all that fit.
     """
-    (members, points, _), angles, pairs, ranked = rows.shape, columns.angles, columns.pairs, columns.ranked
+    (members, points, own), angles, pairs, ranked = rows.shape, columns.angles, columns.pairs, columns.ranked
     width = columns.width + 2 * len(angles)
     mean, products = np.zeros((points, width)), np.zeros((points, len(pairs)))
     weight = weight_of(members, most, LEAST_WEIGHT if full else 1) if most else 1
     chosen, error = _every(weight, len(good) if most else 0, turn)
     values = np.empty((points, len(ranked), len(chosen)))
-    at_once = max(1, SUMMED_AT_ONCE // (width * max(len(good), 1)))
+    at_once = max(-(-OF_A_MEMBER // own), SUMMED_AT_ONCE // (width * max(len(good), 1)))
     padded = -(-len(good) // LANES) * LANES + LANES  # no power of 2: such rows would share places of a cache
     x = np.empty((at_once * width, padded))
     for first in range(0, points, at_once):
