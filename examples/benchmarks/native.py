@@ -24,7 +24,7 @@ from examples.benchmarks.fmu import Fmu, _seconds_to_first_step
 from examples.benchmarks.support.goals import Goal, status
 from rbfmu.planning.select import plan
 from rbfmu.runs.plan import Plan, filled_buffer, initialize
-from rbfmu_fmu.builder import build_native_fmu, build_python_fmu, c_sources
+from rbfmu_fmu.builder import build, c_sources
 from rbfmu_fmu.description import describe
 from rbfmu_fmu.model_description import FMI2
 from rbfmu_fmu.native.headers import headers
@@ -198,8 +198,8 @@ def _figures_of(text: str, folder: Path, driver: Any, repeats: int, steps: int, 
     scene = _scene(text)
     planned = plan(scene)
     fmus = {
-        "native": Fmu(build_native_fmu(scene, planned, folder / "native.fmu"), folder / "native"),
-        "pythonfmu": Fmu(build_python_fmu(scene, planned, folder / "python.fmu"), folder / "python"),
+        "native": Fmu(build(scene, folder / "native.fmu", "native", planned=planned), folder / "native"),
+        "pythonfmu": Fmu(build(scene, folder / "python.fmu", planned=planned), folder / "python"),
     }
     described = describe(scene, planned)
     generated = headers(described, FMI2, fmus["native"].arguments[1])

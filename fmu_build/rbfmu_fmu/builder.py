@@ -23,7 +23,7 @@ from rbfmu.planning.select import plan
 from rbfmu.runs.plan import checked_plan
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe
-from rbfmu_fmu.model_description import FMI2, FmiVersion, model_description, version_of, xml_bytes
+from rbfmu_fmu.model_description import FmiVersion, model_description, version_of, xml_bytes
 from rbfmu_fmu.native import headers, object_code, platforms as native
 from rbfmu_fmu.presentation import presentation_files
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
@@ -42,10 +42,6 @@ PYTHONFMU = Path(str(distribution("pythonfmu").locate_file("pythonfmu")))
 UNUSED = ("deploy.py", "csvbuilder.py", "__main__.py")
 """Modules of pythonfmu that no FMU uses."""
 
-PYTHON_ABILITIES = {
-    "needsExecutionTool": "false", "canInterpolateInputs": "false", "canNotUseMemoryManagementFunctions": "true",
-}  # fmt: skip
-
 
 @of_scene_or_path
 def build(
@@ -62,22 +58,25 @@ def build(
 ) -> Path:
     """Build the FMU of a scene, or of a scene file by its path, write it to `path`, and return `path`.
 
+    The same scene gives the same bytes. A file at `path` is replaced at the end.
+
     kind: "python" or "pythonfmu" (the importer's process needs Python), or "native" (it needs nothing); platforms: for
     a native FMU, names from `rbfmu_fmu.native.platforms.PLATFORMS` or "all" (none: this platform); full: with all
     degrees of freedom; fmi: 2, or 3 for a native FMU; scalars: no arrays in FMI 3; terminals: list terminals in FMI 2
     as well, at which some importers fail; planned: a plan of the scene, so that none is made.
     Raises ValueError for wrong arguments, SceneError if there is no plan, and BuildError.
     """
-    version, path = version_of(fmi, scalars), path_of(path)
+    version, path, is_native = version_of(fmi, scalars), path_of(path), kind == "native"
     if kind not in ("python", "pythonfmu", "native"):
         raise ValueError(f'kind = {kind!r}: expected "pythonfmu" or "native"')
-    if kind == "native":
-        return build_native_fmu(scene, checked_plan(planned) or plan(scene, full), path, platforms, version, terminals)
-    if platforms:
+    if platforms and not is_native:
         raise ValueError(f'platforms = {platforms!r}: expected kind = "native" with them')
-    if fmi != 2:
+    if fmi != 2 and not is_native:
         raise ValueError(f'fmi = {fmi}: expected kind = "native" with it, as pythonfmu makes FMUs of FMI 2')
-    return build_python_fmu(scene, checked_plan(planned) or plan(scene, full), path, terminals)
+    d = describe(scene, checked_plan(planned) or plan(scene, full))
+    contents = _native_contents(d, platforms, version) if is_native else _python_contents(d, version)
+    shown = presentation_files(d, version, needs_python=not is_native, with_terminals=terminals)
+    return write_archive(contents | shown, path)
 
 
 def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], parts: dict[str, bytes]) -> Element:
@@ -94,15 +93,8 @@ def _identify(version: FmiVersion, d: Description, abilities: dict[str, str], pa
 # --- the native kind
 
 
-def build_native_fmu(
-    scene: Scene, plan: Plan, path: Path, platforms: str | Sequence[str] = (), version: FmiVersion = FMI2,
-    terminals: bool = False,
-) -> Path:  # fmt: skip
-    """Write the FMU, with the same bytes for the same scene; a file at `path` is replaced at the end.
-
-    platforms: names from `platforms.PLATFORMS`, or "all" (none: this platform); terminals: list them in FMI 2.0 too.
-    """
-    chosen, d = native.platforms_named(platforms), describe(scene, plan)
+def _native_contents(d: Description, platforms: str | Sequence[str], version: FmiVersion) -> dict[str, bytes]:
+    chosen = native.platforms_named(platforms)
     objects = {p: object_code.object_files(d.plan.kernels, p) for p in chosen}
     contents, generated = {"resources/scene.json": scene_inside(d)}, headers.headers(d, version)
     parts = contents | {name: native.source(name) for name in (*c_sources(version), *native.HEADERS)}
@@ -118,7 +110,7 @@ def build_native_fmu(
         second = {version.second_folders.get(p.name, folder) for p in members}
         for place in {folder} | (second - folders):  # a second folder only if it is not the first of another platform
             contents[f"binaries/{place}/{d.identifier}{members[0].suffix}"] = native.universal(libraries)
-    return write_archive(contents | presentation_files(d, version, needs_python=False, with_terminals=terminals), path)
+    return contents
 
 
 def c_sources(version: FmiVersion) -> tuple[str, ...]:
@@ -129,9 +121,7 @@ def c_sources(version: FmiVersion) -> tuple[str, ...]:
 # --- the pythonfmu kind
 
 
-def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = False) -> Path:
-    """Write the FMU, with the same bytes for the same scene; a file at `path` is replaced at the end."""
-    d = describe(scene, plan)
+def _python_contents(d: Description, version: FmiVersion) -> dict[str, bytes]:
     files = _package_files(d)
     identity = hash_of(files | {"templates": (SCRIPT + PACKAGE).encode()})[:12]
     package, script = f"rbfmu_{identity}", f"entry_{identity}"  # a scene's name may not be a module's name
@@ -140,8 +130,7 @@ def build_python_fmu(scene: Scene, plan: Plan, path: Path, terminals: bool = Fal
     contents[f"resources/{script}.py"] = SCRIPT.format(package=package).encode()
     contents |= {NAME_OF_SCRIPT: script.encode(), "resources/scene.json": scene_inside(d)}
     contents |= _parts_of_pythonfmu(d.identifier)
-    contents["modelDescription.xml"] = xml_bytes(_identify(FMI2, d, PYTHON_ABILITIES, dict(contents)))
-    return write_archive(contents | presentation_files(d, FMI2, needs_python=True, with_terminals=terminals), path)
+    return contents | {"modelDescription.xml": xml_bytes(_identify(version, d, version.python_abilities, contents))}
 
 
 def _parts_of_pythonfmu(identifier: str) -> dict[str, bytes]:

@@ -120,7 +120,7 @@ def attitude_loop() -> Iterator[Loop]:
     """Build and start the FMU of `SCENE` in a temporary folder, and yield its loop."""
     plan = rbfmu.plan(SCENE)
     with tempfile.TemporaryDirectory(prefix="rbfmu_") as folder:
-        path = builder.build_python_fmu(SCENE, plan, Path(folder) / "attitude_loop.fmu")
+        path = builder.build(SCENE, Path(folder) / "attitude_loop.fmu", planned=plan)
         with verification.unit_of(path, description.describe(SCENE, plan)) as unit:
             unit.start(0.0, FINAL_TIME, [0.0, 0.0, 0.0])
             yield Loop(unit)

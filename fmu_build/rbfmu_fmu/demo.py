@@ -68,7 +68,7 @@ def run_demo(folder: Path, console: Console) -> bool:
         result, kernels = _by_kernels(scene, planned)
         result.save(folder / "kernels.csv")
     with _stage(console, "building the FMU"):
-        fmu = builder.build_python_fmu(scene, planned, folder / "tumbling_brick.fmu")
+        fmu = builder.build(scene, folder / "tumbling_brick.fmu", planned=planned)
     with _stage(console, "simulating the FMU through FMPy's API"):
         by_api = _by_api(fmu, list(kernels.columns)[1:])
     with _stage(console, "simulating the FMU through the fmpy command"):

@@ -5,7 +5,7 @@ its row names.
 """
 
 import tomllib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -36,10 +36,12 @@ class FmiVersion:
     """What FMUs of either kind can do, as attributes of the element CoSimulation."""
     native_abilities: dict[str, str]
     """The additional abilities of native FMUs."""
+    python_abilities: dict[str, str]
+    """The additional abilities of FMUs of the pythonfmu kind, if the version has that kind."""
     with_input_rates: dict[str, str]
     """The further abilities of native FMUs all of whose inputs may change within a step."""
-    references: Callable[[Description], list[FmiVariable]]
-    """The function that lists the variables in the order of their value references."""
+    has_arrays: bool
+    """Whether a quantity is one variable; without arrays each of its numbers is one."""
     real: str
     """The version's name for the type of floating-point variables."""
     integer: str
@@ -51,6 +53,10 @@ class FmiVersion:
     nested: bool
     """True for FMI 2: a variable's element contains another for its type, and the model structure has lists that count
     variables from 1. False for FMI 3: the element has the name of the type, and value references are used."""
+
+    def references(self, d: Description) -> list[FmiVariable]:
+        """Return the variables in the order of their value references."""
+        return arrays(d) if self.has_arrays else scalars(d)
 
     def abilities_of(self, d: Description) -> dict[str, str]:
         """Return the abilities of a native FMU besides those of both kinds, as attributes of CoSimulation."""
@@ -67,11 +73,8 @@ class FmiVersion:
 
 
 _ROWS = tomllib.loads(Path(__file__).with_name("fmi_versions.toml").read_text(encoding="utf-8"))
-_REFERENCES = {"scalars": scalars, "arrays": arrays}
-VERSIONS = {
-    (int(fmi), False): FmiVersion(**row | {"references": _REFERENCES[row["references"]]}) for fmi, row in _ROWS.items()
-}
-VERSIONS |= {(fmi, True): replace(v, references=scalars) for (fmi, _), v in VERSIONS.items() if v.references is arrays}
+VERSIONS = {(int(fmi), False): FmiVersion(**row) for fmi, row in _ROWS.items()}
+VERSIONS |= {(fmi, True): replace(v, has_arrays=False) for (fmi, _), v in VERSIONS.items() if v.has_arrays}
 """The versions for which FMUs are built, by (version of FMI, whether it is without the arrays that it allows)."""
 FMI2, FMI3 = VERSIONS[2, False], VERSIONS[3, False]
 

@@ -22,7 +22,7 @@ import numpy as np
 import rbfmu
 from rbfmu.types import Array
 from rbfmu.viewer import Shape, shape_of
-from rbfmu_fmu.description import AXES, Description, Variable, blocks, scalars
+from rbfmu_fmu.description import AXES, Description, Variable, blocks
 from rbfmu_fmu.model_description import STATUS, FmiVersion, fmi_name, without_blanks, xml_bytes
 from rbfmu_fmu.native.platforms import FMI_HEADERS
 from rbfmu_kernels.compile.tiered import evaluated
@@ -45,7 +45,7 @@ def presentation_files(
     files = {version.icon: picture(d.scene), **licenses(needs_python)}
     files["documentation/index.html"] = page(d, version, needs_python).encode()
     if with_terminals or version.name != "2.0":
-        files["terminalsAndIcons/terminalsAndIcons.xml"] = xml_bytes(terminals(d, version.references is not scalars))
+        files["terminalsAndIcons/terminalsAndIcons.xml"] = xml_bytes(terminals(d, version.has_arrays))
     if version.name == "2.0":  # libcosim imports only this version
         files[osp_place(d)] = xml_bytes(osp_description(d))
     if needs_python:

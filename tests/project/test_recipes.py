@@ -177,15 +177,14 @@ def test_a_load_acts_in_runs_and_in_an_fmu_whose_parameter_it_is(folder, tmp_pat
 def test_an_integrator_runs_by_a_plan_that_names_it_with_its_order(folder):
     (folder / "loaded.toml").write_text(LOADED.replace("QUANTITIES", '["position", "omega_b"]'))
     code = """
-from pathlib import Path
 import rbfmu
-from rbfmu_fmu.builder import build_native_fmu, build_python_fmu
+import rbfmu_fmu
 scene = rbfmu.load_scene("loaded.toml")
 for parts in (1, 2):
     plan = rbfmu.Plan("classical Runge-Kutta", "order 4", 13, substep=0.01 / parts)
     rbfmu.simulate(scene, planned=plan).save(f"{parts}.csv")
-for build in (build_native_fmu, build_python_fmu):
-    build(scene, plan, Path(f"{build.__name__}.fmu"))
+for kind in ("native", "python"):
+    rbfmu_fmu.build(scene, f"{kind}.fmu", kind, planned=plan)
 """
     run(folder, code=code)
     omega, _, position = loaded(np.linspace(0.0, STOP, 61))
@@ -194,7 +193,7 @@ for build in (build_native_fmu, build_python_fmu):
         assert errors[0] < 1e-7
         assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.05)
     for kind in ("native", "python"):
-        run(folder, "verify", f"build_{kind}_fmu.fmu")
+        run(folder, "verify", f"{kind}.fmu")
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ import pytest
 
 import rbfmu_fmu
 from rbfmu_fmu import builder
-from rbfmu_fmu.builder import build_python_fmu
+from rbfmu_fmu.builder import build
 from rbfmu_fmu.native import platforms
 from rbfmu_fmu.native.object_code import object_files
 from rbfmu_fmu.python import pythonfmu_traps
@@ -104,7 +104,7 @@ def test_shipped_code_needs_no_numba_and_no_numpy(name):
 def test_built_without_a_linker_it_ships_an_object_file(name, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(platforms, "find_spec", lambda module: None)
-    folder = unzipped_at(build_python_fmu(scene(name), planned(name), tmp_path / "it.fmu"), tmp_path / "it")
+    folder = unzipped_at(build(scene(name), tmp_path / "it.fmu", planned=planned(name)), tmp_path / "it")
     assert [path.suffix for path in folder.glob("resources/*/model-*")] == [".o"]
     found, errors = run_case("rows_and_imports", folder)
     assert found == [alone(name), []]
@@ -210,7 +210,7 @@ def other_kernels(tmp_path_factory):
         sources = builder.kernel_sources() | {"models/prescribed_rates.py": text.encode()}
         patch.setattr(builder, "kernel_sources", lambda: sources)
         patch.setattr(builder.object_code, "object_files", lambda unit, platform: object_files(other, platform))
-        path = build_python_fmu(*place, tmp_path_factory.mktemp("other") / "prescribed.fmu")
+        path = build(place[0], tmp_path_factory.mktemp("other") / "prescribed.fmu", planned=place[1])
     return unzipped_at(path, path.parent / "unzipped")
 
 
