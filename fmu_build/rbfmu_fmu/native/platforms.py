@@ -32,12 +32,6 @@ ANY_VERSION = ("values.c", "steps.c", "derivatives.c", "messages.c", "saved_stat
 # neither calls the other's `step`. No unwind tables, as nothing here throws.
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fno-asynchronous-unwind-tables"]
 FLAGS += ["-shared", "-s"]
-FORMAT_FLAGS = {
-    ".so": ["-fPIC", "-Wl,--build-id=none,--gc-sections,-z,defs"],
-    ".dylib": ["-fPIC"],
-    ".dll": ["-D__USE_MINGW_ANSI_STDIO=0"],  # else MinGW's own printf is linked in, 50 kB
-}
-
 
 _ZIG = "ziglang"
 
@@ -52,12 +46,13 @@ class NoLinkerError(BuildError):
 
 @dataclass(frozen=True)
 class Platform:
-    """A triple and a processor for LLVM, a target for ziglang, and the suffix of a shared library."""
+    """A triple and a processor for LLVM, a target for ziglang, further FLAGS, and the suffix of a shared library."""
 
     name: str
     triple: str
     cpu: str
     zig: str
+    flags: str
     suffix: str
     features: tuple[str, ...]
     """Features of newer processors; for each there is another step function, chosen at run time (native/model.h)."""
@@ -123,7 +118,7 @@ def _linked(
         contents |= {include: text.encode("ascii") for include, text in includes.items()}
         for file, content in contents.items():
             (folder / file).write_bytes(content)
-        command = [*compiler(platform), *FLAGS, *FORMAT_FLAGS[platform.suffix], f"-I{FMI_HEADERS}"]
+        command = [*compiler(platform), *FLAGS, *platform.flags.split(), f"-I{FMI_HEADERS}"]
         command += [*layer, *objects, "-lm", "-o", library]
         done = subprocess.run(command, capture_output=True, cwd=folder, check=False, encoding="utf-8", errors="replace")
         if done.returncode:  # a machine's compiler may lack C's headers, as Debian's gcc does without further packages
