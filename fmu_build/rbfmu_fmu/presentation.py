@@ -256,11 +256,7 @@ def osp_description(d: Description) -> Element:
     """Return OspModelDescription.xml, with groups of all inputs and outputs; groups in a port are listed only there."""
     root = Element("OspModelDescription", xmlns=OSP_NAMESPACE, version="1.0")
     groups, known = SubElement(root, "VariableGroups"), blocks(d, "input", "output")
-    ports = {
-        name: (kind, both)
-        for name, (kind, *both) in MECHANICAL_PORTS.items()
-        if known.keys() >= {*both} and known[both[1]][0].causality == "output"
-    }
+    ports = {name: (kind, both) for name, (kind, *both) in MECHANICAL_PORTS.items() if known.keys() >= {*both}}
     parts = {block for _, both in ports.values() for block in both}
     groups.extend(_osp_group(block, known[block]) for block in KINDS if block in known and block not in parts)
     for name, (kind, both) in ports.items():
