@@ -113,10 +113,7 @@ class Result:
 
     def to_dataframe(self) -> "DataFrame":
         """Return a pandas.DataFrame: time (s) as index, a column for each FMU variable, units in `.attrs["units"]`."""
-        columns = self.columns()
-        index = columns.pop("time")
-        table: DataFrame = needed("pandas", "tables").DataFrame(columns, index=index)
-        table.index.name = "time"
+        table: DataFrame = needed("pandas", "tables").DataFrame(self.columns()).set_index("time")
         table.attrs["units"] = self.units
         return table
 

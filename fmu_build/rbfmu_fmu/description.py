@@ -259,10 +259,9 @@ def _rate_blocks(plan: Plan, name: str, causality: str) -> list[slice]:
 
     `output_rates` takes loads as constant and knows no formulas, so with formulas outputs have no derivatives.
     """
-    kernels = plan.kernels
-    of_output = (f"d_{name}",) if not plan.formulas else ()
-    names = {"input": (f"{name}_rate", f"{name}_rate_2"), "output": of_output}.get(causality, ())
-    return [kernels.BLOCKS[n] for n in names if n in kernels.BLOCKS]
+    places, of_output = plan.kernels.BLOCKS, () if plan.formulas else (f"d_{name}",)
+    names = {"input": (f"{name}_rate", f"{name}_rate_2"), "output": of_output, "parameter": ()}[causality]
+    return [places[n] for n in names if n in places]
 
 
 def components(row: Quantity) -> tuple[str, ...]:

@@ -77,9 +77,13 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     _check_runs_here(path)
     time = run.grid()[: MAX_STEPS + 1]
     inputs = _signal(d, len(time) - 1, np.random.default_rng(seed))
-    with _errors_of_fmpy(path):
+    try:
         problems += [f"fmpy validate: {text}" for text in validate_fmu(str(path))] + _missing_parts(path, d)
         recorded, log = _run_by_fmpy(path, d, time, inputs)
+    except VerificationError:
+        raise
+    except Exception as error:  # FMPy raises any class
+        raise VerificationError(f"{path}: FMPy cannot import it: {type(error).__name__}: {error}") from error
     expected = _run_by_kernels(d, time[: len(recorded)], inputs)
     apart = np.nan_to_num(np.abs(recorded - expected), nan=np.inf, posinf=np.inf).max(axis=0).tolist()
     units = {v.name: v.unit for v in d.outputs} | {count.name: "1" for count in d.counts}
@@ -108,17 +112,6 @@ def check_plain(folder: str) -> None:
     if found := CRASHES_IN_PATH.search(folder):
         expected = "expected a plain path; set TMPDIR to one"
         raise VerificationError(f"FMUs are unzipped to {folder!r}, and pythonfmu crashes at {found[0]!r}: {expected}")
-
-
-@contextmanager
-def _errors_of_fmpy(path: Path) -> Iterator[None]:
-    """Turn exceptions of FMPy, which may be of any class, into a VerificationError that names the file."""
-    try:
-        yield
-    except VerificationError:
-        raise
-    except Exception as error:
-        raise VerificationError(f"{path}: FMPy cannot import it: {type(error).__name__}: {error}") from error
 
 
 def _read_scene(path: Path) -> tuple[Description, list[str]]:
