@@ -191,11 +191,8 @@ class Result:
             _check_shape(OUTPUT.get(name, TIME), values, time.size, f"{path}: ")
             refuse_gaps(name, values, f"{path}: ")
         _refuse_disorder(time, f"{path}: ")
-
-        def read_events(kind: str) -> dict[str, Array]:
-            return {name.removeprefix(kind): times for name, times in columns.items() if name.startswith(kind)}
-
-        return cls(time, quantities, None, read_events(EVENTS), read_events(TOUCHES))
+        happened = ({n.removeprefix(k): t for n, t in columns.items() if n.startswith(k)} for k in (EVENTS, TOUCHES))
+        return cls(time, quantities, None, *happened)
 
     def save(self, path: str | Path) -> None:
         """Write `.csv` (FMU variable names, every digit), `.npz` (arrays by quantity) or `.aem` (CCSDS, the attitude).
