@@ -195,8 +195,7 @@ def _model_structure(version: FmiVersion, d: Description) -> Element:
     """Return the element ModelStructure: the outputs, with the variables on which they depend."""
     structure, named = Element("ModelStructure"), version.references(d)
     holder = {k: reference for reference, variable in enumerate(named) for k in variable.elements}
-    firsts = ((reference, d.variables[variable.elements[0]]) for reference, variable in enumerate(named))
-    outputs = {reference: first for reference, first in firsts if first.causality == "output"}
+    outputs = {holder[k]: v for k, v in enumerate(d.variables) if v.causality == "output"}
     key, begin = ("index", 1) if version.nested else ("valueReference", 0)
     time = {len(named)} if version.has_time else set()
     for name, depends in (("Output", depends_on), ("InitialUnknown", depends_initially_on)):

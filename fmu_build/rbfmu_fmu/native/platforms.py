@@ -103,28 +103,24 @@ def link(
     includes: generated C headers by file name, and headers that replace those of `native/`. Raises BuildError.
     """
     try:
-        return _linked(layer, objects, platform, name, includes or {})
+        with tempfile.TemporaryDirectory(prefix="rbfmu_") as place:
+            folder, library = Path(place), f"{name}{platform.suffix}"
+            contents = {f: source(f) for f in (*layer, *HEADERS)} | objects
+            contents |= {include: text.encode("ascii") for include, text in (includes or {}).items()}
+            for file, content in contents.items():
+                (folder / file).write_bytes(content)
+            command = [*compiler(platform), *FLAGS, *platform.flags.split(), f"-I{FMI_HEADERS}"]
+            command += [*layer, *objects, "-lm", "-o", library]
+            done = subprocess.run(
+                command, capture_output=True, cwd=folder, check=False, encoding="utf-8", errors="replace"
+            )
+            if done.returncode:  # a machine's compiler may lack C's headers, as Debian's gcc does without more packages
+                failed = f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}"
+                raise BuildError(failed) if _ZIG in command else NoLinkerError(f"{failed}\n{_needed(platform)}")
+            return (folder / library).read_bytes()
     except OSError as error:  # a full disk, or no further process
         where = f"in a temporary folder ({error}): TMPDIR names another"
         raise BuildError(f"{platform.name}: cannot be linked {where}") from None
-
-
-def _linked(
-    layer: Sequence[str], objects: dict[str, bytes], platform: Platform, name: str, includes: dict[str, str]
-) -> bytes:
-    with tempfile.TemporaryDirectory(prefix="rbfmu_") as place:
-        folder, library = Path(place), f"{name}{platform.suffix}"
-        contents = {f: source(f) for f in (*layer, *HEADERS)} | objects
-        contents |= {include: text.encode("ascii") for include, text in includes.items()}
-        for file, content in contents.items():
-            (folder / file).write_bytes(content)
-        command = [*compiler(platform), *FLAGS, *platform.flags.split(), f"-I{FMI_HEADERS}"]
-        command += [*layer, *objects, "-lm", "-o", library]
-        done = subprocess.run(command, capture_output=True, cwd=folder, check=False, encoding="utf-8", errors="replace")
-        if done.returncode:  # a machine's compiler may lack C's headers, as Debian's gcc does without further packages
-            failed = f"{platform.name}: {command[0]} failed:\n{done.stderr.strip()}"
-            raise BuildError(failed) if _ZIG in command else NoLinkerError(f"{failed}\n{_needed(platform)}")
-        return (folder / library).read_bytes()
 
 
 def source(name: str) -> bytes:
