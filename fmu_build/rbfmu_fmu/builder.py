@@ -29,13 +29,12 @@ from rbfmu_fmu.presentation import presentation_files
 from rbfmu_fmu.python.slave_access import CODE, LIBRARY, OBJECT
 
 PYTHON = Path(__file__).parent / "python"
+"""The folder with all that is bundled into a pythonfmu FMU besides the kernels."""
 SCRIPT, PACKAGE = ((PYTHON / name).read_text(encoding="utf-8") for name in ("entry.txt", "package.txt"))
 """The templates of the FMU's script, which pythonfmu loads, and of `__init__.py` of the package with all else."""
 
 NAME_OF_SCRIPT = "resources/slavemodule.txt"
 """The file with the name of the script that pythonfmu's library loads; without it, the library ends the process."""
-SHIPPED = ("slave.py", "slave_access.py", "call_rules.py", "pythonfmu_traps.py")
-"""The modules of a pythonfmu FMU besides the kernels."""
 
 PYTHONFMU = Path(str(distribution("pythonfmu").locate_file("pythonfmu")))
 """The installed package; `import pythonfmu` may find that of an FMU in this process, which has no libraries."""
@@ -146,7 +145,7 @@ def _parts_of_pythonfmu(identifier: str) -> dict[str, bytes]:
 
 
 def _package_files(d: Description) -> dict[str, bytes]:
-    files = {name: (PYTHON / name).read_bytes() for name in SHIPPED}
+    files = {path.name: path.read_bytes() for path in PYTHON.glob("[!_]*.py")}
     name, code = _shipped_code(d.plan)
     known = d.to_dict() | {"shipped_code": {name: zlib.crc32(code)}}
     if d.plan.formulas:  # this text imports the kernels by the name of their package, which in an FMU is another
