@@ -349,3 +349,12 @@ def test_the_command_runs_a_scene_with_a_formula_and_a_port_also_by_a_kept_plan(
     assert first == second
     assert "at the end" in first
     assert "a loop closed through them" not in first
+
+
+@pytest.mark.parametrize("zeros", [(0.0, -0.0), (-0.0, 0.0)])
+def test_scenes_that_differ_in_the_sign_of_a_zero_are_not_taken_for_each_other(zeros):
+    body, own = {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "[0.1*atan2(0.0, c), 0, 0]"
+    for zero in zeros:
+        tables = scene(body, {}, loads={"torque_b": own}, constants={"c": {"value": zero}})
+        expected = 0.5 * math.atan2(0.0, zero)
+        assert rbfmu.simulate(rbfmu.Scene.from_dict(tables)).omega_b[-1, 0] == pytest.approx(expected, rel=1e-9)
