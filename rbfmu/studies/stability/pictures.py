@@ -15,13 +15,11 @@ from rbfmu.studies import tables_of
 from rbfmu.studies.chart.drawing import spread
 from rbfmu.studies.stability import CURVE, LAWS, Study
 from rbfmu.studies.stability.motions import ACCURACY, LARGEST_ERROR, LONG_TURN, OURS, TURN, VERDICTS, Row
-from rbfmu.types import Array
 
-BLUE, VERMILION, GREEN, PURPLE = COLORS
-ORANGE, SKY, BLACK, GREY = "#e69f00", "#56b4e9", "#000000", "#777777"
-"""Further colours of the Okabe-Ito palette, and a grey for all that is not a method."""
-_NAMES = ("blue", "vermilion", "green", "purple", "orange", "sky", "black", "grey")
-_NAMED = dict(zip(_NAMES, (*COLORS, ORANGE, SKY, BLACK, GREY), strict=True))
+_NAMED = dict(zip(("blue", "vermilion", "green", "purple"), COLORS, strict=True))
+_NAMED |= {"orange": "#e69f00", "sky": "#56b4e9", "black": "#000000", "grey": "#777777"}
+"""The colours of the Okabe-Ito palette by name, and a grey for all that is not a method."""
+BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK, GREY = _NAMED.values()
 _INK = {ORANGE: "#b37700", SKY: "#2c7fb0", PURPLE: "#b0568c"}
 """Darker colours of the text for the pale colours of lines."""
 _LARGEST = 1e3
@@ -229,12 +227,10 @@ def _draw_map(panel: Axes, name: str, rows: Sequence[Row]) -> None:
     values = np.zeros((len(ratios), len(steps)))
     for _, h, ratio, verdict, _ in rows:
         values[ratios.index(ratio), steps.index(h)] = VERDICTS.index(verdict)
-    cells = _edges(steps), _edges(ratios), values
-    panel.pcolormesh(*cells, cmap=colors.ListedColormap([*_COLORS.values()]), vmin=-0.5, vmax=3.5)
-    panel.set(xscale="log", yscale="log")
-    panel.set_xticks([0.01, 0.1, 1.0, 10.0], ["0.01", "0.1", "1", "10"], fontsize=8)
-    panel.set_yticks([0.01, 0.1, 1.0], ["0.01", "0.1", "1"], fontsize=8)
-    panel.minorticks_off()
+    map_of_colors = colors.ListedColormap([*_COLORS.values()])
+    panel.pcolormesh(np.log10(steps), np.log10(ratios), values, cmap=map_of_colors, vmin=-0.5, vmax=3.5)
+    panel.set_xticks([-2, -1, 0, 1], ["0.01", "0.1", "1", "10"], fontsize=8)
+    panel.set_yticks([-2, -1, 0], ["0.01", "0.1", "1"], fontsize=8)
     right = sum(row.verdict == VERDICTS[0] for row in rows) / len(rows)
     summary = f"within {_worst(rows):.0e} rad" if name in OURS else f"{right:.0%} right"
     title, weight = name.replace("quaternion not", "q not"), "bold" if name in OURS else "normal"
@@ -246,10 +242,3 @@ def _worst(rows: Sequence[Row]) -> float:
     largest = max(row.error for row in rows)
     unit = 10.0 ** math.floor(math.log10(largest)) if 0.0 < largest < math.inf else 1.0
     return math.ceil(largest / unit) * unit if math.isfinite(largest) else largest
-
-
-def _edges(centres: Sequence[float]) -> Array:
-    """Return the edges (n + 1) of cells around n points on a logarithmic axis."""
-    c = np.array(centres)
-    middle = np.sqrt(c[1:] * c[:-1])
-    return np.array([c[0] ** 2 / middle[0], *middle, c[-1] ** 2 / middle[-1]])
