@@ -237,11 +237,8 @@ def _error_at(case: Case, step: float) -> float:
     """Return the error with substeps of `step` s; for series, which choose substeps, with such communication steps."""
     if case.model != SERIES:
         return motions.error_of_model(case.motion, case._replace(substep=step).planned)
-    scene = motions.MOTIONS[case.motion]
-    every, planned = round(scene.run.step / step), case._replace(tolerance=math.inf).planned
-    result = simulate(scene.replace({"run.step": step}), planned=planned)
-    found = {name: values[every::every] for name, values in result.quantities.items()}
-    return motions.error_of(found, motions.truth(case.motion))
+    parts = round(motions.MOTIONS[case.motion].run.step / step)
+    return motions.error_of_model(case.motion, case._replace(tolerance=math.inf).planned, parts)
 
 
 def _substeps(case: Case) -> float:

@@ -104,13 +104,17 @@ def attitude_error(q: Array, true_q: Array) -> float:
     return error_of({"quaternion": q}, {"quaternion": true_q})
 
 
-def error_of_model(key: str, planned: Plan) -> float:
-    """Return the error of a motion that `simulate` computes; infinite if the model refuses it."""
+def error_of_model(key: str, planned: Plan, parts: int = 1) -> float:
+    """Return the error of a motion that `simulate` computes; infinite if the model refuses it.
+
+    parts: the number of communication steps from one known point to the next.
+    """
+    scene = MOTIONS[key].replace({"run.step": MOTIONS[key].run.step / parts})
     try:
-        result = simulate(MOTIONS[key], planned=planned)
+        result = simulate(scene, planned=planned)
     except (SceneError, SimulationError):
         return math.inf
-    return error_of({name: values[1:] for name, values in result.quantities.items()}, truth(key))
+    return error_of({name: values[parts::parts] for name, values in result.quantities.items()}, truth(key))
 
 
 PRESCRIBED: list[list[Any]] = tables_of("stability/models.toml")["prescribed"]
