@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from decimal import ROUND_CEILING, Context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -193,7 +194,7 @@ _MORE: dict[str, Callable[[Axes, Study], None]] = {
 # Maps: small multiples, one panel for each method
 
 _COLORS = dict(zip(VERDICTS, (GREEN, ORANGE, BLACK, SKY), strict=True))
-_COLUMNS = 4
+_COLUMNS, _UP = 4, Context(prec=1, rounding=ROUND_CEILING)
 
 
 def draw_maps(rows: Sequence[Row], path: Path) -> Path:
@@ -239,6 +240,4 @@ def _draw_map(panel: Axes, name: str, rows: Sequence[Row]) -> None:
 
 def _worst(rows: Sequence[Row]) -> float:
     """Return the largest error, rounded up to one digit."""
-    largest = max(row.error for row in rows)
-    unit = 10.0 ** math.floor(math.log10(largest)) if 0.0 < largest < math.inf else 1.0
-    return math.ceil(largest / unit) * unit if math.isfinite(largest) else largest
+    return float(_UP.create_decimal(repr(max(row.error for row in rows))))

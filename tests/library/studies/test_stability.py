@@ -299,9 +299,11 @@ def test_titles_say_the_errors_of_resonant_and_shorter_steps() -> None:
     assert f"error is {large:.1f} m g l, at a quarter of that step it is {small:.4f} m g l" in title
 
 
-@pytest.mark.parametrize(("error", "said"), [(1.32e-10, "2e-10"), (2e-10, "2e-10"), (9.1e-10, "1e-09"), (0.0, "0e+00")])
+@pytest.mark.parametrize(("error", "said"), [
+    (1.32e-10, "2e-10"), (2e-10, "2e-10"), (9.1e-10, "1e-09"), (5e-11, "5e-11"), (0.0, "0e+00"), (math.inf, "inf"),
+])  # fmt: skip
 def test_no_picture_says_a_smaller_error_than_was_found(error: float, said: str, monkeypatch, tmp_path: Path) -> None:
-    """2026-11-22: 1.32e-10 rad were "within 1e-10 rad"."""
+    """2026-11-22: 1.32e-10 rad were "within 1e-10 rad". 2026-12-01: 5e-11 rad were "within 6e-11 rad"."""
     drawn = []
     monkeypatch.setattr(pictures.Figure, "savefig", lambda figure, path, **more: drawn.append(figure))
     rows = [motions.Row("rbfmu planned", h, ratio, "right", error) for h in (0.1, 1.0) for ratio in (0.1, 1.0)]
