@@ -95,11 +95,9 @@ def step_counts(case: Case, quick: bool, largest: float = 16.0) -> Iterator[floa
 
     Each divides the time between two outputs into a whole number of steps.
     """
-    n, last = max(1.0, case.interval * case.rate / largest), 0
+    n = max(1.0, case.interval * case.rate / largest)
     while n < MOST_STEPS:
-        if round(n) > last:
-            last = round(n)
-            yield case.interval / last
+        yield case.interval / round(n)
         n *= 4.0 if quick else 2.0
 
 
