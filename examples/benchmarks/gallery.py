@@ -186,8 +186,8 @@ def _mujoco(scene: rbfmu.Scene, method: Method, h: float, true: list[Values]) ->
     tables = scene.to_dict()
     tables["run"]["step"] = scene.run.stop / CHECKPOINTS
     run = method.run(Case(rbfmu.Scene.from_dict(tables, scene.name)), h)
-    states = [(np.array(q), np.array(omega), np.array(r)) for r, _, q, omega in run.found]
-    error = largest_error([quantities(scene, *state) for state in states], true)
+    found = run.found | {"rpy": run.found["quaternion"]} if "quaternion" in run.found else run.found
+    error = largest_error([{name: rows[k] for name, rows in found.items()} for k in range(CHECKPOINTS)], true)
     return Competitor(
         scene.name, "MuJoCo", f"{method.name.removeprefix('MuJoCo ')} in steps of {h:.3g} s", error, run.seconds
     )

@@ -1,4 +1,4 @@
-"""Rows of charts, made up, and the true states of the eight motions."""
+"""Rows of charts, made up, and the true states of the eight motions, without velocities."""
 
 import json
 import math
@@ -7,15 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from rbfmu.studies.chart import Chart, verdicts
-from rbfmu.studies.chart.cases import CASES, REFERENCES
+from rbfmu.studies.chart.cases import REFERENCES
 from rbfmu.studies.chart.result import Row, kind_of
-from rbfmu_kernels.mechanics.equations_of_motion import State
 
 
 def true_states(key: str):
-    truth, case = json.loads(REFERENCES.read_text(encoding="utf-8"))["motions"][key], CASES[key]
+    truth = json.loads(REFERENCES.read_text(encoding="utf-8"))["motions"][key]
     rows = zip(*(np.array(truth[name], dtype=float) for name in ("r_c", "quaternion", "omega_b")), strict=True)
-    return [State(tuple(r), case.start.v_c, tuple(q), tuple(w)) for r, q, w in rows]
+    return [(*q, *w, *r) for r, q, w in rows]
 
 
 def turned_by(q, angle: float):

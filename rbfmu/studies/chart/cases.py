@@ -7,7 +7,7 @@ or without formulas.
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -44,10 +44,6 @@ DRIFTS = {name: f"{name.replace(' ', '_')}_drift" for name in ("energy", "moment
 """The columns for the drifts of what a motion may conserve, by its name."""
 REFERENCES = Path(__file__).with_name("reference_motions.json")
 """The file is written by examples/references/reference_motions.py."""
-
-
-Found = Sequence[State] | Motion
-"""The result of a method at the checkpoints: states, or the quantities by which it is judged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,30 +228,25 @@ class Case:
         times = [self.interval * n for n in self.outputs_between]
         return reference.reference_motion(self.scene, times, judge.MAX_REFERENCE_STEPS)
 
-    @cached_property
-    def floors(self) -> Mapping[str, float]:
-        """Return the least sizes that errors are relative to, by name."""
-        return least_sizes(self.question, self.truth) if self.scene.body else {}
-
-    def error(self, states: Found) -> float:
-        """Return the largest error of states, or of quantities, at the checkpoints, as an accuracy counts it."""
+    def error(self, found: Motion) -> float:
+        """Return the largest error of the quantities at the checkpoints, as an accuracy counts it."""
+        if not all(np.all(np.isfinite(found[name])) for name in self.names):
+            return math.inf
+        least = least_sizes(self.question, self.truth) if self.scene.body else {}
+        whole = {name: np.vstack((self.truth[name][:1], found[name])) for name in self.names}
         with np.errstate(all="ignore"):
-            found = self._judged_quantities(states)
-            if not all(np.all(np.isfinite(found[name])) for name in self.names):
-                return math.inf
-            whole = {name: np.vstack((self.truth[name][:1], found[name])) for name in self.names}
-            return largest_error(whole, self.truth, self.names, self.floors)
+            return largest_error(whole, self.truth, self.names, least)
 
-    def drifts(self, states: Found) -> dict[str, float]:
+    def drifts(self, found: Motion) -> dict[str, float]:
         """Return the largest drifts at the checkpoints, of the energy relative to its start, of momenta to |h|."""
         if not self.keeps:
             return {}
         with np.errstate(all="ignore"):
-            now = self.conserved(self._judged_quantities(states))
+            now = self.conserved(found)
             before = self.conserved({name: rows[:1] for name, rows in self.truth.items()})
             sizes = {name: np.linalg.norm(before["momentum" if "momentum" in name else name]) for name in DRIFTS}
-            found = {name: np.linalg.norm(now[name] - before[name], axis=1) / sizes[name] for name in self.keeps}
-        return {DRIFTS[name]: float(np.max(rows)) for name, rows in found.items()}
+            moved = {name: np.linalg.norm(now[name] - before[name], axis=1) / sizes[name] for name in self.keeps}
+        return {DRIFTS[name]: float(np.max(rows)) for name, rows in moved.items()}
 
     def conserved(self, motion: Motion) -> dict[str, Array]:
         """Return energy (n, 1), angular momentum (n, 3) and its vertical component (n, 1), both in a.
@@ -269,23 +260,20 @@ class Case:
             energy = energy - (arrays.rotate(q, np.array(self.body.arm_b)) @ np.array(self.loads.force_a))[:, None]
         return {"energy": energy, "momentum": h_a, "vertical momentum": h_a[:, 2:]}
 
-    def _judged_quantities(self, states: Found) -> Motion:
-        """Return the judged quantities of states; quantities are returned as they are."""
-        if isinstance(states, dict):
-            return states
-        return self._motion_of(((*q, *omega, *r, *v) for r, v, q, omega in states), WHOLE)
-
     def motion_of(self, rows: Array) -> Motion:
         """Return the judged quantities at the checkpoints from a solver's states at the start and at all outputs."""
-        return self._motion_of(rows[1:][self.checkpoints], self.states)
+        return self.at_checkpoints(rows[1:][self.checkpoints], self.states)
 
-    def _motion_of(self, rows: Iterable[Sequence[float] | Array], states: Iterable[str]) -> Motion:
-        """Return the judged quantities from rows of named states at the checkpoints; quaternions need no length 1."""
+    def at_checkpoints(self, rows: Iterable[Sequence[float] | Array], states: Iterable[str] = WHOLE) -> Motion:
+        """Return the judged quantities from rows of named states at the checkpoints; quaternions need no length 1.
+
+        What a row leaves out at its end keeps its value at the start.
+        """
         z, kernels, places = self.buffer.copy(), self.general.kernels, [*map(self.place, states)]
         blocks, outputs = kernels.BLOCKS, tiered(kernels.outputs)
         found: dict[str, list[Array]] = {name: [] for name in self.names}
         for time, row in zip(np.cumsum(self.outputs_between) * self.interval, rows, strict=True):
-            z[places] = row
+            z[places[: len(row)]] = row
             if "series.time" in blocks:  # formulas may depend on it
                 z[blocks["series.time"]] = self.scene.run.start + time, 0.0
             z[blocks["q"]] /= np.linalg.norm(z[blocks["q"]])
@@ -293,11 +281,6 @@ class Case:
             for name in self.names:
                 found[name].append(z[blocks[name]].copy())
         return {name: np.array(values) for name, values in found.items()}
-
-
-def state_of(r: Iterable[float], v: Iterable[float], q: Iterable[float], omega: Iterable[float]) -> State:
-    """Return a state made from any sequences of numbers."""
-    return State(*(tuple(map(float, x)) for x in (r, v, q, omega)))  # type: ignore[arg-type]
 
 
 def case_of(scene: Scene) -> Case:

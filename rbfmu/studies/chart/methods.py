@@ -19,10 +19,10 @@ from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.steps import substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.studies import dop853, short
-from rbfmu.studies.chart.cases import Case, Found
+from rbfmu.studies.chart.cases import Case
 from rbfmu.studies.one_step import Form, OneStepMethod, kept
 from rbfmu.studies.reference_methods import REFERENCE_INTEGRATORS, SPLITTINGS, TORQUE_FREE_INTEGRATORS, midpoint
-from rbfmu.types import Array, Indices
+from rbfmu.types import Array, Indices, Motion
 from rbfmu_kernels.compile.decorator import named
 from rbfmu_kernels.mechanics.equations_of_motion import Body, Loads, State
 
@@ -42,12 +42,12 @@ class NotFeasibleError(Exception):
 class Run(NamedTuple):
     """A method at one setting on one case.
 
-    found: its result at the checkpoints; seconds: measures the processor time of k solutions with all outputs, s;
-    evaluations: of the right-hand side in one solution (0: none, NaN: not counted); detail: the method that a plan
-    chose.
+    found: the judged quantities at the checkpoints; seconds: measures the processor time of k solutions with all
+    outputs, s; evaluations: of the right-hand side in one solution (0: none, NaN: not counted); detail: the method that
+    a plan chose.
     """
 
-    found: Found
+    found: Motion
     seconds: Callable[[int], float]
     evaluations: float
     detail: str = ""
@@ -175,7 +175,8 @@ def _run_of_steps(method: OneStepMethod, case: Case, h: float) -> Run:
     evaluations = float(method.evaluations * outputs * n)
     if method.name == "implicit midpoint":
         evaluations = around(_midpoint_rounds)(start, h, outputs * n, body, loads)
-    return Run([method.state_of(y) for y in path], seconds, evaluations)
+    states = ((*q, *omega, *r, *v) for r, v, q, omega in map(method.state_of, path))
+    return Run(case.at_checkpoints(states), seconds, evaluations)
 
 
 # The library's models, stepped from output to output

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from rbfmu import arrays
-from rbfmu.studies.chart.cases import Case, state_of
+from rbfmu.studies.chart.cases import Case
 from rbfmu.studies.chart.methods import Method, NotFeasibleError, Run, module, step_counts, timer, tolerances
-from rbfmu_kernels.mechanics.equations_of_motion import State
+from rbfmu.types import Array
 from rbfmu_kernels.types import Matrix
 
 
@@ -70,13 +70,13 @@ def _run_of_mujoco(integrator: str, case: Case, h: float) -> Run:
         data.ctrl[:] = 1.0
         data.xfrc_applied[-1] = (*loads.force_a, *loads.torque_a)
 
-    def state() -> State:
+    def state() -> Array:
         q, omega = np.array(data.qpos[-4:]), np.array(data.qvel[-3:])
         if ball:
-            return state_of(case.start.r_c, case.start.v_c, q, omega)
+            return np.hstack((q, omega))
         r = data.qpos[:3] + arrays.rotate(q, np.array(body.r_oc_b))
         v = data.qvel[:3] + arrays.rotate(q, np.cross(omega, body.r_oc_b))
-        return state_of(r, v, q, omega)
+        return np.hstack((q, omega, r, v))
 
     begin()
     found = [(program.mj_step(model, data, n * some), state())[1] for some in case.outputs_between]
@@ -90,7 +90,7 @@ def _run_of_mujoco(integrator: str, case: Case, h: float) -> Run:
                 step(model, data, n)
                 row[:] = qpos
 
-    return Run(found, timer(repeat), float((4 if integrator == "RK4" else 1) * case.outputs * n))
+    return Run(case.at_checkpoints(found), timer(repeat), float((4 if integrator == "RK4" else 1) * case.outputs * n))
 
 
 # Basilisk
@@ -136,7 +136,7 @@ def _run_of_basilisk(integrator: str, case: Case, value: float) -> Run:
     _, recorder = execute()
     q_ab, omega = arrays.quaternion_from_mrp(np.array(recorder.sigma_BN)), np.array(recorder.omega_BN_B)
     rows = range(n, case.outputs * n + 1, n)[case.checkpoints]
-    found = [state_of(case.start.r_c, case.start.v_c, q_ab[i], omega[i]) for i in rows]
+    found = case.at_checkpoints(np.hstack((q_ab, omega))[[*rows]])
     return Run(found, lambda k: sum(execute()[0] for _ in range(k)), math.nan if controlled else 4.0 * case.outputs * n)
 
 
@@ -224,8 +224,8 @@ def _run_of_drake(scheme: str, case: Case, accuracy: float) -> Run:
         context = made.get_context()
         R = plant.EvalBodyPoseInWorld(context, body).rotation()
         omega = R.matrix().T @ plant.EvalBodySpatialVelocityInWorld(context, body).rotational()
-        found.append(state_of(case.start.r_c, case.start.v_c, arrays.quaternion_from_matrix(R.matrix()), omega))
-    return Run(found, seconds, float(made.get_integrator().get_num_derivative_evaluations()))
+        found.append(np.hstack((arrays.quaternion_from_matrix(R.matrix()), omega)))
+    return Run(case.at_checkpoints(found), seconds, float(made.get_integrator().get_num_derivative_evaluations()))
 
 
 def _plant(case: Case) -> tuple[Any, Any, Any]:

@@ -26,8 +26,8 @@ def _made(errors: list[float], seconds: list[float]) -> methods.Method:
         error = errors[int(value)]
         if error < 0.0:
             raise NotFeasibleError("not with me")
-        turned = [(r, v, turned_by(q, error), w) for r, v, q, w in true_states(case.key)]
-        return Run(turned, lambda k: k * seconds[int(value)], 1.0)
+        turned = [(*turned_by(row[:4], error), *row[4:]) for row in true_states(case.key)]
+        return Run(case.at_checkpoints(turned), lambda k: k * seconds[int(value)], 1.0)
 
     return methods.Method("MuJoCo, made up", "peer", "step (s)", lambda *_: map(float, range(len(errors))), run)
 
@@ -42,7 +42,7 @@ def test_time_to_compile_is_that_of_the_first_run_beyond_what_two_runs_take(monk
 
     def run(case: Case, value: float) -> Run:
         work(5.0 + 3.0)
-        return Run(true_states("a"), lambda k: work(3.0 * k), 1.0)
+        return Run(case.at_checkpoints(true_states("a")), lambda k: work(3.0 * k), 1.0)
 
     method = replace(_made([0.0], [0.0]), run=run)
     monkeypatch.setattr(measure, "thread_time", lambda: clock[0])

@@ -11,10 +11,10 @@ import rbfmu
 from rbfmu.models.registry import CLOSED_FORMS
 from rbfmu.studies import WIDTH
 from rbfmu.studies.chart import Chart, cases, measure, methods, solvers
-from rbfmu.studies.chart.cases import WHOLE, state_of
+from rbfmu.studies.chart.cases import WHOLE
 from rbfmu.studies.chart.methods import NotFeasibleError
 from rbfmu.studies.chart.simulators import MUJOCO
-from rbfmu_kernels.mechanics.equations_of_motion import State
+from rbfmu.types import Array
 from tests.support.command_line import call
 from tests.support.full_disk import full_disk
 from tests.support.paths import ROOT
@@ -51,8 +51,8 @@ def satellite() -> cases.Case:
 
 
 @pytest.fixture(scope="module")
-def by_mpmath(satellite: cases.Case) -> list[State]:
-    """The centre of mass, attitude and rates at the checkpoints, rounded from 40 digits."""
+def by_mpmath(satellite: cases.Case) -> Array:
+    """Attitude, rates and the centre of mass at the checkpoints, rounded from 40 digits."""
     times = tuple(3.0 + satellite.interval * n for n in np.cumsum(satellite.outputs_between).tolist())
     found = []
     for point in reference_mp.motion(satellite.scene, times):
@@ -60,13 +60,13 @@ def by_mpmath(satellite: cases.Case) -> list[State]:
         arm = np.array(satellite.scene.body.r_oc_b)
         r, v = np.array(point.position, dtype=float), np.array(point.velocity, dtype=float)
         q = rbfmu.quaternion_from_matrix(R)
-        found.append(state_of(r + R @ arm, v + R @ np.cross(w, arm), -2.0 * q, w))  # neither sign nor length counts
-    return found
+        found.append([*(-2.0 * q), *w, *(r + R @ arm), *(v + R @ np.cross(w, arm))])  # neither sign nor length counts
+    return np.array(found)
 
 
-def test_the_true_motion_has_no_error(satellite: cases.Case, by_mpmath: list[State]) -> None:
+def test_the_true_motion_has_no_error(satellite: cases.Case, by_mpmath: Array) -> None:
     assert len(by_mpmath) == 20
-    assert satellite.error(by_mpmath) < cases.FLOOR
+    assert satellite.error(satellite.at_checkpoints(by_mpmath)) < cases.FLOOR
 
 
 @pytest.mark.parametrize(
@@ -74,18 +74,14 @@ def test_the_true_motion_has_no_error(satellite: cases.Case, by_mpmath: list[Sta
     [(1e-5, 0.0, 0.0, 1e-5), (0.0, 1e-4, 0.0, "position"), (0.0, 0.0, 1e-4, "omega_a")],
 )
 def test_errors_are_those_that_the_accuracy_counts(
-    satellite: cases.Case, by_mpmath: list[State], turned: float, moved: float, faster: float, expected: object
+    satellite: cases.Case, by_mpmath: Array, turned: float, moved: float, faster: float, expected: object
 ) -> None:
-    states = list(by_mpmath)
-    r, v, q, w = states[7]
-    turn = rbfmu.quaternion_from_rotvec(np.array([0.0, turned, 0.0]))
-    states[7] = state_of(
-        np.add(r, (moved, 0.0, 0.0)),
-        v,
-        rbfmu.compose_quaternions(np.array(q), turn),
-        np.multiply(w, 1.0 + faster),
-    )  # fmt: skip
-    found = satellite.error(states)
+    states = by_mpmath.copy()
+    row = states[7]
+    row[:4] = rbfmu.compose_quaternions(row[:4], rbfmu.quaternion_from_rotvec(np.array([0.0, turned, 0.0])))
+    row[4:7] *= 1.0 + faster
+    row[7] += moved
+    found = satellite.error(satellite.at_checkpoints(states))
     if expected == "position":
         expected = moved / max(1.0, np.max(np.linalg.norm(satellite.truth["position"], axis=1)))
     if expected == "omega_a":
@@ -96,10 +92,10 @@ def test_errors_are_those_that_the_accuracy_counts(
         assert found == pytest.approx(expected, rel=0.5 if turned else 1e-6)
 
 
-def test_what_is_not_finite_has_an_infinite_error(satellite: cases.Case, by_mpmath: list[State]) -> None:
-    states = list(by_mpmath)
-    states[3] = states[3]._replace(omega_b=(math.nan, 0.0, 0.0))
-    assert satellite.error(states) == math.inf
+def test_what_is_not_finite_has_an_infinite_error(satellite: cases.Case, by_mpmath: Array) -> None:
+    states = by_mpmath.copy()
+    states[3, 4] = math.nan
+    assert satellite.error(satellite.at_checkpoints(states)) == math.inf
 
 
 def _of_peers() -> list[methods.Method]:
