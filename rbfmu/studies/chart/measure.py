@@ -249,7 +249,7 @@ def _not_charted(case: Case, ends: Sequence[End]) -> Iterator[str]:
     reasons = {m.name if m.takes_formulas else _program(m.name): why for m in peers() if (why := why_not(m, case))}
     names = {method.name for method in peers()}
     for end in ends:
-        if end.method in names and math.isinf(end.error) and end.why.startswith("not run"):
+        if end.method in names and end.never_ran:
             reasons[_program(end.method)] = end.why.split(": ", 1)[1]
     yield from (f"{name}: {why}" for name, why in reasons.items())
     yield from absent()

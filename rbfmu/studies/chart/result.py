@@ -89,6 +89,11 @@ class End(NamedTuple):
         """Return whether the time limit stopped the method."""
         return self.why == STOPPED
 
+    @property
+    def never_ran(self) -> bool:
+        """Return whether the method could not run at any setting."""
+        return math.isinf(self.error) and self.why.startswith("not run")
+
 
 class TooSmall(NamedTuple):
     """A model that is smaller than the plan's, and its error as the scene's accuracy counts it.
@@ -162,14 +167,14 @@ class Chart:
         return sorted(filter(None, map(self._reach, KINDS)), key=lambda reach: (reach.cost, reach.end.error))
 
     def _reach(self, kind: str) -> "Reach | None":
-        rows = [row for row in self.above_round_off if row.kind == kind]
-        ends = [end for end in self.ends if end.kind == kind and not end.why.startswith("not run")]
-        if not rows and not ends:
-            return None
         if kind == "rbfmu's plan":
             return Reach(kind, self.plan.detail, self.plan.seconds, End(kind, self.plan.detail, self.plan.error, ""))
+        ends = [end for end in self.ends if end.kind == kind and not end.never_ran]
+        if not ends:
+            return None
+        rows = [row for row in self.above_round_off if row.kind == kind]
         offer = cheapest(rows, max(self.accuracy, FLOOR)) or Offer("", math.inf)
-        end = min(ends, key=lambda end: end.error) if ends else End(kind, rows[0].method, rows[0].error, "")
+        end = min(ends, key=lambda end: end.error)
         return Reach(kind, offer.method, offer.cost, end, any(end.stopped for end in ends))
 
     # What is shown

@@ -245,6 +245,16 @@ def test_a_method_stopped_by_time_is_not_said_to_be_unable() -> None:
     assert "MuJoCo                misses it: 1e-3 by MuJoCo implicitfast (no more digits)" in unable.table
 
 
+def test_the_smallest_error_counts_of_a_method_that_then_cannot_run() -> None:
+    """2026-12-01: the table had the first error, and no reason: "misses it: 0.1 by MuJoCo implicitfast ()"."""
+    heyoka, mujoco, others = made_up(3.0).ends
+    refused = made_up(3.0, ends=(heyoka, mujoco._replace(why="not run at 1e-5: small"), others))
+    assert "misses it: 1e-3 by MuJoCo implicitfast (not run at 1e-5:" in refused.table
+    rows = tuple(row for row in refused.rows if row.kind != "MuJoCo")
+    never = replace(refused, rows=rows, ends=(mujoco._replace(error=math.inf, why="not run at 1: no"),))
+    assert "MuJoCo" not in never.table
+
+
 def test_the_picture_s_words_name_further_digits_and_models() -> None:
     small = [*made_up(3.0).too_small, *(TooSmall(m, 1e-9, "takes no torque_b") for m in ("one", "two"))]
     words = " ".join(text.get_text() for text in made_up(3.0, too_small=tuple(small)).figure().texts)
