@@ -228,24 +228,25 @@ class Case:
         times = [self.interval * n for n in self.outputs_between]
         return reference.reference_motion(self.scene, times, judge.MAX_REFERENCE_STEPS)
 
+    @np.errstate(all="ignore")
     def error(self, found: Motion) -> float:
-        """Return the largest error of the quantities at the checkpoints, as an accuracy counts it."""
-        if not all(np.all(np.isfinite(found[name])) for name in self.names):
-            return math.inf
+        """Return the largest error of the quantities at the checkpoints, as an accuracy counts it.
+
+        It is infinite if a number is not finite.
+        """
         least = least_sizes(self.question, self.truth) if self.scene.body else {}
         whole = {name: np.vstack((self.truth[name][:1], found[name])) for name in self.names}
-        with np.errstate(all="ignore"):
-            return largest_error(whole, self.truth, self.names, least)
+        return largest_error(whole, self.truth, self.names, least)
 
+    @np.errstate(all="ignore")
     def drifts(self, found: Motion) -> dict[str, float]:
         """Return the largest drifts at the checkpoints, of the energy relative to its start, of momenta to |h|."""
         if not self.keeps:
             return {}
-        with np.errstate(all="ignore"):
-            now = self.conserved(found)
-            before = self.conserved({name: rows[:1] for name, rows in self.truth.items()})
-            sizes = {name: np.linalg.norm(before["momentum" if "momentum" in name else name]) for name in DRIFTS}
-            moved = {name: np.linalg.norm(now[name] - before[name], axis=1) / sizes[name] for name in self.keeps}
+        now = self.conserved(found)
+        before = self.conserved({name: rows[:1] for name, rows in self.truth.items()})
+        sizes = {name: np.linalg.norm(before["momentum" if "momentum" in name else name]) for name in DRIFTS}
+        moved = {name: np.linalg.norm(now[name] - before[name], axis=1) / sizes[name] for name in self.keeps}
         return {DRIFTS[name]: float(np.max(rows)) for name, rows in moved.items()}
 
     def conserved(self, motion: Motion) -> dict[str, Array]:
@@ -264,6 +265,7 @@ class Case:
         """Return the judged quantities at the checkpoints from a solver's states at the start and at all outputs."""
         return self.at_checkpoints(rows[1:][self.checkpoints], self.states)
 
+    @np.errstate(all="ignore")
     def at_checkpoints(self, rows: Iterable[Sequence[float] | Array], states: Iterable[str] = WHOLE) -> Motion:
         """Return the judged quantities from rows of named states at the checkpoints; quaternions need no length 1.
 

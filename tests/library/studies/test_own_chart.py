@@ -92,9 +92,13 @@ def test_errors_are_those_that_the_accuracy_counts(
         assert found == pytest.approx(expected, rel=0.5 if turned else 1e-6)
 
 
-def test_what_is_not_finite_has_an_infinite_error(satellite: cases.Case, by_mpmath: Array) -> None:
+@pytest.mark.parametrize("place", [0, 4, 7], ids=["attitude", "rates", "position"])
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_has_an_infinite_error(
+    satellite: cases.Case, by_mpmath: Array, place: int, number: float
+) -> None:
     states = by_mpmath.copy()
-    states[3, 4] = math.nan
+    states[3, place] = number
     assert satellite.error(satellite.at_checkpoints(states)) == math.inf
 
 
