@@ -56,6 +56,16 @@ def test_outliers_are_left_aside_by_a_robust_loss():
     assert np.max(np.abs(fits.errors(robust, scene, begun))) < 4.0
 
 
+def test_the_last_row_counts_whenever_the_run_starts():
+    """2026-12-01: by round-off 5.7 + (14.28 - 5.7) is less than 14.28, and given sigma the last row did not count."""
+    tables = {"body": {"mass": 1.0, "inertia": [1.0, 1.0, 2.0]}, "initial": {"omega_b": [0.0, 0.0, 0.5]}}
+    tables |= {"outputs": {"quantities": ["omega_b"]}, "run": {"start": 5.7, "stop": 15.0, "step": 1.0}}
+    rates = np.outer([1.0, 1.0, 1.0, 1.04], [0.0, 0.0, 1.0])
+    data = {"time": [5.7, 8.0, 11.0, 14.28], "omega_b": rates}
+    found = rbfmu.fit(rbfmu.Scene.from_dict(tables, "spin"), data, ["initial.omega_b"], sigma=0.01)
+    assert found.values == pytest.approx(rates.mean(axis=0), abs=1e-6)
+
+
 @pytest.mark.thorough
 def test_torque_free_motion_tells_ratios_of_moments_alone():
     rng = np.random.default_rng(RNG_SEED + 2)
