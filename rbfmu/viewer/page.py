@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 import rich
-from viser import FrameHandle, LineSegmentsHandle, SceneApi, SceneNodeHandle, ViserServer
+from viser import FrameHandle, LineSegmentsHandle, SceneApi, ViserServer
 
 from rbfmu.arrays import rotate
 from rbfmu.types import Array
@@ -312,8 +312,7 @@ def _arrow(scene: SceneApi, name: str, vectors: Array, base: Array) -> Show:
 
     def show(k: int) -> None:
         seen = bool(sizes[k] > 0.02)
-        _set_visible(arrow, seen)
-        _set_visible(label, seen)
+        arrow.visible = label.visible = seen
         if seen:
             arrow.points = ends[k : k + 1]
             label.position = ends[k, 1] + 0.2 * (ends[k, 1] - ends[k, 0]) / sizes[k]
@@ -333,15 +332,9 @@ def _trace(scene: SceneApi, geometry: Geometry) -> Show:
 
     def show(k: int) -> None:
         for last, piece in pieces:
-            _set_visible(piece, bool(last <= k and way[k] - way[last] < TAIL))
+            piece.visible = bool(last <= k and way[k] - way[last] < TAIL)
 
     return show
-
-
-def _set_visible(part: SceneNodeHandle, visible: bool) -> None:
-    """Set the visibility only if it changes, as each setting adds a message to the page."""
-    if part.visible != visible:
-        part.visible = visible
 
 
 def _line(scene: SceneApi, name: str, points: Array, color: Color, visible: bool = True) -> LineSegmentsHandle:
