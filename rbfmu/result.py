@@ -190,7 +190,7 @@ class Result:
         for name, values in {"time": time, **quantities}.items():
             _check_shape(OUTPUT.get(name, TIME), values, time.size, f"{path}: ")
             refuse_gaps(name, values, f"{path}: ")
-        _refuse_disorder(time, f"{path}: ")
+        refuse_disorder(time, f"{path}: ")
         happened = ({n.removeprefix(k): t for n, t in columns.items() if n.startswith(k)} for k in (EVENTS, TOUCHES))
         return cls(time, quantities, None, *happened)
 
@@ -217,7 +217,7 @@ class Result:
                 raise ValueError(f"cannot save to {str(path)!r}: expected at least one point in time")
             for name in ("time", "quaternion", *({"omega_b"} & self.quantities.keys())):
                 refuse_gaps(name, getattr(self, name))
-            _refuse_disorder(self.time)
+            refuse_disorder(self.time)
             write_aem(path, self.time, self.quaternion, self.quantities.get("omega_b"))
         else:
             raise ValueError(f"cannot save to {str(path)!r}: the name must end in {ENDINGS}")
@@ -270,7 +270,8 @@ def refuse_gaps(name: str, values: Array, where: str = "") -> None:
         raise ValueError(f"{where}{name} = {found!r} in row {bad[0][0] + 1}: expected numbers")
 
 
-def _refuse_disorder(time: Array, where: str = "") -> None:
+def refuse_disorder(time: Array, where: str = "") -> None:
+    """Raise ValueError if times do not increase; where: the start of the message."""
     if np.any(np.diff(time) <= 0.0):
         row = int(np.argmax(np.diff(time) <= 0.0)) + 1
         raise ValueError(f"{where}time = {float(time[row])!r} in row {row + 1}: expected times that increase")

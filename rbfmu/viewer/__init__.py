@@ -17,7 +17,7 @@ import numpy as np
 from rbfmu.arrays import angle_between, quaternion_from_euler, rotate
 from rbfmu.extras import needed
 from rbfmu.on_disk import write_whole
-from rbfmu.result import FORMATS, Result, quaternion_lengths, refuse_gaps
+from rbfmu.result import FORMATS, Result, quaternion_lengths, refuse_disorder, refuse_gaps
 from rbfmu.runs.inputs import input_tables
 from rbfmu.runs.plan import Plan
 from rbfmu.scene import section
@@ -276,9 +276,13 @@ def _at_pictures(scene: Scene, largest_rate: float, stop: float | None = None) -
 
 
 def motion_of_result(result: Result, title: str, scene: Scene | None = None) -> Motion:
-    """Return the motion of a result; scene: the one with its body. Raises ValueError for gaps or without attitude."""
+    """Return the motion of a result; scene: the one with its body.
+
+    Raises ValueError for gaps, times that do not increase, or without attitude.
+    """
     for name, values in {"time": result.time, **result.quantities}.items():
         refuse_gaps(name, values)
+    refuse_disorder(result.time)
     quaternion_lengths(result.quantities.get("quaternion", np.empty((0, 4))))
     whole = _motion(title, result, scene)
     _check_length(len(whole.quaternion))

@@ -172,6 +172,14 @@ def test_what_is_no_motion_is_refused(changed: dict[str, float], said: str) -> N
         rbfmu.view(rbfmu.Result([0.0, 1.0, 2.0], rows))
 
 
+@pytest.mark.parametrize("times", [[0.0, 0.0, 0.0], [0.0, 2.0, 1.0]])
+def test_times_of_a_result_that_do_not_increase_are_refused(times: list[float]) -> None:
+    """2026-12-01: a view of them ended with "float division by zero", or with a message of viser."""
+    result = rbfmu.Result(times, {"quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (3, 1))})
+    with pytest.raises(ValueError, match=r"^time = .* in row .: expected times that increase"):
+        rbfmu.view(result)
+
+
 def test_inputs_drive_what_is_shown(tmp_path: Path) -> None:
     """A torque of 0.4 N m about 0.2 kg m2 for 1 s, from rest: 2 rad/s."""
     driven = {"body": {"mass": 2.0, "inertia": [0.1, 0.2, 0.2]}, "inputs": {"ports": ["torque_b"]}}
