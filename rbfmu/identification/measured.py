@@ -186,6 +186,5 @@ def residuals(name: str, run: Array, data: Array, slopes: Array) -> tuple[Array,
     """
     if name != QUATERNION:
         return data - run, -slopes
-    turn = arrays.compose_quaternions(run * (1.0, -1.0, -1.0, -1.0), data)
-    turn = np.where(turn[:, :1] < 0.0, -1.0, 1.0) * turn
+    turn = arrays.attitude_error(run, data)
     return 2.0 * turn[:, 1:], -(turn[:, 0, None, None] * np.eye(3) - arrays.skew(turn[:, 1:])) @ slopes
