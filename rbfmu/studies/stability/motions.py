@@ -192,11 +192,9 @@ def map_scene(ratio: float, turn: float = TURN, n: int = CHECKS, ports: tuple[st
 
 def _verdict(ratio: float, turn: float, attitudes: Array) -> Verdict:
     """Return the verdict on quaternions (CHECKS, 4) at the points that are compared."""
-    if not np.all(np.isfinite(attitudes)):
-        return NOT_FINITE, math.inf
     rows = dict(zip(CHECK_TIMES, references()["maps"][repr(ratio)], strict=True))
     error = attitude_error(attitudes, np.array([rows[turn * (k + 1) / CHECKS] for k in range(CHECKS)]))
-    return (RIGHT if error <= LARGEST_ERROR else WRONG), error
+    return (RIGHT if error <= LARGEST_ERROR else WRONG if error < math.inf else NOT_FINITE), error
 
 
 def verdict_of_steps(method: one_step.OneStepMethod, h: float, ratio: float) -> Verdict:
