@@ -111,7 +111,7 @@ class Texts:
         return {str(x.value).partition("[")[0] for x in changing} <= {"q", "r_c"}
 
     def _check_names(self, scene: Any) -> None:
-        taken = {*self.motion.given_names, *FUNCTIONS, *CONSTANTS, "to_a", "to_b", *OUTPUT, *TAKEN, *LOADS}
+        taken = {*self.motion.given_names, *FUNCTIONS, *CONSTANTS, "to_a", "to_b", *OUTPUT, *ENERGIES, *TAKEN, *LOADS}
         blocks = {*driven.DRIVEN, *(f"{name}{end}" for name in scene.inputs.own for end in ("_rate", "_rate_2"))}
         beside = {
             "inputs.ports": blocks,

@@ -263,6 +263,9 @@ SPRING = {"loads": {"potential": "dot(position, position)"}, "outputs": {"quanti
     (PORT | {"outputs": {"u_rate_2": "2*u"}}, r"outputs\.u_rate_2: expected another name: u_rate_2 means"),
     (TRIP | {"constants": {"trip_time": 1.0}}, r"constants\.trip_time: .* name: that is an FMU's of events\.trip"),
     (TRIP | {"formulas": {"trip_count": "t"}}, r"formulas\.trip_count: .* name: that is an FMU's of events\.trip"),
+    # 2026-12-01: a formula that read this constant was given the energy
+    ({"constants": {"total_energy": 3.0}, "outputs": {"e": "total_energy"}}, r"constants\.total_energy: .* means some"),
+    ({"outputs": {"potential_energy": "2*t"}}, r"outputs\.potential_energy: .* means something else"),
     ({"outputs": {"two": "[1, 2]"}}, r"outputs\.two\.value: expected a scalar or a vector of 3 numbers"),
     ({"loads": {"potential": "t*position[1]"}}, r"loads\.potential: expected a formula of position and attitude"),
     (SPRING | {"inputs": {"ports": ["torque_b"]}}, r"expected no total_energy: torque_b has no potential"),
