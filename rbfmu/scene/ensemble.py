@@ -282,7 +282,8 @@ def _with_own_vectors(vary: dict[str, object], tables: Mapping[str, object]) -> 
         if isinstance(table, Mapping) and isinstance(item, Mapping) and isinstance(item.get(RELATIVE), float | int):
             entry = table.get(own)
             given = entry.get("value", entry.get("start")) if isinstance(entry, Mapping) else entry
-            if np.shape(getattr(entry, "numbers", given)) == (3,):  # type: ignore[arg-type]
+            numbers = rules.plain(getattr(entry, "numbers", given))
+            if isinstance(numbers, list | tuple) and len(numbers) == 3:
                 vary = {**vary, key: {**item, RELATIVE: [item[RELATIVE]] * 3}}
     return vary
 

@@ -104,5 +104,7 @@ def test_one_number_does_for_a_vector_of_ones_own_that_varies_relative_to_the_sc
         share = applied[key] / [1.0, 2.0, 4.0] - 1.0
         assert applied[key].shape == (12, 3)
         assert 0.03 < share.std(axis=0).min() < np.abs(share).max() < 0.5
+    with pytest.raises(rbfmu.SceneError, match=r"constants\.m\.value = \[1, \[2\], 3\]: expected a number, or 3"):
+        found.replace({"constants.m": [1, [2], 3], "ensemble.vary": {"constants.m": {"relative": 0.1}}})
     assert rbfmu.Scene.from_dict(found.to_dict()) == found
     assert found.replace({"run.stop": 9.5}).ensemble == found.ensemble
