@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from rbfmu.scene import body, ensemble, tables
 from rbfmu.scene.scene import SECTIONS, Scene
-from rbfmu.scene.section import Section, as_toml, joined
+from rbfmu.scene.section import Rule, Section, as_toml, joined
 
 INSIDE: Mapping[str, type[Section]] = {"initial": tables.Attitude, "ensemble": ensemble.Correlation}
 """The tables that are inside others, by the outer table."""
@@ -28,7 +28,6 @@ SKETCHED = {
 """The values that a new scene shows, commented out, for keys that can replace others, and all quantities."""
 HEAD = Path(__file__).with_name("new_scene.toml")
 """The first lines of a new scene."""
-HIDDEN = ("ensemble", "correlation")
 
 
 class Key(NamedTuple):
@@ -57,7 +56,7 @@ def scene_keys() -> Iterator[Key]:
     """Return all keys, table by table."""
     yield _key(Scene, "name")
     for section in SECTIONS.values():
-        yield from (_key(section, key) for key in section._keys if (section._path, key) != HIDDEN)
+        yield from (_key(section, key) for key, (_, rule) in section._keys.items() if isinstance(rule, Rule))
         yield from (key for key in OF_FORMULAS if key.table == section._path)
         if section is body.Body:
             yield Key("body.shape", "kind", "", REQUIRED, " or ".join(f'"{kind}"' for kind in body.SHAPES))
