@@ -152,9 +152,7 @@ def lost_by_symmetry(asked: Question) -> float:
     It is their difference over the least moment, times the angle of rotation, times 1 plus the angle until the rate
     across the axis has turned within the body. Until then it turns the body about its axis, faster if that is thin.
     """
-    M, omega, span = asked.body.M, asked.scene.initial.omega_b, asked.span
-    if not _is_full(asked) and len({M[0][0], M[1][1], M[2][2]}) < 3:
-        return 0.0
+    omega, span = asked.scene.initial.omega_b, asked.span
     moments, axes = interpreted(principal.exact_frame)(asked.start.z)
     low, middle, high = sorted(range(3), key=lambda k: moments[k])
     below, above = _difference(moments[middle], moments[low]), _difference(moments[high], moments[middle])
