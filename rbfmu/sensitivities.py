@@ -324,8 +324,6 @@ def _inputs_at(drive: Drive, t: float) -> tuple[dict[str, float], bool]:
     piece = min(int(np.searchsorted(ends, t)), len(ends) - 1)
     slopes = {port: pieces.slopes[piece] for port, pieces in drive.ports.items()}
     rates = {e: float(x) for port, row in slopes.items() for e, x in zip(elements(port, len(row)), row, strict=True)}
-    k = int(np.argmin(np.abs(ends[:-1] - t))) if len(ends) > 1 else 0
-    if k + 1 >= len(ends) or abs(ends[k] - t) > SAME * drive.lengths[k]:
-        return rates, False
-    of = drive.ports.values()
-    return rates, any(np.any(p.values[k + 1] != p.values[k] + drive.lengths[k] * p.slopes[k]) for p in of)
+    k = np.flatnonzero(np.abs(ends[:-1] - t) <= SAME * drive.lengths[:-1])  # the piece that ends there, if one does
+    of, h = drive.ports.values(), drive.lengths[k, None]
+    return rates, any(np.any(p.values[k + 1] != p.values[k] + h * p.slopes[k]) for p in of)
