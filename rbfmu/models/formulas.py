@@ -167,7 +167,7 @@ class FormulaModel:
             **{f"{STATE}{n}_0": s for n, s in given.states.items()},
             **{f"{STATE}{n}": s for n, s in given.states.items()}, "series.resting": 2 * len(self.program.touching),
             **templates.SERIES, **dict.fromkeys(templates.CORNERS, len(self.program.sides)),
-            "series.sizes": max(len(self.groups), 1), "series.held_inputs": max(sum(given.ports.values()), 1),
+            "series.sizes": len(self.groups), "series.held_inputs": max(sum(given.ports.values()), 1),
             **self.own_outputs, **{f"{EVENT}{n}": 1 for n in self.events}, **self.more_blocks,
             **(dict.fromkeys(formula_events.EVENTS, len(self.events)) | {"events.listed": 1} if self.events else {}),
         }  # fmt: skip
