@@ -121,10 +121,10 @@ class Program:
         for n in range(len(self.levels)):
             here = [sum_ for sum_ in self.sums if sum_.level == n]
             self.groups += [here[j : j + WIDTH] for j in range(0, len(here), WIDTH)]
-        self.start = _whole_vectors(len(self.constants))
-        self.head = _whole_vectors(len(rates) + len(self.watched))
+        self.start = whole_vectors(len(self.constants))
+        self.head = whole_vectors(len(rates) + len(self.watched))
         self.beside_at = self.head + 2 * WIDTH * len(self.groups)
-        self.row = self.beside_at + _whole_vectors(len(self.beside))
+        self.row = self.beside_at + whole_vectors(len(self.beside))
 
     def _add_operation(self, i: int) -> None:
         """Find the level and the sums of an operation that depends on states or inputs and is not a side."""
@@ -170,7 +170,7 @@ def zero_argument(operation: Operation) -> int:
     return operation.of[2 if operation.kind == "atan2" else 0]
 
 
-def _whole_vectors(count: int) -> int:
+def whole_vectors(count: int) -> int:
     """Return a count rounded up to whole vectors."""
     return -(-count // WIDTH) * WIDTH
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from rbfmu.formulas.graph import Number, Symbol, changes_of, numbers_of
 from rbfmu.formulas.motion import CHANGE, MADE, Start, by_element, inertia_of, skew
-from rbfmu.formulas.program import WIDTH, Program
+from rbfmu.formulas.program import Program, whole_vectors
 from rbfmu.models import formulas, model_buffer
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array
@@ -54,10 +54,14 @@ class VariedStart:
         start.begin(motion)
         self._graph, self._changes = motion.graph, {repr(leaf): dx for leaf, dx in start.changes.items()}
         self._inertia = [*np.ravel(inertia_of(motion, about_o=motion.given.pivot))]
-        self._by_column = {f"{CHANGE}{x}": row for x, row in zip(names, np.eye(len(names)), strict=True)}
+        units = np.eye(len(names), whole_vectors(len(names)))
+        self._by_column = {f"{CHANGE}{x}": row for x, row in zip(names, units, strict=True)}
 
     def at(self, z: Array) -> dict[str, Array]:
-        """Return rows (columns,) of changes by name, without zero rows; z: the numbers of the body's blocks."""
+        """Return rows of changes by name, one for each column, then zeros up to whole vectors; without zero rows.
+
+        z: the numbers of the body's blocks.
+        """
         known = dict(by_element({name: z[block] for name, block in model_buffer.BLOCKS.items()})) | self._by_column
         M = np.reshape(numbers_of(self._graph, self._inertia, known), (3, 3))
         known |= by_element({"M_inverse": np.linalg.pinv(M, rcond=INERTIA_TOLERANCE)})  # z need not have it
@@ -88,7 +92,7 @@ class VariedModel(formulas.FormulaModel):
         super().__init__(formulas.texts_of(scene, varied))
         motion = self.motion
         graph, plain = motion.graph, [name for name in self.rates if name != "t" and not name.startswith("q[")]
-        self.columns = -(-len(columns) // WIDTH) * WIDTH
+        self.columns = whole_vectors(len(columns))
         self.errors = (*(TURN if "q[1]" in self.rates else ()), *plain)
         q = [graph.leaf("state", name) for name in elements("q", 4)] if "q[1]" in self.rates else []
         turns = [*motion.turns()] if q else []
@@ -188,28 +192,21 @@ class VariedModel(formulas.FormulaModel):
 
     def numbers(self, z: Array) -> dict[str, list[float]]:
         """Return the first numbers of the buffer's blocks of errors; z: the buffer, with the body's numbers."""
-        varied = self._start.at(z)
-        errors = np.zeros((len(self.errors), self.columns))
-        for i, name in enumerate(self.errors):
-            row = varied.get(name, ())
-            errors[i, : len(row)] = row
-        zero = np.zeros(self.columns)
+        varied, zero = self._start.at(z), np.zeros(self.columns)
+        errors = np.ravel([varied.get(name, zero) for name in self.errors])
         seeds = [float(varied.get(name, zero)[d]) for name, d in self.seeded]
-        return {"errors": errors.ravel().tolist(), "seeds": seeds, "pattern": self.pattern}
+        return {"errors": errors.tolist(), "seeds": seeds, "pattern": self.pattern}
 
     def slopes_at(self, name: str, errors: Array, values: Array, columns: int) -> Array:
         """Return the derivatives of a shown quantity (times, numbers, columns).
 
         errors (times, rows, columns): of the states; values (times, n): of the block "slopes".
         """
+        changes = [*np.moveaxis(errors[:, :, :columns], 1, 0), *np.eye(columns)[::-1]]  # as `Slopes` counts them
         found = []
         for element in elements(name, int(np.size(self.shown[name]))):
             total = np.zeros((len(errors), columns))
             for of, x in self.shown_slopes[element].items():
-                slope = values[:, self.wanted[x]]
-                if of < 0:
-                    total[:, -1 - of] += slope
-                else:
-                    total += slope[:, None] * errors[:, of, :columns]
+                total += values[:, self.wanted[x], None] * changes[of]
             found.append(total)
         return np.stack(found, axis=1)
