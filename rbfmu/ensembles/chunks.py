@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rbfmu.ensembles import variables as names
 from rbfmu.ensembles.control import NOTHING, Control, driven_members, errors_named, wrong_input
 from rbfmu.ensembles.loops import compile_lanes, run_alone, run_in_lanes
 from rbfmu.ensembles.members import Samples, draw, ensemble_of, member, refusals
 from rbfmu.ensembles.statistics import MOST_NUMBERS, MOST_SAMPLED, Summary, most_points, sample_of, summary_of
-from rbfmu.ensembles.variables import ALL, COUNT, FINAL, FIRST, STATISTICS, Columns, columns_of, flat, varied_rows
 from rbfmu.models.model_buffer import places_of, refusal
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.runs.steps import refused_step
@@ -56,9 +56,9 @@ class Work:
     control: Control | None = None
 
     @property
-    def columns(self) -> Columns:
+    def columns(self) -> names.Columns:
         """Return the columns of the outputs."""
-        return columns_of(self.scene)
+        return names.columns_of(self.scene)
 
     @property
     def runs(self) -> int:
@@ -73,13 +73,13 @@ class Work:
     @property
     def most_points(self) -> int:
         """Return how many points represent the members' values at each time; 0 where all members are kept."""
-        return 0 if self.keeps(ALL) else most_points((self.scene.run.count + 1) * self.columns.width)
+        return 0 if self.keeps(names.ALL) else most_points((self.scene.run.count + 1) * self.columns.width)
 
     @property
     def share(self) -> float:
         """Return the part of the members whose attitudes are sampled for quantiles; 0 where all members are kept."""
         points = self.scene.run.count + 1
-        return 0.0 if self.keeps(ALL) else min(MOST_SAMPLED, MOST_NUMBERS // (4 * points)) / self.runs
+        return 0.0 if self.keeps(names.ALL) else min(MOST_SAMPLED, MOST_NUMBERS // (4 * points)) / self.runs
 
     def keeps(self, what: str) -> bool:
         """Return whether `what` (FINAL, STATISTICS or ALL) is kept."""
@@ -87,24 +87,21 @@ class Work:
 
 
 class Chunk(NamedTuple):
-    """The results of a chunk of m members, the first of which has the number `first`.
+    """The results of a chunk of members, the first of which has the number `first`.
 
-    samples: as `Samples.applied`; rows (m, n, K): outputs at all points or at the last, NaN for members that failed;
-    events: counts and first times (m,) by the name of their variable; failed: message by the number of the member.
+    arrays: its part of each variable that has one row for each run, by name; outputs of members that failed are NaN;
+    failed: message by the number of the member.
     """
 
     first: int
-    samples: Mapping[str, Array]
-    redrawn: Indices
-    rows: Array
-    events: Mapping[str, Any]
+    arrays: Mapping[str, Any]
     failed: dict[int, str]
     summary: Summary | None
 
     @property
     def members(self) -> int:
         """Return the number of members."""
-        return len(self.rows)
+        return len(self.arrays[names.REDRAWN])
 
 
 def members_of_a_chunk(scene: Scene, plan: Plan, control: Control | None = None) -> int:
@@ -114,14 +111,14 @@ def members_of_a_chunk(scene: Scene, plan: Plan, control: Control | None = None)
     """
     steps = scene.run.count
     keep = ensemble_of(scene).keep
-    numbers = columns_of(scene).width * (steps + 1 if set(keep) - {FINAL} else 1)
+    numbers = names.columns_of(scene).width * (steps + 1 if set(keep) - {names.FINAL} else 1)
     numbers += steps * (control.numbers(scene) if control else 0)
     gains = plan.kernels.lanes and plan.cost >= GAIN_FROM
     one_by_one = plan.formulas or control  # chunks stay as before these had lanes, so that sums keep their bits
     cost = plan.cost / (LANES_GAIN if gains and not one_by_one else 1.0)
     seconds = cost * 1e-9 * steps + SET_UP
-    seconds += STATISTICS_OF_ONE * numbers if STATISTICS in keep else 0.0
-    bytes_of_outputs = MOST_BYTES if ALL in keep else SUMMED_BYTES
+    seconds += STATISTICS_OF_ONE * numbers if names.STATISTICS in keep else 0.0
+    bytes_of_outputs = MOST_BYTES if names.ALL in keep else SUMMED_BYTES
     most = max(1, int(min(SECONDS / seconds, bytes_of_outputs / (8.0 * numbers), MOST_MEMBERS)))
     return 1 << (most.bit_length() - 1)
 
@@ -134,18 +131,21 @@ def run_chunk(work: Work, index: int) -> Chunk:
     first = index * work.size
     samples = draw(work.scene, first, min(work.size, work.runs - first))
     count = len(samples)
-    summed = work.keeps(STATISTICS) and not work.keeps(ALL)
-    ends_alone = not (work.keeps(STATISTICS) or work.keeps(ALL))
+    summed = work.keeps(names.STATISTICS) and not work.keeps(names.ALL)
+    ends_alone = not (work.keeps(names.STATISTICS) or work.keeps(names.ALL))
     rows, events, failed = run_samples(work, samples, ends_alone, _same_room if summed else np.empty)
     good = _all_but(failed, count)
     summary = None
-    if work.keeps(STATISTICS):
+    if work.keeps(names.STATISTICS):
         sample = sample_of(rows, good, first, work.columns, work.share)
         full = count == work.size
         summary = summary_of(rows, good, work.columns, work.most_points, index, full)._replace(sample=sample)
-    kept = rows[:, -1:].copy() if summed else rows
-    messages = {first + i: text for i, text in sorted(failed.items())}
-    return Chunk(first, samples.applied, samples.redrawn, kept, events, messages, summary)
+    arrays: dict[str, Any] = {**samples.applied, names.REDRAWN: samples.redrawn, **events}
+    if work.keeps(names.FINAL):
+        arrays |= {f"{name}_final": values for name, values in work.columns.split(rows[:, -1].copy()).items()}
+    if work.keeps(names.ALL):
+        arrays |= work.columns.split(rows)
+    return Chunk(first, arrays, {first + i: text for i, text in sorted(failed.items())}, summary)
 
 
 _ROOM = threading.local()
@@ -198,8 +198,8 @@ def _events(scene: Scene, noted: Array) -> dict[str, Any]:
     counts, firsts = np.hsplit(noted, 2)
     found = {}
     for e, name in enumerate(scene.events):
-        found[f"{name}{COUNT}"] = counts[:, e].astype(np.int64)
-        found[f"{name}{FIRST}"] = np.where(counts[:, e] > 0.0, firsts[:, e], np.nan)
+        found[f"{name}{names.COUNT}"] = counts[:, e].astype(np.int64)
+        found[f"{name}{names.FIRST}"] = np.where(counts[:, e] > 0.0, firsts[:, e], np.nan)
     return found
 
 
@@ -242,10 +242,9 @@ def _has_lanes(plan: Plan) -> bool:
 
 def varied_numbers(scene: Scene, applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:
     """Return places (p,) in a model's buffer and the members' values (m, p) there; keys without a block are omitted."""
-    count, rows = len(next(iter(applied.values()))), varied_rows(scene)
-    names = {key: rows[key].block for key in applied}
-    known = {key: name for key, name in names.items() if name in blocks}
-    values = np.hstack([np.empty((count, 0)), *(flat(applied[key]) for key in known)])
+    count, rows = len(next(iter(applied.values()))), names.varied_rows(scene)
+    known = {key: rows[key].block for key in applied if rows[key].block in blocks}
+    values = np.hstack([np.empty((count, 0)), *(names.flat(applied[key]) for key in known)])
     return places_of(blocks, known.values()), np.ascontiguousarray(values)
 
 

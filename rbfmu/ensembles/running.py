@@ -18,7 +18,7 @@ from typing import Any
 from rbfmu.ensembles import lock, members, planning, result
 from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk, origin, run_chunk
 from rbfmu.ensembles.control import control_of
-from rbfmu.ensembles.store import Progress, Store, chunk_arrays, refuse_existing, results_of
+from rbfmu.ensembles.store import Progress, Store, refuse_existing, results_of
 from rbfmu.exceptions import SimulationError, named, path_of
 from rbfmu.extras import needed
 from rbfmu.progress import bar
@@ -248,4 +248,4 @@ def warm(scene: Scene, planned: Plan) -> None:
         work = Work(scene, planning.plan_once(scene).of_scene(scene), WARMING)
         chunk, done = run_chunk(work, 0), Progress.none(work)
         done.add(chunk, work)
-        results_of(work, done.statistics, chunk_arrays(work, chunk))
+        results_of(work, done.statistics, chunk.arrays)

@@ -220,14 +220,14 @@ class Store:
         self._is_clean = False  # an interrupt may come between any two lines
         if self._file is not None and chunk.members < self._work.size:
             self._whole = copy.deepcopy(self.progress)
-        self._keep(chunk, chunk_arrays(self._work, chunk))
+        self._keep(chunk)
         self.progress.add(chunk, self._work)
         self._is_clean = chunk.members == self._work.size
         if monotonic() - self._last > max(OFTEN, self._cost / SHARE):
             self.commit()
 
-    def _keep(self, chunk: Chunk, arrays: Mapping[str, Any]) -> None:
-        for name, values in arrays.items():
+    def _keep(self, chunk: Chunk) -> None:
+        for name, values in chunk.arrays.items():
             self._put(name, chunk.first, values)
 
     def _put(self, name: str, first: int, values: Any) -> None:
@@ -263,16 +263,6 @@ def refuse_existing(store: Path, resume: bool) -> None:
     """Raise FileExistsError for a store that exists and is not to be resumed."""
     if not resume and store.exists():
         raise FileExistsError(errno.EEXIST, "exists already, and stays as it is; --resume goes on with it", str(store))
-
-
-def chunk_arrays(work: Work, chunk: Chunk) -> dict[str, Any]:
-    """Return a chunk's part of all variables with one row for each run."""
-    arrays: dict[str, Any] = {**chunk.samples, names.REDRAWN: chunk.redrawn, **chunk.events}
-    if work.keeps(names.FINAL):
-        arrays |= {f"{name}_final": values for name, values in work.columns.split(chunk.rows[:, -1]).items()}
-    if work.keeps(names.ALL):
-        arrays |= work.columns.split(chunk.rows)
-    return arrays
 
 
 def results_of(work: Work, statistics: Statistics | None, rows: Mapping[str, Any]) -> dict[str, Array]:

@@ -98,10 +98,10 @@ class ZarrStore(store.Store):
             if (array.metadata.dimension_names or ())[:1] == ("run",) and array.shape[0] != self._work.runs:
                 array.resize((self._work.runs, *array.shape[1:]))
 
-    def _keep(self, chunk: chunks.Chunk, arrays: Mapping[str, Any]) -> None:
+    def _keep(self, chunk: chunks.Chunk) -> None:
         if chunk.first == 0:
-            self._create(arrays)
-        for name, values in arrays.items():
+            self._create(chunk.arrays)
+        for name, values in chunk.arrays.items():
             if name in self._work.columns.slices:  # with all times
                 self._set(name, np.s_[chunk.first : chunk.first + chunk.members], values)
             else:

@@ -187,11 +187,10 @@ def ghosts_of(scene: Scene, count: int) -> tuple[Ghost, ...]:
 
     moving = [name for name in ("position", "quaternion") if name in scene.outputs.quantities]
     shown = scene.replace({"outputs.quantities": moving, "ensemble.keep": [variables.ALL]})
-    work = chunks.Work(shown, planning.plan_ensemble(shown), count)
-    chunk = chunks.run_chunk(work, 0)
-    motion = work.columns.split(chunk.rows)
-    positions = motion.get("position", np.zeros((*chunk.rows.shape[:2], 3)))
-    return tuple(Ghost(motion["quaternion"][i], positions[i]) for i in range(count) if i not in chunk.failed)
+    chunk = chunks.run_chunk(chunks.Work(shown, planning.plan_ensemble(shown), count), 0)
+    attitudes = chunk.arrays["quaternion"]
+    positions = chunk.arrays.get("position", np.zeros((*attitudes.shape[:2], 3)))
+    return tuple(Ghost(attitudes[i], positions[i]) for i in range(count) if i not in chunk.failed)
 
 
 FPS = 30.0

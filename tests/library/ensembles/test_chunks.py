@@ -76,17 +76,16 @@ def outcome(scene, samples, row, planned):
 
 
 def assert_like_single_runs(scene, plan):
-    work = Work(scene, plan, 2 * AT_ONCE)
-    chunk, samples = run_chunk(work, 0), draw(scene, 0, scene.ensemble.runs)
+    chunk, samples = run_chunk(Work(scene, plan, 2 * AT_ONCE), 0), draw(scene, 0, scene.ensemble.runs)
     for i in range(scene.ensemble.runs):
         single = outcome(scene, samples, i, plan)
         if isinstance(single, str):
             assert chunk.failed[i] == single
-            assert np.isnan(chunk.rows[i]).all()
+            assert all(np.isnan(chunk.arrays[name][i]).all() for name in scene.outputs.names)
             continue
         assert i not in chunk.failed
-        for name, values in work.columns.split(chunk.rows[i]).items():
-            assert values.tobytes() == single[name].tobytes(), (name, i)
+        for name in scene.outputs.names:
+            assert chunk.arrays[name][i].tobytes() == single[name].tobytes(), (name, i)
     return chunk
 
 
@@ -96,8 +95,8 @@ def test_members_have_the_bits_of_single_runs(model):
     scene = ensemble_scene(body, initial, loads, vary, SHOWN.get(model, ("position", "quaternion", "omega_b")))
     chunk = assert_like_single_runs(scene, given_plan(model))
     assert not chunk.failed
-    ends = chunk.rows[:, -1]
-    assert len(np.unique(ends, axis=0)) > 1 or model in SHOWN  # what varies acts
+    ends = (chunk.arrays[name][:, -1] for name in scene.outputs.names)
+    assert any(len(np.unique(values, axis=0)) > 1 for values in ends) or model in SHOWN  # what varies acts
 
 
 def test_every_model_is_tried():
@@ -174,7 +173,7 @@ def test_lanes_are_compiled_beside_the_first_members_where_that_pays(monkeypatch
     scene = ensemble_scene(*CASES[SERIES], runs=21)
     plan = replace(given_plan(SERIES), cost=1e4)
     chunk = run_chunk(Work(scene, plan, 32), 0)
-    assert np.isfinite(chunk.rows).all()
+    assert all(np.isfinite(chunk.arrays[name]).all() for name in scene.outputs.names)
     assert begun == ([] if worth else [LOADED_TAYLOR])
 
 

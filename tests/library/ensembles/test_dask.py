@@ -87,13 +87,13 @@ def test_four_workers_share_one_cache_and_little_is_sent(whole, tmp_path):
     scene = satellite().replace({"ensemble.keep": ["final"], "ensemble.runs": 4096})
     work = Work(scene, PLAN, 1024)
     there, chunk = running.pack(work), run_chunk(work, 0)
-    back, numbers = len(pickle.dumps(chunk)), (chunk.rows.nbytes + sum(a.nbytes for a in chunk.samples.values()))
+    back, numbers = len(pickle.dumps(chunk)), sum(values.nbytes for values in chunk.arrays.values())
     said = sum(len(text.encode()) for text in chunk.failed.values())
     print(
         f"sent a chunk: {len(there)} bytes; back a run: {back / 1024:.1f} bytes, {numbers / 1024:.1f} of them numbers"
     )
     assert len(there) < 8_000  # each task has them, whatever its members
-    assert back < numbers + 16 * 1024 + 1.5 * said + 4_000
+    assert back < numbers + 8 * 1024 + 1.5 * said + 4_000
 
 
 @pytest.mark.thorough

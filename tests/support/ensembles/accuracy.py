@@ -80,15 +80,14 @@ def run(scene: rbfmu.Scene, plan: rbfmu.Plan) -> Chunk:
 
 def errors(scene: rbfmu.Scene, plan: rbfmu.Plan) -> np.ndarray:
     """The error of each member over the accuracy; NaN of those that fail."""
-    return errors_beside(scene, plan, run(scene, plan), run(scene, tight(plan)))
+    return errors_beside(scene, run(scene, plan), run(scene, tight(plan)))
 
 
-def errors_beside(scene: rbfmu.Scene, plan: rbfmu.Plan, found: Chunk, truth: Chunk) -> np.ndarray:
+def errors_beside(scene: rbfmu.Scene, found: Chunk, truth: Chunk) -> np.ndarray:
     """The same of members that were run."""
-    columns = Work(scene, plan, 1).columns
-    a, b = columns.split(found.rows), columns.split(truth.rows)
-    worst = np.zeros(len(found.rows))
-    for name in a:
+    a, b = found.arrays, truth.arrays
+    worst = np.zeros(found.members)
+    for name in scene.outputs.names:
         if name == "quaternion":
             one = np.array([attitude_error(x, y).max() for x, y in zip(a[name], b[name], strict=True)])
         else:
@@ -121,9 +120,9 @@ def main(first: int, last: int, runs: int) -> None:
             print(seed, plan.model)
             continue
         rows = run(scene, plan)
-        found = errors_beside(scene, plan, rows, run(scene, tight(plan)))
+        found = errors_beside(scene, rows, run(scene, tight(plan)))
         worst = np.nanmax(found)
-        outputs = Work(scene, plan, 1).columns.split(rows.rows)
+        outputs = {name: rows.arrays[name] for name in scene.outputs.names}
         of_row = lambda i: Member(found[i], seed, i, {name: v[i] for name, v in outputs.items()})  # noqa: B023, E731
         worst_looking = sorted([*worst_looking, of_row(int(np.nanargmax(found)))], reverse=True)[:CHECKED]
         others.append(of_row(chosen.choice(np.flatnonzero(np.isfinite(found)).tolist())))
