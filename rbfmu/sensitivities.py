@@ -19,7 +19,7 @@ from rbfmu.planning import judge, methods, reference
 from rbfmu.result import write_npz
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
 from rbfmu.runs.plan import KEYS, Plan, checked_plan
-from rbfmu.runs.steps import SAME, Driven, substeps_counted
+from rbfmu.runs.steps import SAME, Steps, substeps_counted
 from rbfmu.scene import own
 from rbfmu.scene.body import six_numbers
 from rbfmu.scene.scene import Scene, of_scene_or_path
@@ -261,7 +261,7 @@ class _Run:
 
     def __init__(self, varied: Varied, scene: Scene, plan: Plan, bounded: bool, drive: Drive) -> None:
         self._model, self._scene, self._count = varied.model, scene, len(varied.columns)
-        run = Driven(scene, plan, drive, [name for name in self._model.shown if name in OUTPUT])
+        run = Steps(scene, plan, drive, [name for name in self._model.shown if name in OUTPUT])
         blocks, z = plan.kernels.BLOCKS, run.z
         z[blocks["bounded"]] = bounded
         for name, row in self._model.numbers(z).items():
@@ -322,8 +322,7 @@ def _inputs_at(drive: Drive, t: float) -> tuple[dict[str, float], bool]:
     """Return the rate (1/s) of each number of the ports just before a time, by name, and whether one jumps then."""
     ends = drive.time[0] + np.cumsum(drive.lengths)
     piece = min(int(np.searchsorted(ends, t)), len(ends) - 1)
-    slopes = {port: pieces.slopes[piece] for port, pieces in drive.ports.items()}
-    rates = {e: float(x) for port, row in slopes.items() for e, x in zip(elements(port, len(row)), row, strict=True)}
+    names = [element for port, size in drive.ports.items() for element in elements(port, size)]
+    rates = dict(zip(names, drive.slopes[piece].tolist(), strict=True))
     k = np.flatnonzero(np.abs(ends[:-1] - t) <= SAME * drive.lengths[:-1])  # the piece that ends there, if one does
-    of, h = drive.ports.values(), drive.lengths[k, None]
-    return rates, any(np.any(p.values[k + 1] != p.values[k] + h * p.slopes[k]) for p in of)
+    return rates, bool(np.any(drive.values[k + 1] != drive.values[k] + drive.lengths[k, None] * drive.slopes[k]))

@@ -16,7 +16,7 @@ from rbfmu.result import Result, Row
 from rbfmu.runs.inputs import HOLD, Drive, Inputs, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.motion import doubts_of_sizes
 from rbfmu.runs.plan import Plan, checked_plan, start_run, with_parameters
-from rbfmu.runs.steps import SAME, Driven, Events, Occurrence
+from rbfmu.runs.steps import SAME, Events, Occurrence, Steps
 from rbfmu.scene.scene import Scene, doubts_after, of_scene_or_path, warn
 from rbfmu.scene.section import as_toml, fault
 from rbfmu.types import Array, Buffer
@@ -92,7 +92,7 @@ def simulate(
 def run_of(scene: Scene, planned: Plan, drive: Drive | None = None, progress: Wrap | None = None) -> Result:
     """Return a scene's run by a plan, without inputs if no drive is given; there are no warnings."""
     planned = planned.of_scene(scene)
-    run = Driven(scene, planned, drive or drive_of(scene, {}, HOLD))
+    run = Steps(scene, planned, drive or drive_of(scene, {}, HOLD))
     time, shown = run.course(scene.outputs.names, progress)
     quantities = {name: (rows[:, 0] if rows.shape[1] == 1 else rows).copy() for name, rows in shown.items()}
     happened = [run.events.times(run.events.taken, touched) for touched in (False, True)] if run.events else ()

@@ -15,7 +15,7 @@ from numba import NumbaError, njit
 
 from rbfmu.ensembles import draws, loops, members, variables
 from rbfmu.models.model_buffer import places_of
-from rbfmu.runs.inputs import HOLD, Drive, InputTables, drive_of, input_tables, size_of
+from rbfmu.runs.inputs import HOLD, InputTable, InputTables, drive_of, input_tables, size_of
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Array, Indices
@@ -187,40 +187,25 @@ def driven_members(
     Raises SceneError if the table of one is wrong.
     """
     each = numbers if callable(control.inputs) else numbers[:1]
-    drives = [drive_of(scene, control.tables_of(scene, number), control.interpolate, control.parts) for number in each]
-    if control.controller:
-        drives = [_at_given_rows(drive) for drive in drives]
+    start, ports = scene.run.grid()[:1], scene.inputs.ports
+    none = {port: InputTable(start, np.full((1, size_of(scene, port)), np.nan)) for port in ports}
+    tables = (none | control.tables_of(scene, number) for number in each)
+    drives = [drive_of(scene, given, control.interpolate, control.parts) for given in tables]
     before = np.cumsum([0, *(len(drive.lengths) for drive in drives[:-1])])
     counts = np.array([first + drive.counts for first, drive in zip(before, drives, strict=True)])
-    lengths = np.concatenate([drive.lengths for drive in drives])
-    given, slopes = (np.concatenate([_rows(scene, drive, part) for drive in drives]) for part in ("values", "slopes"))
+    parts = ((drive.lengths, drive.values, drive.slopes, drive.at_row) for drive in drives)
+    lengths, given, slopes, at_row = map(np.concatenate, zip(*parts, strict=True))
+    slopes[np.isnan(given)] = 0.0  # of ports without a table
+    if control.controller:  # where a row of another port cuts a step, a port keeps what the controller wrote
+        at_row[counts[:, :-1]] = 1.0
+        given[at_row == 0.0] = np.nan
     controller, time = control.controller or NONE, drives[0].time
     noise = np.empty((len(numbers), len(time) - 1, controller.noise))
     for i, number in enumerate(numbers if controller.noise else ()):
         noise[i] = controller.noise_of(members.ensemble_of(scene).seed, number, len(time) - 1)
-    state, ports = np.array(controller.state), _places(scene, kernels.BLOCKS)
+    state, places = np.array(controller.state), _places(scene, kernels.BLOCKS)
     rates = _places(scene, kernels.BLOCKS, "_rate") if slopes.any() else np.empty(0, dtype=np.int64)
-    return controller.compiled(), Driving(ports, rates, time, lengths, counts, given, slopes, state, noise)
-
-
-def _at_given_rows(drive: Drive) -> Drive:
-    """Return the drive with each port's values only at communication points and at rows of its own table.
-
-    Where a row of another port cuts a step the values are NaN, so that the port keeps what the controller wrote.
-    """
-    at_point, ports = np.isin(np.arange(len(drive.lengths)), drive.counts), {}
-    for port, pieces in drive.ports.items():
-        is_given = (pieces.at_row | at_point)[:, None]
-        ports[port] = pieces._replace(values=np.where(is_given, pieces.values, np.nan))
-    return drive._replace(ports=ports)
-
-
-def _rows(scene: Scene, drive: Drive, part: str) -> Array:
-    """Return the values, or the slopes, of all ports in each piece; ports without a table have NaN, or 0."""
-    count, fill = len(drive.lengths), np.nan if part == "values" else 0.0
-    none = {port: np.full((count, size_of(scene, port)), fill) for port in scene.inputs.ports}
-    given = [getattr(drive.ports[port], part) if port in drive.ports else none[port] for port in none]
-    return np.hstack([np.empty((count, 0)), *given])
+    return controller.compiled(), Driving(places, rates, time, lengths, counts, given, slopes, state, noise)
 
 
 def wrong_input(scene: Scene, end: Sequence[int]) -> str:

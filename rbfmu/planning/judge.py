@@ -16,6 +16,7 @@ import numpy as np
 from rbfmu.exceptions import PlanningWarning, warn_caller
 from rbfmu.models.question import Question
 from rbfmu.planning.methods import series_of_all
+from rbfmu.runs.inputs import undriven
 from rbfmu.runs.motion import largest_error, largest_size, least_sizes
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.steps import Steps, Tell, motion_of, record, substeps_counted
@@ -121,7 +122,7 @@ class Judge:
         tight = series_of_all(self.asked, order, 1e-18)
         parts = max(2, MOMENTS // len(self.cut_steps))
         steps = (np.repeat(self.cut_steps, parts) / parts).tolist()
-        run = Steps(self.scene, tight, steps, self._followed)
+        run = Steps(self.scene, tight, undriven(steps), self._followed)
         found = record(run, self._followed, MAX_SUBSTEPS, self._progress)
         refuse_unfinished(self.scene, steps, found["omega_b"], substeps_counted(run.kernels, run.z))
         return {name: rows[::parts] for name, rows in found.items()}
@@ -224,7 +225,7 @@ class Judge:
     ) -> tuple[float, float]:
         errors, substeps = [], []
         for names in self._name_sets:
-            run = Steps(self.scene, plan, steps, names, parts, self.pilots)
+            run = Steps(self.scene, plan, undriven(steps, parts), names, self.pilots)
             found = self._pilot(run, names)
             floors = self._floors_of(run)
             self._refuse_poles(floors)
@@ -254,7 +255,7 @@ class Judge:
         tight, rows = series_of_all(self.asked, 20, 1e-16), np.array(DIRECTIONS)
         worst = 0.0
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
-            run = Steps(self.scene, tight, self.steps, self.names)
+            run = Steps(self.scene, tight, undriven(self.steps), self.names)
             q, omega = (run.z[run.kernels.BLOCKS[name]] for name in ("q", "omega"))
             q += 0.5 * SMALL * np.array(evaluated(compose_quaternions, tuple(q.tolist()), (0.0, *turn.tolist())))
             omega += SMALL / span * self._turning(change)

@@ -18,7 +18,7 @@ from rbfmu.planning.judge import MAX_SUBSTEPS, Judge, refuse_unfinished, watched
 from rbfmu.runs.inputs import Drive
 from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.steps import Driven, Tell, record, substeps_counted
+from rbfmu.runs.steps import Steps, Tell, record, substeps_counted
 from rbfmu.scene.scene import Scene, SceneError
 from rbfmu.types import Motion
 from rbfmu_kernels.compile.said import PATIENCE, said_after
@@ -135,10 +135,12 @@ def _loosest_accurate(asked: Question, found: Plan, drive: Drive, halves: Drive)
     raise SceneError(f"run.accuracy = {asked.accuracy!r}: expected {expected}", scene.name)
 
 
-def _run_driven(drive: Drive, scene: Scene, plan: Plan, names: tuple[str, ...], most: float) -> tuple[Motion, Driven]:
-    """Return the motion under inputs, which ends after `most` substeps, and the run."""
-    run = Driven(scene, plan, drive, names)
-    run.events = None  # each plan finds an event that ends the run at another time; the rest could not be compared
+def _run_driven(drive: Drive, scene: Scene, plan: Plan, names: tuple[str, ...], most: float) -> tuple[Motion, Steps]:
+    """Return the motion under inputs, which ends after `most` substeps, and the run.
+
+    No event ends it: each plan finds one at another time, and the rest could not be compared.
+    """
+    run = Steps(scene, plan, drive, names)
     return record(run, names, most), run
 
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from rbfmu.arrays.from_kernel import no_numbers
 from rbfmu.csv_table import read_columns
 from rbfmu.scene.scene import Scene, warn
 from rbfmu.scene.section import SceneError, as_toml, fault
-from rbfmu.types import Array, ArrayLike, NDArray
+from rbfmu.types import Array, ArrayLike, Indices
 from rbfmu_kernels.quantities import elements
 
 HOLD, LINEAR = "hold", "linear"
@@ -213,31 +213,29 @@ def _doubts_of_ends(scene: Scene, tables: InputTables) -> Iterator[str]:
         yield f"{message}; was the table cut short?"
 
 
-class PortPieces(NamedTuple):
-    """A port's values at the beginning of each piece, their slopes (1/s), and whether the table has a row there."""
-
-    values: Array
-    slopes: Array
-    at_row: NDArray[np.bool_]
-
-
 class Drive(NamedTuple):
     """The pieces of a run under inputs.
 
     time (n + 1,): communication points, s; lengths (p,): of pieces, s; counts (n + 1,): how many pieces end at or
-    before each point; ports: each port's inputs. Communication steps are cut where a table has a row inside them, so
-    that its values act from their own times on.
+    before each point; ports: how many of the k columns each driven port has; values (p, k): at the beginning of each
+    piece; slopes (p, k): 1/s; at_row (p, k): 1 where the port's table has a row, else 0. Communication steps are cut
+    where a table has a row inside them, so that its values act from their own times on.
     """
 
     time: Array
     lengths: Array
-    counts: NDArray[np.intp]
-    ports: dict[str, PortPieces]
+    counts: Indices
+    ports: dict[str, int]
+    values: Array
+    slopes: Array
+    at_row: Array
 
-    @property
-    def is_steady(self) -> bool:
-        """Return whether no input changes within a piece."""
-        return not any(port.slopes.any() for port in self.ports.values())
+
+def undriven(steps: Sequence[float], parts: int = 1) -> Drive:
+    """Return the pieces of a run of these steps, s, without inputs; parts: into how many equal parts each is cut."""
+    whole, counts = np.array(steps), np.arange(len(steps) + 1) * parts
+    time, lengths = np.concatenate(([0.0], whole)).cumsum(), (whole / parts).repeat(parts)
+    return Drive(time, lengths, counts, {}, *np.empty((3, len(lengths), 0)))
 
 
 def drive_of(scene: Scene, tables: InputTables, interpolate: str, parts: int = 1, time: Array | None = None) -> Drive:
@@ -249,9 +247,15 @@ def drive_of(scene: Scene, tables: InputTables, interpolate: str, parts: int = 1
         cuts = np.arange(parts) / parts
         points = np.append((points[:-1, None] + cuts * np.diff(points)[:, None]).ravel(), points[-1])
     pieces = _linear_pieces if interpolate == LINEAR else _held_pieces
-    ports = {port: pieces(table, points, near) for port, table in tables.items()}
+    ports = {port: table.values.shape[1] for port, table in tables.items()}
+    values, slopes, at_row = np.empty((3, len(points) - 1, sum(ports.values())))
+    first = 0
+    for port, table in tables.items():
+        own = slice(first, first + ports[port])
+        values[:, own], slopes[:, own], at_row[:, own] = pieces(table, points, near)
+        first = own.stop
     counts = np.arange(len(time)) if points is time else np.searchsorted(points, time)  # which takes longer
-    return Drive(time, np.diff(points), counts, ports)
+    return Drive(time, np.diff(points), counts, ports, values, slopes, at_row)
 
 
 def _points(time: Array, tables: list[Array], near: float) -> Array:
@@ -266,13 +270,12 @@ def _points(time: Array, tables: list[Array], near: float) -> Array:
     return np.union1d(time, rows)
 
 
-def _held_pieces(table: InputTable, points: Array, near: float) -> PortPieces:
+def _held_pieces(table: InputTable, points: Array, near: float) -> tuple[Any, ...]:
     row = np.maximum(np.searchsorted(table.times, points[:-1] + near, side="right") - 1, 0)
-    values = table.values[row]
-    return PortPieces(values, np.zeros_like(values), np.diff(row, prepend=-1) > 0)
+    return table.values[row], 0.0, np.diff(row, prepend=-1)[:, None] > 0
 
 
-def _linear_pieces(table: InputTable, points: Array, near: float) -> PortPieces:
+def _linear_pieces(table: InputTable, points: Array, near: float) -> tuple[Any, ...]:
     begins = np.column_stack([np.interp(points, table.times, column) for column in table.values.T])
     ends = begins.copy()
     # Several rows at one point are a jump: the piece before it ends at the first row, the one after begins at the last.
@@ -281,4 +284,4 @@ def _linear_pieces(table: InputTable, points: Array, near: float) -> PortPieces:
     jumps = last > first
     ends[jumps], begins[jumps] = table.values[first[jumps]], table.values[last[jumps]]
     slopes = (ends[1:] - begins[:-1]) / np.diff(points)[:, None]
-    return PortPieces(begins[:-1], slopes, (last >= first)[:-1])
+    return begins[:-1], slopes, (last >= first)[:-1, None]

@@ -1,7 +1,7 @@
 """The plan of a run: the name of the model, the settings of its method, and the buffer from which a run starts."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ from rbfmu.notebook import table
 from rbfmu.scene.own import OF_NUMBERS
 from rbfmu.scene.scene import PARAMETERS, Scene, SceneError
 from rbfmu.scene.section import as_toml, fault, plain
-from rbfmu.types import Array, Buffer
+from rbfmu.types import Buffer
 from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.compile.tiered import tiered
 from rbfmu_kernels.quantities import IN_BUFFER_ORDER, INITIAL_VALUES, LOADS, active_flags
@@ -161,16 +161,12 @@ def initialize(scene: Scene, kernels: Model, z: Buffer) -> None:
         raise refusal(scene, code, kernels.BLOCKS, z)
 
 
-def start_run(
-    scene: Scene, plan: Plan, names: Collection[str] | None = None, inputs: Mapping[str, Array] = {}
-) -> Buffer:
-    """Return the buffer of the plan's model at the start; names: as in `filled_buffer`; inputs: first values of ports.
+def start_run(scene: Scene, plan: Plan, names: Collection[str] | None = None) -> Buffer:
+    """Return the buffer of the plan's model at the start; names: as in `filled_buffer`.
 
     Raises as `filled_buffer` and `initialize`.
     """
     z = filled_buffer(scene, plan, names)
-    for port, value in inputs.items():
-        z[plan.kernels.BLOCKS[port]] = value
     initialize(scene, plan.kernels, z)
     return z
 

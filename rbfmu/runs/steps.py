@@ -14,8 +14,8 @@ from numba import float64, int64, types
 
 from rbfmu.exceptions import SimulationError
 from rbfmu.models.model_buffer import by_block, places_of
-from rbfmu.runs.inputs import Drive
-from rbfmu.runs.plan import Plan, start_run
+from rbfmu.runs.inputs import Drive, undriven
+from rbfmu.runs.plan import Plan, filled_buffer, initialize
 from rbfmu.scene.scene import Scene
 from rbfmu.types import Array, Buffer, Indices, Motion
 from rbfmu_kernels.body.shell import Model
@@ -35,32 +35,41 @@ Tell = Callable[[float], object] | None
 
 
 class Steps:
-    """A run without inputs, at its start: its buffer `z`, and `advance` by each of the steps, s.
+    """A run at its start: its buffer `z`, and `advance` for each communication step.
 
-    names: the outputs that are computed; parts: the number of equal pieces of each step; runs: how many such runs will
-    follow, this one included, by which compiling may pay.
+    names: the outputs that are computed, in place of the scene's; runs: how many such runs will follow, this one
+    included, by which compiling may pay. If inputs change linearly and the model has no input derivatives, it gets
+    their mean over each piece, and their last values at communication points.
     """
 
     taken_by_all = 0
     """The steps of all runs of this process."""
 
     def __init__(
-        self, scene: Scene, plan: Plan, steps: Sequence[float], names: Collection[str], parts: int = 1, runs: int = 1
+        self, scene: Scene, plan: Plan, drive: Drive, names: Collection[str] | None = None, runs: int = 1
     ) -> None:
-        lengths, counts = np.repeat(np.array(steps) / parts, parts), np.arange(len(steps) + 1) * parts
-        self._begin(plan.kernels, start_run(scene, plan, names), lengths, counts, runs)
-
-    def _begin(self, kernels: Model, z: Buffer, lengths: Array, counts: Indices, runs: int = 1) -> None:
-        """Set up a run with pieces; lengths: of these, s; counts: how many pieces end at or before each point."""
-        self.kernels, self.z, self.count = kernels, z, len(counts) - 1
-        self._lengths, self._counts = lengths, counts.astype(np.int64)
-        (self._places, self._values), (self._at_points, self._last) = map(self._columns, ({}, {}))
-        self._step = tiered(kernels.step, len(lengths) * runs)
+        self._scene, self._plan, self.kernels = scene, plan, plan.kernels
+        self._time, self._lengths, self._counts = drive.time, drive.lengths, drive.counts.astype(np.int64, copy=False)
+        self.count = len(self._counts) - 1
+        rates = [f"{port}_rate" for port in drive.ports]
+        takes_slopes, is_steady = all(rate in self.kernels.BLOCKS for rate in rates), not drive.slopes.any()
+        follows = not (is_steady or takes_slopes)
+        half = (0.5 * drive.lengths[:, None] if follows else 0.0) * drive.slopes
+        places = self._places = self.places(drive.ports)
+        self._values = drive.values + half
+        self._at_points, self._last = places if follows else places[:0], self._values + half
+        if takes_slopes and not is_steady:
+            self._places = self.places((*drive.ports, *rates))
+            self._values = np.hstack([self._values, drive.slopes])
+        self.z = filled_buffer(scene, plan, names)
+        self.z[places] = drive.values[0]
+        initialize(scene, self.kernels, self.z)
+        self._step = tiered(self.kernels.step, len(self._lengths) * runs)
         self.events: Events | None = None
         self.ended: float | None = None
         """The time of the event that ended the run, s."""
         self._together, self._is_over = 0, False
-        Steps.taken_by_all += len(lengths)
+        Steps.taken_by_all += len(self._lengths)
 
     def advance(self, k: int) -> bool:
         """Take step k, counted from 1, or up to an event that ends the run; return False if a piece was refused."""
@@ -123,9 +132,40 @@ class Steps:
         """Return the places of the blocks named in the buffer."""
         return places_of(self.kernels.BLOCKS, names)
 
-    def _columns(self, of: dict[str, Array]) -> tuple[Indices, Array]:
-        """Return the places of blocks in the buffer, and their values (pieces, p) there; of: values by block."""
-        return self.places(of), np.hstack([np.empty((len(self._lengths), 0)), *of.values()])
+    def course(
+        self, names: Collection[str], progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
+        most: float = math.inf,
+    ) -> tuple[Array, Motion]:  # fmt: skip
+        """Return the times (n,), s, up to the event that ends the run, and the blocks' values (n, k) at these, by name.
+
+        progress: wraps the numbers of steps; if it stops early, so do times and rows. most: the number of substeps
+        after which a step is refused. Raises SimulationError if one is refused.
+        """
+        self.events = Events(self._scene, self._plan, self.z) if self._scene.events else None
+        at, time, numbers, taken, reached = self.places(names), self._time, range(1, self.count + 1), 0, 0
+        rows = np.empty((len(time), len(at)))
+        rows[0] = self.z[at]
+        for k in (self.count,) if progress is None else progress(numbers):
+            reached = min(max(k, reached), self.count)
+            while taken < reached and self.ended is None:
+                begin, taken = taken, self.take(taken + 1, at, rows, most)
+                if taken == begin:
+                    raise self._refusal(taken, most)
+            if self.ended is not None:
+                before = self.ended <= time[taken - 1]  # the event may be at the communication point before
+                time = time[:taken] if before else np.append(time[:taken], self.ended)
+                break
+        else:
+            time = time[: reached + 1]  # progress may stop early
+        return time, by_block(self.kernels.BLOCKS, names, rows[: len(time)])
+
+    def _refusal(self, taken: int, most: float) -> SimulationError:
+        """Return the error for the step after `taken` steps, which was refused or exceeds `most` substeps."""
+        if (counted := substeps_counted(self.kernels, self.z)) <= most:
+            return refused_step(self._scene.name, self._time[taken])
+        end = float(self._time[taken + 1])
+        message = f"t = {end!r} s takes {counted:.1e} substeps: expected a shorter run or slower rates"
+        return SimulationError(f"{self._scene.name}: {message}")
 
 
 class _Pieces(NamedTuple):
@@ -173,66 +213,11 @@ def _compiled_loop() -> Callable[..., Any]:
     return loop(_take_many, int64(_STEP, _NUMBERS, pieces, int64, int64, int64, float64))  # type: ignore[no-any-return]
 
 
-class Driven(Steps):
-    """A run driven by inputs, at its start: its buffer `z`, and `advance` for each communication step.
-
-    If inputs change linearly and the model has no input derivatives, it gets their mean over each piece, and their last
-    values at communication points.
-    """
-
-    def __init__(self, scene: Scene, plan: Plan, drive: Drive, names: Collection[str] | None = None) -> None:
-        first = {port: pieces.values[0] for port, pieces in drive.ports.items()}
-        self._begin(plan.kernels, start_run(scene, plan, names, first), drive.lengths, drive.counts)
-        takes_slopes = all(f"{port}_rate" in self.kernels.BLOCKS for port in drive.ports)
-        follows = not drive.is_steady and not takes_slopes
-        half = 0.5 * drive.lengths[:, None] if follows else 0.0
-        values = {port: pieces.values + half * pieces.slopes for port, pieces in drive.ports.items()}
-        last = {port: values[port] + half * pieces.slopes for port, pieces in drive.ports.items() if follows}
-        if takes_slopes and not drive.is_steady:
-            values |= {f"{port}_rate": pieces.slopes for port, pieces in drive.ports.items()}
-        (self._places, self._values), (self._at_points, self._last) = map(self._columns, (values, last))
-        self.events = Events(scene, plan, self.z) if scene.events else None
-        self._name, self._time = scene.name, drive.time
-
-    def course(
-        self, names: Collection[str], progress: Callable[[Sequence[int]], Iterable[int]] | None = None,
-        most: float = math.inf,
-    ) -> tuple[Array, Motion]:  # fmt: skip
-        """Return the times (n,), s, up to the event that ends the run, and the blocks' values (n, k) at these, by name.
-
-        progress: wraps the numbers of steps; if it stops early, so do times and rows. most: the number of substeps
-        after which a step is refused. Raises SimulationError if one is refused.
-        """
-        at, time, numbers, taken, reached = self.places(names), self._time, range(1, self.count + 1), 0, 0
-        rows = np.empty((len(time), len(at)))
-        rows[0] = self.z[at]
-        for k in (self.count,) if progress is None else progress(numbers):
-            reached = min(max(k, reached), self.count)
-            while taken < reached and self.ended is None:
-                begin, taken = taken, self.take(taken + 1, at, rows, most)
-                if taken == begin:
-                    raise self._refusal(taken, most)
-            if self.ended is not None:
-                before = self.ended <= time[taken - 1]  # the event may be at the communication point before
-                time = time[:taken] if before else np.append(time[:taken], self.ended)
-                break
-        else:
-            time = time[: reached + 1]  # progress may stop early
-        return time, by_block(self.kernels.BLOCKS, names, rows[: len(time)])
-
-    def _refusal(self, taken: int, most: float) -> SimulationError:
-        """Return the error for the step after `taken` steps, which was refused or exceeds `most` substeps."""
-        if (counted := substeps_counted(self.kernels, self.z)) <= most:
-            return refused_step(self._name, self._time[taken])
-        end = float(self._time[taken + 1])
-        message = f"t = {end!r} s takes {counted:.1e} substeps: expected a shorter run or slower rates"
-        return SimulationError(f"{self._name}: {message}")
-
-
 def record(run: Steps, names: Sequence[str], most: float = math.inf, progress: Tell = None) -> Motion:
     """Return the blocks named, at the start and after each step, (n + 1, k) each; NaN after the motion ends.
 
     most: the number of substeps after which it ends; progress: a function that is called with the part that is done.
+    No event ends it.
     """
     at, before, taken = run.places(names), -1, 0
     rows = np.full((run.count + 1, len(at)), np.nan)
@@ -246,7 +231,7 @@ def record(run: Steps, names: Sequence[str], most: float = math.inf, progress: T
 
 def motion_of(scene: Scene, plan: Plan, steps: Sequence[float], names: Sequence[str]) -> Motion:
     """Return a scene's motion by a plan: the blocks named, at the start and after each of the steps, s."""
-    return record(Steps(scene, plan, steps, names), names)
+    return record(Steps(scene, plan, undriven(steps), names), names)
 
 
 def substeps_counted(kernels: Model, z: Buffer) -> float:

@@ -16,7 +16,7 @@ from rbfmu.extras import remedy
 from rbfmu.models import registry
 from rbfmu.planning.select import plan
 from rbfmu.runs.plan import Plan
-from rbfmu.runs.steps import Steps, record
+from rbfmu.runs.steps import motion_of
 from rbfmu.scene.scene import SceneError
 from rbfmu.studies import Progress, one_step, tables_of
 from rbfmu.studies.chart import simulators, solvers
@@ -283,7 +283,7 @@ def _error_of(case: Case, spec: registry.ModelSpec) -> tuple[float, str]:
     chosen = Plan(spec.key, spec.method, 0, tolerance=FLOOR if order else 0.0, order=order, pinned=("mass",))
     steps = [case.interval * n for n in case.outputs_between]
     try:
-        motion = record(Steps(scene, chosen, steps, case.names), case.names)
+        motion = motion_of(scene, chosen, steps, case.names)
     except SceneError as refusal:
         return math.inf, str(refusal)
     error = case.error({name: rows[1:] for name, rows in motion.items()})

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rbfmu.runs.inputs import undriven
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.runs.steps import Steps, substeps_counted
 from rbfmu.scene.scene import SceneError
@@ -244,7 +245,7 @@ def _error_at(case: Case, step: float) -> float:
 def _substeps(case: Case) -> float:
     """Return the number of substeps; NaN if a step is refused."""
     scene = motions.MOTIONS[case.motion]
-    run = Steps(scene, case.planned, [scene.run.step] * motions.POINTS, ())
+    run = Steps(scene, case.planned, undriven([scene.run.step] * motions.POINTS), ())
     done = all(run.advance(k + 1) for k in range(motions.POINTS))
     return substeps_counted(run.kernels, run.z) if done else math.nan
 

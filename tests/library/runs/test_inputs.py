@@ -136,8 +136,8 @@ def test_round_off_of_late_times_refuses_no_table_and_cuts_no_step(start, stop, 
         tables = input_tables(one, {"torque_b": (np.nextafter(grid, way), rows)}, interpolate)
         drive = drive_of(one, tables, interpolate)
         assert len(drive.lengths) == n
-        np.testing.assert_allclose(drive.ports["torque_b"].values, rows[:-1], atol=1e-6)
-        assert drive.ports["torque_b"].at_row.all()
+        np.testing.assert_allclose(drive.values, rows[:-1], atol=1e-6)
+        assert drive.at_row.all()
 
 
 def test_prescribed_rates_take_inputs_as_well():

@@ -8,8 +8,8 @@ import rbfmu
 from rbfmu.exceptions import SimulationError
 from rbfmu.planning.select import plan
 from rbfmu.runs import steps
-from rbfmu.runs.inputs import HOLD, drive_of
-from rbfmu.runs.steps import FIRST, LONG, Driven, Steps, record, substeps_counted
+from rbfmu.runs.inputs import HOLD, drive_of, undriven
+from rbfmu.runs.steps import FIRST, LONG, Steps, record, substeps_counted
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="there is no loop")
 RNG = np.random.default_rng(24)
@@ -91,10 +91,10 @@ def test_a_run_ends_where_who_wraps_its_numbers_stops(told, calls, monkeypatch):
 
 def test_a_first_call_of_the_loop_is_short_where_steps_are_long(calls, monkeypatch):
     scene = rbfmu.Scene.from_dict(PORT)
-    planned, lengths = plan(scene), np.diff(scene.run.grid()).tolist()
+    planned, drive = plan(scene), undriven(np.diff(scene.run.grid()).tolist())
     monkeypatch.setattr(steps, "SOON", 0.0)  # any step takes longer
     calls.clear()  # of the plan's own runs
-    for _ in both_ways(lambda: record(Steps(scene, planned, lengths, ()), ("omega_b",)), planned, monkeypatch):
+    for _ in both_ways(lambda: record(Steps(scene, planned, drive, ()), ("omega_b",)), planned, monkeypatch):
         pass
     assert calls == [(k, k + 1) for k in range(1, 250)]
 
@@ -119,8 +119,8 @@ def test_a_step_that_is_refused_in_a_loop_is_named(calls, monkeypatch):
 def test_a_loop_ends_after_so_many_substeps(calls, monkeypatch):
     scene = rbfmu.Scene.from_dict(PORT)
     planned = plan(scene)
-    lengths = np.diff(scene.run.grid()).tolist()
-    ends = both_ways(lambda: record(Steps(scene, planned, lengths, ()), ("omega_b",), 3.0), planned, monkeypatch)
+    drive = undriven(np.diff(scene.run.grid()).tolist())
+    ends = both_ways(lambda: record(Steps(scene, planned, drive, ()), ("omega_b",), 3.0), planned, monkeypatch)
     one_by_one, at_once = (found["omega_b"] for found in ends)
     assert 1 < np.isfinite(at_once[:, 0]).sum() < 250
     np.testing.assert_array_equal(one_by_one, at_once)
@@ -129,7 +129,7 @@ def test_a_loop_ends_after_so_many_substeps(calls, monkeypatch):
 
 def test_too_many_substeps_are_said_of_the_time_up_to_which_they_go():
     scene = rbfmu.Scene.from_dict(PORT | {"run": {"start": 1.0, "stop": 6.0, "step": 0.02, "accuracy": 1e-8}})
-    make = lambda: Driven(scene, planned, drive_of(scene, {}, HOLD), ["omega_b"])  # noqa: E731
+    make = lambda: Steps(scene, planned, drive_of(scene, {}, HOLD), ["omega_b"])  # noqa: E731
     planned, most = plan(scene), 20.0
     with pytest.raises(SimulationError) as refused:
         make().course(["omega_b"], most=most)
@@ -145,7 +145,7 @@ def test_a_run_that_is_over_stays_so_in_a_loop(calls, monkeypatch):
     planned, lengths = plan(scene), np.diff(scene.run.grid()).tolist()
 
     def ended():
-        run = Steps(scene, planned, lengths, ())
+        run = Steps(scene, planned, undriven(lengths), ())
         at, rows, k = run.places(["omega_b"]), np.zeros((251, 3)), 0
         while (taken := run.take(k + 1, at, rows, 3.0)) > k:
             k = taken
@@ -161,15 +161,13 @@ def test_a_run_that_is_over_stays_so_in_a_loop(calls, monkeypatch):
 
 def test_steps_in_parts_are_as_long_as_steps_and_counted(calls, monkeypatch):
     scene = rbfmu.Scene.from_dict(BODY | START | RUN)
-    planned, lengths = plan(scene), np.diff(scene.run.grid())
+    planned, every_second, shown = plan(scene), np.diff(scene.run.grid())[::2].tolist(), ("quaternion",)
     planned.kernels.step.compile((float64[::1], float64))
     for before in (-(10**9), LONG + 1):
         monkeypatch.setattr(Steps, "taken_by_all", before)
-        in_parts = record(Steps(scene, planned, lengths[::2].tolist(), ("quaternion",), 2), ("quaternion",))[
-            "quaternion"
-        ]
+        in_parts = record(Steps(scene, planned, undriven(every_second, 2), shown), shown)["quaternion"]
         assert Steps.taken_by_all == before + 250
-        whole = record(Steps(scene, planned, lengths[::2].tolist(), ("quaternion",)), ("quaternion",))["quaternion"]
+        whole = record(Steps(scene, planned, undriven(every_second), shown), shown)["quaternion"]
         np.testing.assert_allclose(in_parts, whole, rtol=0.0, atol=1e-13)
     assert calls
 
@@ -180,7 +178,7 @@ def test_the_loop_calls_no_step_that_it_would_have_to_compile(monkeypatch):
     planned = plan(scene)
     planned.kernels.step.compile((float64[::1], float64))
     monkeypatch.setattr(Steps, "taken_by_all", LONG + 1)
-    run = Steps(scene, planned, np.diff(scene.run.grid()).tolist(), ())
+    run = Steps(scene, planned, undriven(np.diff(scene.run.grid()).tolist()), ())
     assert run.advance(1)
     assert run._goes_in_a_loop
     monkeypatch.setattr(planned.kernels.step, "overloads", {})

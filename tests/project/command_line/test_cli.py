@@ -388,6 +388,6 @@ def test_a_working_folder_that_is_gone_is_named(tmp_path: Path, monkeypatch: pyt
 
 def test_a_run_that_memory_does_not_hold_is_refused_in_a_line(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """2026-11-29: a run of 1e8 steps, the most that a scene may ask for, ended in a traceback."""
-    monkeypatch.setattr("rbfmu.runs.steps.Driven.course", lambda *_: np.empty((10**8, 10**8)))
+    monkeypatch.setattr("rbfmu.runs.steps.Steps.course", lambda *_: np.empty((10**8, 10**8)))
     said = refused("run", short)
     assert re.fullmatch(r"Error: memory: Unable to allocate .*: expected a longer run\.step, .*\n", said)
