@@ -10,6 +10,7 @@ import hashlib
 import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
+from pathlib import Path
 from statistics import NormalDist
 
 import numpy as np
@@ -119,31 +120,12 @@ def map_floats(function: Callable[[float], float], numbers: Array) -> Array:
 
 _MIDDLE, _FAR = 0.425, 5.0
 """Where the algorithm below changes its rational function: a value of |u - 1/2|, and of sqrt(-ln p), p the tail."""
-_RATIOS = {
-    "median": (
-        (2.5090809287301226727e3, 3.3430575583588128105e4, 6.7265770927008700853e4, 4.5921953931549871457e4,
-         1.3731693765509461125e4, 1.9715909503065514427e3, 1.3314166789178437745e2, 3.387132872796366608),
-        (5.226495278852854561e3, 2.8729085735721942674e4, 3.930789580009271061e4, 2.1213794301586595867e4,
-         5.3941960214247511077e3, 6.871870074920579083e2, 4.2313330701600911252e1, 1.0),
-    ),
-    "tails": (
-        (7.7454501427834140764e-4, 2.27238449892691845833e-2, 2.4178072517745061177e-1, 1.27045825245236838258,
-         3.64784832476320460504, 5.7694972214606914055, 4.6303378461565452959, 1.42343711074968357734),
-        (1.05075007164441684324e-9, 5.475938084995344946e-4, 1.51986665636164571966e-2, 1.4810397642748007459e-1,
-         6.8976733498510000455e-1, 1.6763848301838038494, 2.05319162663775882187, 1.0),
-    ),
-    "far": (
-        (2.01033439929228813265e-7, 2.71155556874348757815e-5, 1.2426609473880784386e-3, 2.6532189526576123093e-2,
-         2.9656057182850489123e-1, 1.7848265399172913358, 5.4637849111641143699, 6.6579046435011037772),
-        (2.04426310338993978564e-15, 1.4215117583164458887e-7, 1.8463183175100546818e-5, 7.868691311456132591e-4,
-         1.48753612908506148525e-2, 1.3692988092273580531e-1, 5.9983220655588793769e-1, 1.0),
-    ),
-}  # fmt: skip
+_MEDIAN, _TAILS, _FAR_TAILS = np.loadtxt(Path(__file__).with_name("normal_scores.csv"), delimiter=",").reshape(3, 2, 8)
 """The rational functions of M. J. Wichura's algorithm AS 241, Applied Statistics 37, 1988: numerator, denominator."""
 
 
-def _ratio(part: str, r: Array, factor: Array | float = 1.0) -> Array:
-    above, below = _RATIOS[part]
+def _ratio(part: Array, r: Array, factor: Array | float = 1.0) -> Array:
+    above, below = part
     return np.asarray(np.polyval(above, r) * factor / np.polyval(below, r))
 
 
@@ -155,12 +137,12 @@ def normal_scores(u: Array) -> Array:
     """
     q = u - 0.5
     r = 0.180625 - q * q  # the square of _MIDDLE, as the algorithm has it
-    found = _ratio("median", r, q)
+    found = _ratio(_MEDIAN, r, q)
     tails = np.flatnonzero(np.abs(q) > _MIDDLE)
     r = np.sqrt(-map_floats(math.log, np.where(q[tails] <= 0.0, u[tails], 1.0 - u[tails])))
-    x = _ratio("tails", r - 1.6)
+    x = _ratio(_TAILS, r - 1.6)
     far = np.flatnonzero(r > _FAR)
-    x[far] = _ratio("far", r[far] - _FAR)
+    x[far] = _ratio(_FAR_TAILS, r[far] - _FAR)
     found[tails] = np.copysign(x, q[tails])
     return found
 
