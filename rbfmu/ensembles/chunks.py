@@ -53,7 +53,7 @@ class Work:
     scene: Scene
     plan: Plan
     size: int
-    control: Control | None = None
+    control: Control = NOTHING
 
     @property
     def columns(self) -> names.Columns:
@@ -104,7 +104,7 @@ class Chunk(NamedTuple):
         return len(self.arrays[names.REDRAWN])
 
 
-def members_of_a_chunk(scene: Scene, plan: Plan, control: Control | None = None) -> int:
+def members_of_a_chunk(scene: Scene, plan: Plan, control: Control = NOTHING) -> int:
     """Return the number of members of a chunk, a power of 2 that depends on the ensemble but not on its number of runs.
 
     Sums are merged chunk by chunk, so that other chunks would give other bits. This allows adding runs to a store.
@@ -112,10 +112,10 @@ def members_of_a_chunk(scene: Scene, plan: Plan, control: Control | None = None)
     steps = scene.run.count
     keep = ensemble_of(scene).keep
     numbers = names.columns_of(scene).width * (steps + 1 if set(keep) - {names.FINAL} else 1)
-    numbers += steps * (control.numbers(scene) if control else 0)
-    gains = plan.kernels.lanes and plan.cost >= GAIN_FROM
-    one_by_one = plan.formulas or control  # chunks stay as before these had lanes, so that sums keep their bits
-    cost = plan.cost / (LANES_GAIN if gains and not one_by_one else 1.0)
+    numbers += steps * control.numbers(scene)
+    # with formulas or a control, chunks stay as before these had lanes, so that sums keep their bits
+    gains = plan.kernels.lanes and plan.cost >= GAIN_FROM and not plan.formulas and control is NOTHING
+    cost = plan.cost / (LANES_GAIN if gains else 1.0)
     seconds = cost * 1e-9 * steps + SET_UP
     seconds += STATISTICS_OF_ONE * numbers if names.STATISTICS in keep else 0.0
     bytes_of_outputs = MOST_BYTES if names.ALL in keep else SUMMED_BYTES
@@ -216,7 +216,7 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: A
     base, kept = filled_buffer(work.scene, plan), work.columns.places(kernels.BLOCKS)
     members = Members(base, places, values[which], kept, rows, ends, after, noted)
     numbers = (samples.first + which).tolist()
-    given = kernels, members, *driven_members(work.control or NOTHING, work.scene, kernels, numbers)
+    given = kernels, members, *driven_members(work.control, work.scene, kernels, numbers)
     with errors_named(work.scene, work.control):
         alone = not (_has_lanes(plan) and run_in_lanes(*given, compile_now=False))
         if alone:

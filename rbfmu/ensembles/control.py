@@ -122,14 +122,14 @@ NOTHING = Control({}, None)
 """The control of members that nothing drives."""
 
 
-def control_of(scene: Scene, plan: Plan, inputs: Any, controller: Any, interpolate: str = HOLD) -> Control | None:
-    """Return the control of an ensemble, or None if nothing drives it.
+def control_of(scene: Scene, plan: Plan, inputs: Any, controller: Any, interpolate: str = HOLD) -> Control:
+    """Return the control of an ensemble, NOTHING if nothing drives it.
 
     Raises SceneError and ValueError for wrong inputs or a controller that cannot run.
     """
     tables = inputs if callable(inputs) else input_tables(scene, inputs, interpolate)
     if inputs is None and controller is None:
-        return None
+        return NOTHING
     if interpolate != HOLD and not all(f"{port}_rate" in plan.kernels.BLOCKS for port in scene.inputs.ports):
         why = f"as the model {plan.model!r} takes no input derivatives"
         raise SceneError(f"interpolate = {interpolate!r}: expected {HOLD!r}, {why}", scene.name)
@@ -160,12 +160,12 @@ def _try_out(scene: Scene, plan: Plan, controller: Controller) -> None:
 
 
 @contextmanager
-def errors_named(scene: Scene, control: Control | None) -> Iterator[None]:
+def errors_named(scene: Scene, control: Control) -> Iterator[None]:
     """Turn an error that the controller raises while members run into a SceneError that names the controller."""
     try:
         yield
     except (ArithmeticError, IndexError, ValueError) as error:
-        if control is None or control.controller is None:
+        if control.controller is None:
             raise
         raise _controller_error(scene, error) from None
 

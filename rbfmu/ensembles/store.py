@@ -119,8 +119,7 @@ def identity_of(work: Work) -> dict[str, Any]:
     """Return all that the bits of an ensemble depend on, as a table for JSON."""
     plan = {k: v for k, v in work.plan.to_dict().items() if k != "reasons"}
     found = {"scene": work.scene.to_dict(), "plan": plan, "members of a chunk": work.size, "origin": origin()}
-    found |= work.control.identity if work.control else {}
-    return json.loads(json.dumps(found))  # type: ignore[no-any-return]
+    return json.loads(json.dumps(found | work.control.identity))  # type: ignore[no-any-return]
 
 
 def difference(there: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
