@@ -26,3 +26,13 @@ def needed(package: str, extra: str) -> Any:
         return import_module(package)
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f"{error.name} is not installed: {remedy(extra)}", name=error.name) from None
+
+
+def version_of(package: str) -> str:
+    """Return the version of a package that is installed; empty if none is."""
+    from importlib.metadata import PackageNotFoundError, version  # only if needed, as it loads slowly
+
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""

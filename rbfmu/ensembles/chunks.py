@@ -4,7 +4,6 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,6 +14,7 @@ from rbfmu.ensembles.control import NOTHING, Control, driven_members, errors_nam
 from rbfmu.ensembles.loops import compile_lanes, run_alone, run_in_lanes
 from rbfmu.ensembles.members import Samples, draw, ensemble_of, member, refusals
 from rbfmu.ensembles.statistics import MOST_NUMBERS, MOST_SAMPLED, Summary, most_points, sample_of, summary_of
+from rbfmu.extras import version_of
 from rbfmu.models.model_buffer import places_of, refusal
 from rbfmu.runs.plan import Plan, filled_buffer
 from rbfmu.runs.steps import refused_step
@@ -269,11 +269,4 @@ LIBRARIES = ("numpy", "scipy")
 def origin() -> dict[str, str]:
     """Return hashes of sources and versions of libraries, by name: where all are equal, the bits are the same."""
     sources = {"rbfmu": hash_of_sources(Path(__file__).parents[1]), "rbfmu_kernels": SOURCES}
-    return sources | {name: _version(name) for name in LIBRARIES}
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "absent"
+    return sources | {name: version_of(name) or "absent" for name in LIBRARIES}

@@ -6,13 +6,12 @@ import platform
 import random
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import PackageNotFoundError, version
 from itertools import takewhile
 from pathlib import Path
 from time import thread_time
 from typing import NamedTuple
 
-from rbfmu.extras import remedy
+from rbfmu.extras import remedy, version_of
 from rbfmu.models import registry
 from rbfmu.planning.select import plan
 from rbfmu.runs.plan import Plan
@@ -52,10 +51,7 @@ class Peer(NamedTuple):
     @property
     def installed(self) -> str:
         """Return the version that is installed; empty if none is."""
-        try:
-            return version(self.package)
-        except PackageNotFoundError:
-            return ""
+        return version_of(self.package)
 
 
 PEERS = {
@@ -298,7 +294,7 @@ def _error_of(case: Case, spec: registry.ModelSpec) -> tuple[float, str]:
 
 def machine() -> list[str]:
     """Return lines about the machine and the packages, for the head of a file."""
-    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "llvmlite"))
+    packages = ", ".join(f"{name} {version_of(name)}" for name in ("numpy", "numba", "llvmlite"))
     theirs = ", ".join(f"{name} {peer.installed}" for name, peer in PEERS.items() if peer.installed)
     processors = f"{_processor()}, {os.cpu_count()} processors, {platform.platform()}"
     return [*filter(None, (processors, f"Python {platform.python_version()}, {packages}", theirs)), *absent()]
