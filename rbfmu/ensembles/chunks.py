@@ -180,15 +180,12 @@ def run_samples(
     points = 1 if ends_alone else len(steps) + 1
     failed = refusals(work.scene, samples)
     which = _all_but(failed, count)
-    noted, messages = np.zeros((count, 2 * len(work.scene.events))), dict[int, str]()
-    rows = np.empty((0, points, work.columns.width))
+    rows, noted = room((count, points, work.columns.width)), np.zeros((count, 2 * len(work.scene.events)))
     if len(which):
-        rows = room((len(which), points, work.columns.width))
-        noted[which], messages = _outputs(work, samples, which, steps, rows)
-    if failed:
-        ran, rows = rows, np.empty((count, *rows.shape[1:]))
-        rows[which] = ran
-    failed |= messages
+        noted[which], messages = _outputs(work, samples, which, steps, rows[: len(which)])
+        if failed:
+            rows[which] = rows[: len(which)].copy()
+        failed |= messages
     rows[list(failed)], noted[list(failed)] = np.nan, 0.0
     return rows, _events(work.scene, noted), failed
 
