@@ -18,7 +18,6 @@ from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.planning import methods
 from rbfmu.planning.fitting import REACHED
 from rbfmu.planning.judge import Judge
-from rbfmu.planning.methods import TIGHTEST, likely_order, ratio_to, series_cost, series_of_all, series_plan
 from rbfmu.runs.motion import FLOORS, NOISE, natural_sizes
 from rbfmu.runs.plan import Plan
 from rbfmu.scene.scene import Scene
@@ -71,7 +70,7 @@ def parts_of_steps(judges: Sequence[Judge], general: Plan) -> int:
     first = judges[0]
     if first.stride == 1:
         return 1
-    likely = series_plan(general, likely_order(first.asked.accuracy), first.asked.accuracy)
+    likely = methods.series_plan(general, methods.likely_order(first.asked.accuracy), first.asked.accuracy)
     substeps = max(judge.try_out(likely, parts=first.stride)[1] for judge in judges)
     return min(max(math.ceil(INSIDE * substeps / len(first.steps)), 1), first.stride)
 
@@ -89,7 +88,7 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, parts: int, part: flo
         found = [judge.try_out(plan, parts=parts) for judge in of]
         return max(error for error, _ in found), max(substeps for _, substeps in found)
 
-    likely = series_plan(looser, min(likely_order(asked.accuracy), HIGHEST), asked.accuracy)
+    likely = methods.series_plan(looser, min(methods.likely_order(asked.accuracy), HIGHEST), asked.accuracy)
     results = [judge.try_out(likely, parts=parts) for judge in judges]
     hard = [judges[int(np.argmax(column))] for column in zip(*results, strict=True)]
     bound = part * asked.accuracy
@@ -99,7 +98,7 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, parts: int, part: flo
         while 6 <= order <= HIGHEST and idle < 2:
             found, tolerance, substeps = _loosest(lambda plan: worst(plan, hard), looser, order, tolerance, bound)
             work = at_bound(found, bound, looser.tolerance, substeps, steps) if found else math.inf
-            cost = methods.cost_in_lanes(work, steps, series_cost(order, asked.load_shares))
+            cost = methods.cost_in_lanes(work, steps, methods.series_cost(order, asked.load_shares))
             idle = idle + 1 if cost >= least else 0
             if found is not None and cost < least:
                 best, least = found, cost
@@ -109,7 +108,7 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, parts: int, part: flo
     found, _, substeps = _loosest(lambda plan: worst(plan, judges), looser, best.order, best.tolerance, bound)
     if found is None:
         return None
-    return replace(found, cost=series_cost(found.order, asked.load_shares) * substeps / steps)
+    return replace(found, cost=methods.series_cost(found.order, asked.load_shares) * substeps / steps)
 
 
 def follow_in_doubles(judges: Sequence[Judge]) -> None:
@@ -119,8 +118,8 @@ def follow_in_doubles(judges: Sequence[Judge]) -> None:
     as all other work here.
     """
     for judge in judges:
-        judge.follow_by(series_of_all(judge.asked, MAX_ORDER - 4, TIGHT))
-        if judge.try_out(series_of_all(judge.asked, MAX_ORDER - 8, TIGHT))[0] > LITTLE * judge.asked.accuracy:
+        judge.follow_by(methods.series_of_all(judge.asked, MAX_ORDER - 4, TIGHT))
+        if judge.try_out(methods.series_of_all(judge.asked, MAX_ORDER - 8, TIGHT))[0] > LITTLE * judge.asked.accuracy:
             for each in judges:
                 each.forget()
             return
@@ -144,13 +143,13 @@ def _loosest(
     """Return the plan of an order whose error is at or a little below a bound, its tolerance, and its substeps."""
     kept, substeps = None, math.inf
     for _ in range(4):
-        plan = series_plan(general, order, tolerance)
+        plan = methods.series_plan(general, order, tolerance)
         error, count = worst(plan)
         if error <= bound and (kept is None or count <= substeps):
             kept, substeps = replace(plan, error=error), count
         if 0.1 * bound <= error <= bound or (error <= bound and plan.tolerance >= general.tolerance):
             break
-        tolerance = min(max(ratio_to(0.4 * bound, error), 1e-4), 1e2) * plan.tolerance
+        tolerance = min(max(methods.ratio_to(0.4 * bound, error), 1e-4), 1e2) * plan.tolerance
     return kept, kept.tolerance if kept else tolerance, substeps
 
 
@@ -208,7 +207,7 @@ def for_the_worst(scouts: Scouts, fitted: Plan) -> Plan | None:
     """
     accuracy, found, kept = scouts.scene.run.accuracy, fitted, None
     # closer to the tolerance of the scouts' truth, differences would contain the errors of both
-    least, pilots = max(10.0 * scouts.exact.tolerance, TIGHTEST), max(found.error, TINY) / found.tolerance
+    least, pilots = max(10.0 * scouts.exact.tolerance, methods.TIGHTEST), max(found.error, TINY) / found.tolerance
     most = min(REACHED / pilots, LOOSER) * accuracy  # at which the worst pilot meets the accuracy as well
     while found.tolerance >= least:
         worst = scouts.likely_worst(found)
@@ -230,7 +229,7 @@ def dearest(judges: Sequence[Judge], found: Plan) -> Plan:
     """Return the series with its cost for the pilot that takes most substeps."""
     asked = judges[0].asked
     substeps = max(judge.try_out(found, parts=judge.stride)[1] for judge in judges) / asked.scene.run.count
-    return replace(found, cost=series_cost(found.order, asked.load_shares) * substeps)
+    return replace(found, cost=methods.series_cost(found.order, asked.load_shares) * substeps)
 
 
 def with_likely_error(scene: Scene, found: Plan, names: tuple[str, ...]) -> Plan:
