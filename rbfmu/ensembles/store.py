@@ -9,8 +9,9 @@ import errno
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from glob import escape
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -20,6 +21,7 @@ import numpy as np
 from rbfmu.ensembles import attitudes, variables as names
 from rbfmu.ensembles.chunks import Chunk, Work, origin
 from rbfmu.ensembles.statistics import Statistics, exact_quantiles
+from rbfmu.on_disk import replacing
 from rbfmu.result import read_npz, write_npz
 from rbfmu.runs.motion import attitude_error
 from rbfmu.types import Array
@@ -81,7 +83,7 @@ class Checkpoint:
     runs: int = 0
 
     def write(self, path: Path) -> None:
-        """Write a file beside the path, or beside the target of a link, and rename it: no file is ever half written.
+        """Replace the file at the path, or the one that a link names, as a whole: no file is ever half written.
 
         A rename is atomic (POSIX), and `fsync` before it prevents that a crash of the machine leaves an empty file.
         """
@@ -90,17 +92,10 @@ class Checkpoint:
         head = {"identity": self.identity, "chunks": self.progress.chunks, "runs": self.runs, "rows": [*self.rows]}
         head["failed"] = list(self.progress.failed.items())
         kept |= {_HEAD: np.array(json.dumps(head)), **self.rows, **self.results}
-        path = Path(os.path.realpath(path))
-        part = path.with_name(f"{path.name}.partial")
-        try:
-            with part.open("wb") as file:
-                write_npz(file, kept)
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(path)
-        finally:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
+        with replacing(path) as file:
+            write_npz(file, kept)
+            file.flush()
+            os.fsync(file.fileno())
 
     @classmethod
     def read(cls, path: Path) -> "Checkpoint":
@@ -180,6 +175,10 @@ class Store:
         that exists and is not to be resumed, ValueError if it is damaged or of another ensemble.
         """
         known = self._checkpoint(resume)
+        if self._file is not None:
+            there = Path(os.path.realpath(self._file))
+            for part in there.parent.glob(f"{escape(there.name)}.*.part"):  # left by a program that was killed
+                part.unlink()
         self._open(known)
         if known is None:
             self._write(self.progress, {})

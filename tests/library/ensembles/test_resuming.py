@@ -5,6 +5,7 @@ import os
 import platform
 import shutil
 import signal
+import stat
 import subprocess
 import sys
 import threading
@@ -371,6 +372,7 @@ def test_a_program_that_is_killed_at_any_moment_goes_on(whole, tmp_path, store, 
     assert len(rows) == moments
     for place, *_ in rows:
         assert_same(whole, EnsembleResult.load(place))
+    assert list(tmp_path.rglob("*.part*")) == []
     assert str(-signal.SIGKILL) in {row[4] for row in rows}  # some were killed twice
     assert len({row[1] for row in rows}) == moments
 
@@ -385,4 +387,16 @@ def test_a_full_disk_is_said_and_what_is_there_goes_on(whole, tmp_path, monkeypa
     assert caught.value.errno == errno.EFBIG
     assert caught.value.filename.startswith(str(tmp_path / store))
     assert_same(whole, run(satellite(), tmp_path / store, resume=True))
-    assert list(tmp_path.rglob("*.partial")) == []
+    assert list(tmp_path.rglob("*.part*")) == []
+
+
+@pytest.mark.parametrize("store", STORES)
+def test_a_store_keeps_its_permissions_and_loses_what_a_killed_program_left(scene, tmp_path, store):
+    """2026-12-01: a store that its owner alone may read was open to all once it was resumed."""
+    run(scene, tmp_path / store, runs=17)
+    (file,) = (path for path in tmp_path.rglob("*.npz"))
+    file.chmod(0o600)
+    file.with_name(f"{file.name}.0123abcd.part").write_bytes(b"half")
+    run(scene, tmp_path / store, resume=True)
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert list(tmp_path.rglob("*.part*")) == []
