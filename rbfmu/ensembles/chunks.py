@@ -215,7 +215,8 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: A
     numbers = (samples.first + which).tolist()
     given = kernels, members, *driven_members(work.control, work.scene, kernels, numbers)
     with errors_named(work.scene, work.control):
-        alone = not (_has_lanes(plan) and run_in_lanes(*given, compile_now=False))
+        goes_in_lanes = plan.cost >= LANES_FROM or not plan.formulas
+        alone = not (goes_in_lanes and run_in_lanes(*given, compile_now=False))
         if alone:
             run_alone(*given)
     if alone and compiling_pays(work, len(steps)):  # while the next members run; bits are the same either way
@@ -225,16 +226,9 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: A
 
 
 def compiling_pays(work: Work, steps: int) -> bool:
-    """Return whether lanes finish sooner, with the time to compile them."""
-    return (
-        _has_lanes(work.plan)
-        and work.plan.cost >= LANES_FROM
-        and work.runs * steps * work.plan.cost * 1e-9 >= WORTH_COMPILING
-    )
-
-
-def _has_lanes(plan: Plan) -> bool:
-    return bool(plan.kernels.lanes) and (plan.cost >= LANES_FROM or not plan.formulas)
+    """Return whether lanes, if the model has any, finish sooner, with the time to compile them."""
+    cost = work.plan.cost
+    return cost >= LANES_FROM and work.runs * steps * cost * 1e-9 >= WORTH_COMPILING
 
 
 def varied_numbers(scene: Scene, applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:
