@@ -131,9 +131,8 @@ def run_chunk(work: Work, index: int) -> Chunk:
     first = index * work.size
     samples = draw(work.scene, first, min(work.size, work.runs - first))
     count = len(samples)
-    summed = work.keeps(names.STATISTICS) and not work.keeps(names.ALL)
     ends_alone = not (work.keeps(names.STATISTICS) or work.keeps(names.ALL))
-    rows, events, failed = run_samples(work, samples, ends_alone, _same_room if summed else np.empty)
+    rows, events, failed = run_samples(work, samples, ends_alone, np.empty if work.keeps(names.ALL) else _same_room)
     good = _all_but(failed, count)
     summary = None
     if work.keeps(names.STATISTICS):
@@ -152,7 +151,7 @@ _ROOM = threading.local()
 
 
 def _same_room(shape: tuple[int, ...]) -> Array:
-    """Return an array of this shape in memory that each thread reuses: its rows are summed up before the next chunk.
+    """Return an array of this shape in memory that each thread reuses: its rows are not used after their chunk.
 
     Allocating new memory for each chunk takes as long as filling it.
     """
