@@ -140,7 +140,7 @@ class Simulator:
         self._start, self._h, self._last_time = run.start, run.step, run.last_time
         self._last, self._end = run.count, run.end
         self.time, self._count = run.start, 0
-        self._events = Events(self.scene, self.plan, self._z) if self.scene.events else None
+        self._events = Events(self.scene, blocks, self._z) if self.scene.events else None
         self._no_reports = (math.nan,) * len(self.scene.events)
         self._old_reports = self._reports = self._no_reports
         """When `step_to_event` reported each event, s: before the last step, and at its end; NaN if it did not."""

@@ -48,7 +48,7 @@ class Steps:
     def __init__(
         self, scene: Scene, plan: Plan, drive: Drive, names: Collection[str] | None = None, runs: int = 1
     ) -> None:
-        self._scene, self._plan, self.kernels = scene, plan, plan.kernels
+        self._scene, self.kernels = scene, plan.kernels
         self._time, self._lengths, self._counts = drive.time, drive.lengths, drive.counts.astype(np.int64, copy=False)
         self.count = len(self._counts) - 1
         rates = [f"{port}_rate" for port in drive.ports]
@@ -141,7 +141,7 @@ class Steps:
         progress: wraps the numbers of steps; if it stops early, so do times and rows. most: the number of substeps
         after which a step is refused. Raises SimulationError if one is refused.
         """
-        self.events = Events(self._scene, self._plan, self.z) if self._scene.events else None
+        self.events = Events(self._scene, self.kernels.BLOCKS, self.z) if self._scene.events else None
         at, time, numbers, taken, reached = self.places(names), self._time, range(1, self.count + 1), 0, 0
         rows = np.empty((len(time), len(at)))
         rows[0] = self.z[at]
@@ -258,8 +258,7 @@ class Events:
     ending: the names of events that end the run.
     """
 
-    def __init__(self, scene: Scene, plan: Plan, z: Buffer) -> None:
-        blocks = plan.kernels.BLOCKS
+    def __init__(self, scene: Scene, blocks: dict[str, slice], z: Buffer) -> None:
         self.names, self.ending = (*scene.events,), {name for name, event in scene.events.items() if event.stop}
         self._count, self._list = z[blocks["events.listed"]], z[blocks["events.list"]].reshape(-1, 3)
         self.taken: list[Occurrence] = []
