@@ -157,23 +157,22 @@ def _reasons_of_model(pilot: question.Question, chosen: Plan) -> Iterator[str]:
     """Yield what the model leaves out, and why it is valid, with one pilot's numbers."""
     if chosen.model == registry.PRESCRIBED_RATES.key:
         yield closed_forms.PRESCRIBED
-        return
-    if chosen.formulas and chosen.spec.closed_form:
+    elif chosen.formulas and chosen.spec.closed_form:
         yield from chosen.reasons
-        return
-    if chosen.formulas:
+    elif chosen.formulas:
         from rbfmu.planning.formulas import what_formulas_read  # only if needed, as it loads slowly
 
         yield from what_formulas_read(pilot, chosen)
         yield f"{held_over_a_run(chosen)} in every member"
-        return
-    yield from closed_forms.what_is_left_out(pilot, chosen.spec.force_keeps_direction)
-    if chosen.spec.closed_form:
-        yield from closed_forms.why_exact(pilot, chosen.spec)
-    elif chosen.tolerance > 0.0 and not chosen.span:
-        yield f"{chosen.method} at tolerance {chosen.tolerance:.1e}: the cheapest of those that serve all pilot members"
-    elif chosen.tolerance > 0.0:
-        yield f"{held_over_a_run(chosen)} in every member"
+    else:
+        yield from closed_forms.what_is_left_out(pilot, chosen.spec.force_keeps_direction)
+        if chosen.spec.closed_form:
+            yield from closed_forms.why_exact(pilot, chosen.spec)
+        elif chosen.tolerance > 0.0 and not chosen.span:
+            served = "the cheapest of those that serve all pilot members"
+            yield f"{chosen.method} at tolerance {chosen.tolerance:.1e}: {served}"
+        elif chosen.tolerance > 0.0:
+            yield f"{held_over_a_run(chosen)} in every member"
 
 
 def _reasons_of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> Iterator[str]:
