@@ -26,6 +26,7 @@ from rbfmu.simulation import run_of, simulate
 from rbfmu.types import Array
 from rbfmu_kernels import Quaternion, Vec3, principal_axes, quaternion_from_matrix
 from rbfmu_kernels.compile.tiered import evaluated
+from rbfmu_kernels.mechanics.inertia import INERTIA_TOLERANCE
 
 # The shape
 
@@ -74,7 +75,9 @@ def shape_of(scene: Scene | None, as_box: bool = False) -> Shape:
         (kind, sides_of), what, q_bp = DRAWN[given["kind"]], given["kind"], UNTURNED
         sides = sides_of(given)
     else:
-        moments, axes = evaluated(principal_axes, scene.body.inertia)
+        M = np.array(scene.body.inertia)
+        M[np.abs(M) <= INERTIA_TOLERANCE * np.trace(M)] = 0.0  # by round-off, equal moments would have any axes
+        moments, axes = evaluated(principal_axes, M.tolist())
         kind, what, q_bp = "box", "box with the body's mass and inertia", evaluated(quaternion_from_matrix, axes)
         sides = equivalent_box(scene.body.mass, moments)
     x, y, z = (float(max(side, THINNEST * max(sides))) for side in sides)

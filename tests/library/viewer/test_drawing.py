@@ -41,6 +41,11 @@ def test_a_box_in_any_axes_is_drawn_along_its_own() -> None:
     assert sorted(shape.sides) == pytest.approx(sorted(SIDES), rel=1e-12)
 
 
+def test_round_off_in_equal_moments_does_not_turn_what_is_drawn() -> None:
+    inertia = [[1.0, 3e-17, 0.0], [3e-17, 1.0, -2e-17], [0.0, -2e-17, 2.0]]
+    assert shape_of(scene(body={"mass": MASS, "inertia": inertia})).q_bp == (1.0, 0.0, 0.0, 0.0)
+
+
 @pytest.mark.parametrize(("written", "kind", "sides"), [
     ({"kind": "box", "sides": [1, 2, 3]}, "box", (1, 2, 3)),
     ({"kind": "beam", "length": 2.0}, "box", (2, 2 * viewer.THINNEST, 2 * viewer.THINNEST)),
