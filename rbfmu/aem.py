@@ -80,7 +80,7 @@ def read_aem(path: Path) -> dict[str, Array]:
                 origin = _seconds(found[1])
             elif line == "META_START":
                 meta, begins = {}, True
-            elif equals:
+            elif equals and begins:
                 meta[key] = value.upper()
             elif line and line.split()[0] not in ("COMMENT", "META_STOP", "DATA_START", "DATA_STOP"):
                 row = _row(line.split(), meta)

@@ -237,6 +237,7 @@ def changed(old: str, new: str) -> str:
     (changed("1996-11-28T22:08:03.5555", "1996-11-28"), "line 23: '1996-11-28': expected a time such as 2000-01-01T"),
     (changed("1996-11-28T22:08:03.5555", "1996-13-28T22:08:03"), "line 23: month must be in 1..12"),
     (changed("1996-11-28T22:08:03.5555", "1996-11-28T20:08:03"), "in row 2: expected times that increase"),
+    (changed("1996-11-28T22:08:03.5555", "QUATERNION_TYPE = FIRST\n1996"), "line 23: expected a time and 4 numbers"),
     (HEAD + FIRST_SEGMENT.partition("DATA_START")[0], "line 20: expected lines of attitudes"),
     (changed("0.31964\nDATA_STOP", "0.3196"), "line 25: expected DATA_STOP after the attitudes; the file has been cut"),
 ])  # fmt: skip
