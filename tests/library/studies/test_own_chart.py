@@ -233,6 +233,8 @@ def test_a_chart_has_its_plan_and_its_methods(small_chart: Chart) -> None:
 
 @pytest.mark.thorough
 def test_all_points_are_in_the_file_with_the_machine(small_chart: Chart, tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="folder = 3: expected a path"):
+        small_chart.save(3)
     paths = small_chart.save(tmp_path / "charts")
     assert [path.name for path in paths] == ["top_falling.csv", "top_falling.txt", "top_falling.png"]
     lines = paths[0].read_text().splitlines()
