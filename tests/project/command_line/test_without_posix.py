@@ -1,6 +1,5 @@
 """The product without what Python has on POSIX alone, and without an encoding of files that is as on Linux."""
 
-import os
 import re
 import shlex
 import subprocess
@@ -8,7 +7,7 @@ import sys
 
 import pytest
 
-from tests.support.paths import ROOT
+from tests.support.paths import with_sources
 
 SCENE = """
 name = "Kreisel, größer"
@@ -31,7 +30,7 @@ seed = 1
 
 
 def without_posix(folder, *lines):
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONWARNDEFAULTENCODING": "1"}
+    environment = with_sources(PYTHONWARNDEFAULTENCODING="1")
     command = [sys.executable, "-m", "tests.support.without_posix", *lines]
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
 
