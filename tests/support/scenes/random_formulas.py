@@ -244,11 +244,11 @@ def _corners(simulator, scene):
     sides = lambda: tuple(simulator.buffer()[place])  # noqa: E731
     found = []
     for k in range(steps - 1):
-        before, begun = simulator.save(), sides()
+        before, begun, t = simulator.save(), sides(), simulator.time
         simulator.step(h)
         if all(begun) and sides() != begun:
             end, (low, high) = simulator.save(), (0.0, h)
-            while low < (middle := 0.5 * (low + high)) < high:
+            while low < (middle := 0.5 * (low + high)) < high and t < t + middle:  # else the step would be refused
                 simulator.restore(before)
                 simulator.step(middle)
                 low, high = (middle, high) if sides() == begun else (low, middle)
