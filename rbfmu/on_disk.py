@@ -10,6 +10,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from glob import escape
 from importlib.util import find_spec
 from pathlib import Path
 from secrets import token_hex
@@ -98,6 +99,14 @@ def replacing(path: Path, mode: str = "wb", **text: Any) -> Iterator[IO[Any]]:
     except OSError as error:
         error.filename = str(path)  # the error of a full disk names no file, other errors name the temporary one
         raise
+
+
+def remove_parts(path: Path) -> None:
+    """Remove what killed programs left half written for this path; no other program may be writing to it now."""
+    target = Path(os.path.realpath(path))
+    for part in target.parent.glob(f"{escape(target.name)}.*.part"):
+        with suppress(OSError):  # it is another user's
+            part.unlink()
 
 
 def try_replacing(path: Path) -> None:

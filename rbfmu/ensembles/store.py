@@ -11,7 +11,6 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from glob import escape
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -21,7 +20,7 @@ import numpy as np
 from rbfmu.ensembles import attitudes, variables as names
 from rbfmu.ensembles.chunks import Chunk, Work, origin
 from rbfmu.ensembles.statistics import Statistics, exact_quantiles
-from rbfmu.on_disk import replacing
+from rbfmu.on_disk import remove_parts, replacing
 from rbfmu.result import read_npz, write_npz
 from rbfmu.runs.motion import attitude_error
 from rbfmu.types import Array
@@ -176,9 +175,7 @@ class Store:
         """
         known = self._checkpoint(resume)
         if self._file is not None:
-            there = Path(os.path.realpath(self._file))
-            for part in there.parent.glob(f"{escape(there.name)}.*.part"):  # left by a program that was killed
-                part.unlink()
+            remove_parts(self._file)
         self._open(known)
         if known is None:
             self._write(self.progress, {})

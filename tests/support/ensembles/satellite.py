@@ -9,6 +9,8 @@ from rbfmu.runs.plan import Plan
 FILE = Path(__file__).with_name("satellite.toml")
 PLAN = Plan("body under loads, by series", "series", 7, tolerance=1e-9, order=12, cost=7.5e6)
 """A plan whose stated cost makes chunks of 8 members."""
+STORES = ["store.npz", "store.zarr"]
+"""A name for each kind of store."""
 
 
 def satellite() -> Scene:
