@@ -40,9 +40,9 @@ should. With formulas a run costs 1.1 to 2.9 times less in lanes.
 """
 LANES_FROM, WORTH_COMPILING = 100.0, 2.0
 """LANES_FROM: the cost of a step, ns, from which on lanes are compiled, and are used with formulas. Cheaper steps, of a
-series that serves several, take as long one by one. WORTH_COMPILING: the time of all members one by one, s, from which
-on lanes are compiled, once, while the first members run: this takes four to ten seconds of a processor, which pay at
-the next call if not at this one.
+series that serves several, take as long one by one, unless outputs are interpolated. WORTH_COMPILING: the time of all
+members one by one, s, from which on lanes are compiled, once, while the first members run: this takes four to ten
+seconds of a processor, which pay at the next call if not at this one.
 """
 
 
@@ -214,20 +214,21 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: A
     numbers = (samples.first + which).tolist()
     given = kernels, members, *driven_members(work.control, work.scene, kernels, numbers)
     with errors_named(work.scene, work.control):
-        goes_in_lanes = plan.cost >= LANES_FROM or not plan.formulas
-        alone = not (goes_in_lanes and run_in_lanes(*given, compile_now=False))
+        goes_in_lanes, through = plan.cost >= LANES_FROM or not plan.formulas, plan.runs_through(work.scene)
+        alone = not (goes_in_lanes and run_in_lanes(*given, through, compile_now=False))
         if alone:
-            run_alone(*given)
+            run_alone(*given, through)
     if alone and compiling_pays(work, len(steps)):  # while the next members run; bits are the same either way
-        compile_lanes(kernels)
+        compile_lanes(kernels, through)
     bad = np.flatnonzero((ends[:, 0] != 0) | (ends[:, 1] < len(steps)))
     return noted, {int(which[k]): _message(work.scene, plan, samples, int(which[k]), ends[k]) for k in bad}
 
 
 def compiling_pays(work: Work, steps: int) -> bool:
     """Return whether lanes, if the model has any, finish sooner, with the time to compile them."""
-    cost = work.plan.cost
-    return cost >= LANES_FROM and work.runs * steps * cost * 1e-9 >= WORTH_COMPILING
+    plan = work.plan
+    gains = plan.cost >= LANES_FROM or plan.runs_through(work.scene)
+    return gains and work.runs * steps * plan.cost * 1e-9 >= WORTH_COMPILING
 
 
 def varied_numbers(scene: Scene, applied: Mapping[str, Array], blocks: dict[str, slice]) -> tuple[Indices, Array]:

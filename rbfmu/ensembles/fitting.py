@@ -35,10 +35,8 @@ TIGHT, LITTLE = 1e-16, 1e-3
 parts of the accuracy; and the largest tolerance of the scouts' truth, as a part of the plan's tolerance."""
 HIGHEST = 20
 """The highest order of series."""
-POINTS, INSIDE = 1_000, 16
-"""POINTS: about the number of communication points at which pilots and scouts are compared; longer runs skip some.
-INSIDE: the number of steps in a series above which the series does not depend on the length of these steps.
-"""
+POINTS = 1_000
+"""About the number of communication points at which pilots and scouts are compared; longer runs skip some."""
 SCOUTS, FEWEST, TAIL, HEAVY = 1024, 64, 32, 5.0
 """SCOUTS, FEWEST: the largest and the smallest number of scouts. TAIL: the number of largest errors from which the tail
 is estimated. HEAVY: more scouts are run if the estimated worst error is more than HEAVY times the largest one seen."""
@@ -62,34 +60,21 @@ APART = (1 << 32) + 1
 """The number of the attempt (see `draws.at_random`) by which scouts are drawn; no member and no pilot has it."""
 
 
-def parts_of_steps(judges: Sequence[Judge], general: Plan) -> int:
-    """Return the number of equal steps between two points at which pilots and scouts are compared.
-
-    It is the number of the run's steps there, or fewer where a series serves many steps.
-    """
-    first = judges[0]
-    if first.stride == 1:
-        return 1
-    likely = methods.series_plan(general, methods.likely_order(first.asked.accuracy), first.asked.accuracy)
-    substeps = max(judge.try_out(likely, parts=first.stride)[1] for judge in judges)
-    return min(max(math.ceil(INSIDE * substeps / len(first.steps)), 1), first.stride)
-
-
-def fit_of_members(judges: Sequence[Judge], general: Plan, parts: int, part: float) -> Plan | None:
+def fit_of_members(judges: Sequence[Judge], general: Plan, part: float) -> Plan | None:
     """Return the cheapest series whose errors in all pilots are at most `part` of the accuracy.
 
     Orders are compared on two pilots: the one with the largest error and the one with the most substeps. The tolerance
-    of the best order is then fitted to all pilots. parts: see `parts_of_steps`. None if no tolerance is tight enough.
+    of the best order is then fitted to all pilots. None if no tolerance is tight enough.
     """
     asked = judges[0].asked
-    looser, steps = replace(general, tolerance=LOOSER * asked.accuracy), asked.scene.run.count
+    looser = replace(general, tolerance=LOOSER * asked.accuracy)
 
     def worst(plan: Plan, of: Sequence[Judge]) -> tuple[float, float]:
-        found = [judge.try_out(plan, parts=parts) for judge in of]
+        found = [_tried(judge, plan) for judge in of]
         return max(error for error, _ in found), max(substeps for _, substeps in found)
 
     likely = methods.series_plan(looser, min(methods.likely_order(asked.accuracy), HIGHEST), asked.accuracy)
-    results = [judge.try_out(likely, parts=parts) for judge in judges]
+    results = [_tried(judge, likely) for judge in judges]
     hard = [judges[int(np.argmax(column))] for column in zip(*results, strict=True)]
     bound = part * asked.accuracy
     best, least = None, math.inf
@@ -97,8 +82,8 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, parts: int, part: flo
         order, idle, tolerance = likely.order + min(way, 0), 0, likely.tolerance
         while 6 <= order <= HIGHEST and idle < 2:
             found, tolerance, substeps = _loosest(lambda plan: worst(plan, hard), looser, order, tolerance, bound)
-            work = at_bound(found, bound, looser.tolerance, substeps, steps) if found else math.inf
-            cost = methods.cost_in_lanes(work, steps, methods.series_cost(order, asked.load_shares))
+            work = at_bound(found, bound, looser.tolerance, substeps) if found else math.inf
+            cost = work * methods.series_cost(order, asked.load_shares)
             idle = idle + 1 if cost >= least else 0
             if found is not None and cost < least:
                 best, least = found, cost
@@ -108,7 +93,18 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, parts: int, part: flo
     found, _, substeps = _loosest(lambda plan: worst(plan, judges), looser, best.order, best.tolerance, bound)
     if found is None:
         return None
-    return replace(found, cost=methods.series_cost(found.order, asked.load_shares) * substeps / steps)
+    return _costing(found, asked, substeps)
+
+
+def _tried(judge: Judge, plan: Plan) -> tuple[float, float]:
+    """Return what `Judge.try_out` does, in the run's own steps where substeps end at each."""
+    return judge.try_out(plan, parts=1 if plan.interpolated else judge.stride)
+
+
+def _costing(found: Plan, asked: Question, substeps: float) -> Plan:
+    """Return the plan with the cost of a communication step's substeps, given their number in a run."""
+    cost = methods.series_cost(found.order, asked.load_shares) * substeps / asked.scene.run.count
+    return replace(found, cost=cost)
 
 
 def follow_in_doubles(judges: Sequence[Judge]) -> None:
@@ -125,16 +121,13 @@ def follow_in_doubles(judges: Sequence[Judge]) -> None:
             return
 
 
-def at_bound(found: Plan, bound: float, loosest: float, substeps: float, steps: int) -> float:
+def at_bound(found: Plan, bound: float, loosest: float, substeps: float) -> float:
     """Return the expected number of substeps at the tolerance whose error is the bound, or at the loosest tolerance.
 
-    The error is proportional to (length of a substep)^order. Each communication step has a whole number of substeps,
-    unless a series serves several steps.
+    The error is proportional to (length of a substep)^order.
     """
-    if found.tolerance >= loosest:
-        return substeps
-    fewer: float = substeps * (max(found.error, TINY) / bound) ** (1.0 / found.order)
-    return fewer if substeps < steps else steps * math.ceil(fewer / steps)
+    less: float = 1.0 if found.tolerance >= loosest else (max(found.error, TINY) / bound) ** (1.0 / found.order)
+    return less * substeps
 
 
 def _loosest(
@@ -161,18 +154,15 @@ class Scouts:
     Scouts run in lanes, and each costs as much as a few members.
     """
 
-    def __init__(
-        self, scene: Scene, plan: Plan, names: tuple[str, ...], parts: int | None = None, seconds: float = SECONDS
-    ) -> None:
+    def __init__(self, scene: Scene, plan: Plan, names: tuple[str, ...], seconds: float = SECONDS) -> None:
         """Run the scouts at the far tighter tolerance.
 
-        names: the quantities that are compared; parts: see `parts_of_steps`, by default the number of the run's steps
-        between two points; seconds: the time that scouts may take, which limits their number.
+        names: the quantities that are compared; seconds: the time that scouts may take, which limits their number.
         """
         steps = scene.run.count
         stride = math.ceil(steps / POINTS)
         self.scene = scene.replace({"outputs.quantities": names, "run.step": stride * scene.run.step})
-        self.seconds, self.control = seconds, Control({}, None, parts=min(parts or stride, stride))
+        self.seconds, self.control = seconds, Control({}, None, parts=1 if plan.interpolated else stride)
         self.at_rest = _sizes_at_rest(Question(scene))
         self.columns = variables.Columns(tuple(OUTPUT[n] for n in names))
         numbers = self.columns.width * (self.scene.run.count + 1)
@@ -227,9 +217,7 @@ def for_the_worst(scouts: Scouts, fitted: Plan) -> Plan | None:
 
 def dearest(judges: Sequence[Judge], found: Plan) -> Plan:
     """Return the series with its cost for the pilot that takes most substeps."""
-    asked = judges[0].asked
-    substeps = max(judge.try_out(found, parts=judge.stride)[1] for judge in judges) / asked.scene.run.count
-    return replace(found, cost=methods.series_cost(found.order, asked.load_shares) * substeps)
+    return _costing(found, judges[0].asked, max(_tried(judge, found)[1] for judge in judges))
 
 
 def with_likely_error(scene: Scene, found: Plan, names: tuple[str, ...]) -> Plan:

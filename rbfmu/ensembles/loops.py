@@ -21,6 +21,7 @@ from rbfmu_kernels.body.members import Driving, Members, Room, Run, begin, drive
 from rbfmu_kernels.compile.decorator import kernel, loop
 from rbfmu_kernels.compile.simd import WIDEST, add_lanes, lanes, lanes_at, multiply_lanes, numbers, put_lanes
 from rbfmu_kernels.compile.tiered import has_code
+from rbfmu_kernels.mechanics.equations_of_motion import ROTATION
 from rbfmu_kernels.numerics.elementary import sincos
 
 _NUMBERS, _TABLE, _BLOCK = float64[::1], float64[:, ::1], float64[:, :, ::1]
@@ -28,6 +29,8 @@ _INDICES, _PAIRS = int64[::1], int64[:, ::1]
 CONTROLLED = (float64, _NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS)
 """The types of a controller's arguments."""
 _INITIALIZE, _STEP = types.FunctionType(int64(_NUMBERS)), types.FunctionType(int64(_NUMBERS, float64))
+_THROUGH = (_NUMBERS, _NUMBERS, _INDICES, _TABLE, _TABLE)
+"""The types of the arguments of a model's `run_through`."""
 
 
 @cache
@@ -36,12 +39,13 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     return loop(function, _SIGNATURES[function])  # type: ignore[no-any-return]
 
 
-def entries(model: Any) -> tuple[Any, Any]:
-    """Return `initialize` and `step` of a model, compiled for `run_members`."""
-    for entry, arguments in ((model.initialize, (_NUMBERS,)), (model.step, (_NUMBERS, float64))):
+def entries(model: Any, through: bool = False) -> tuple[Any, Any]:
+    """Return `initialize` and `step` of a model, or `run_through`, compiled for `run_members` and `run_through`."""
+    second = (model.run_through, _THROUGH) if through else (model.step, (_NUMBERS, float64))
+    for entry, arguments in ((model.initialize, (_NUMBERS,)), second):
         if hasattr(entry, "compile"):  # not where the JIT is disabled
             entry.compile(arguments)
-    return model.initialize, model.step
+    return model.initialize, second[0]
 
 
 def run_members(
@@ -65,6 +69,21 @@ def run_members(
                 fine = fine and step(z, driving.lengths[piece]) == 0
             k += 1
         note(z, i, run)
+    return 0
+
+
+def run_through(
+    initialize: Any, through: Any, which: Any, control: Any, members: Members, driving: Driving, room: Room, z: Any,
+    state: Any,
+) -> int:  # fmt: skip
+    """Run the members of the numbers `which`, one after the other, by a model's `run_through`; see `run_members`."""
+    run = Run(control, members, driving, room)
+    for i in which:
+        begin(z, state, i, len(members.base), run)
+        members.ends[i, 0] = initialize(z)
+        if members.ends[i, 0] == 0:
+            record(z, i, 0, run)
+            members.ends[i, 1] = through(z, driving.time, members.kept, members.rows[i], room.states[0])
     return 0
 
 
@@ -225,10 +244,11 @@ _GIVEN = (
     types.FunctionType(types.void(*CONTROLLED)),
     types.NamedTuple((_NUMBERS, _INDICES, _TABLE, _INDICES, _BLOCK, _PAIRS, _INDICES, _TABLE), Members),
     types.NamedTuple((_INDICES, _INDICES, _NUMBERS, _NUMBERS, _PAIRS, _TABLE, _TABLE, _NUMBERS, _BLOCK), Driving),
-    types.NamedUniTuple(_NUMBERS, 2, Room),
+    types.NamedTuple((_NUMBERS, _NUMBERS, _BLOCK), Room),
 )
 _SIGNATURES: dict[Callable[..., Any], Any] = {
     run_members: int64(_INITIALIZE, _STEP, *_GIVEN, _NUMBERS, _NUMBERS),
+    run_through: int64(_INITIALIZE, types.FunctionType(int64(*_THROUGH)), _INDICES, *_GIVEN, _NUMBERS, _NUMBERS),
     moments: int64(_BLOCK, _INDICES, int64, _INDICES, _PAIRS, _TABLE, _TABLE, _TABLE),
     merged: int64(_INDICES, _INDICES, _PAIRS, _INDICES),
 }
@@ -242,44 +262,59 @@ MOST_MODELS = 16
 """Models whose lanes are remembered: a user's loop that writes numbers into formulas makes a new model each time."""
 
 
-def run_alone(kernels: Any, members: Members, control: Any, driving: Driving) -> None:
-    """Run members of a model one after the other."""
-    given = control, members, driving, _room(members, driving)
-    compiled(run_members)(*entries(kernels), *given, aligned_zeros(kernels.SIZE), np.empty(len(driving.start)))
+def run_alone(
+    kernels: Any, members: Members, control: Any, driving: Driving, through: bool = False, which: Any = None
+) -> None:
+    """Run members of a model one after the other; through: by `run_through`, only those of the numbers `which`."""
+    given = control, members, driving, _room(members, driving, 1, through)
+    room = aligned_zeros(kernels.SIZE), np.empty(len(driving.start))
+    if through:
+        which = np.arange(len(members.values)) if which is None else which
+        compiled(run_through)(*entries(kernels, through), which, *given, *room)
+    else:
+        compiled(run_members)(*entries(kernels), *given, *room)
 
 
-def _room(members: Members, driving: Driving) -> Room:
-    return Room(np.empty(len(members.kept)), np.empty(len(driving.ports)))
+def _room(members: Members, driving: Driving, lanes: int, through: bool) -> Room:
+    states = np.empty((lanes, len(driving.time) - 1 if through else 0, ROTATION))
+    return Room(np.empty(len(members.kept)), np.empty(len(driving.ports)), states)
 
 
-def run_in_lanes(kernels: Any, members: Members, control: Any, driving: Driving, compile_now: bool = True) -> bool:
+def run_in_lanes(
+    kernels: Any, members: Members, control: Any, driving: Driving, through: bool = False, compile_now: bool = True
+) -> bool:
     """Do what `run_alone` does, with the same bits; return False, with nothing done, where lanes cannot be used.
 
     compile_now: whether to compile lanes; otherwise they are used only if their code is loaded or kept on disk.
     """
     if not kernels.lanes or config.DISABLE_JIT or len(members.values) < 2:
         return False
-    run, signature = _lanes_of(kernels)
+    run, signature = _lanes_of(kernels, through)
     if not (compile_now or has_code(run, signature)):
         return False
     _compile(run, signature)
     run.disable_compile()  # the controller is called by its address, so that another one needs no other code
-    room = _room_of_lanes(kernels, min(AT_ONCE, len(members.values)), len(driving.start))
-    run(control, members, driving, _room(members, driving), *room)
+    room = _room_of_lanes(kernels, min(AT_ONCE, len(members.values)), len(driving.start), through)
+    run(control, members, driving, _room(members, driving, WIDEST, through), *room)
+    if through and len(left := np.flatnonzero((members.ends[:, 0] == 0) & (members.ends[:, 1] < 0))):
+        run_alone(kernels, members, control, driving, through, left)
     return True
 
 
-@lru_cache(MOST_MODELS)
-def _lanes_of(kernels: Any) -> tuple[Any, tuple[Any, ...]]:
+@lru_cache(2 * MOST_MODELS)
+def _lanes_of(kernels: Any, through: bool) -> tuple[Any, tuple[Any, ...]]:
     """Return the function that runs members side by side, and its arguments' types."""
-    return kernels.lanes().run, (*_GIVEN, *map(typeof, _room_of_lanes(kernels, 2, 0)))
+    lanes = kernels.lanes()
+    room = map(typeof, _room_of_lanes(kernels, 2, 0, through))
+    return lanes.through if through else lanes.run, (*_GIVEN, *room)
 
 
-def _room_of_lanes(kernels: Any, count: int, states: int) -> tuple[Array, ...]:
+def _room_of_lanes(kernels: Any, count: int, states: int, through: bool) -> tuple[Array, ...]:
     """Return work space for `count` members at a time, whose controllers have `states` numbers each."""
     size, count = -(-kernels.SIZE // _CACHE_LINE) * _CACHE_LINE, max(count, WIDEST)
     buffers = aligned_zeros(count * size).reshape(count, size)[:, : kernels.SIZE]
-    return buffers, np.empty((count, states)), np.zeros((count, MARKS)), aligned_zeros(kernels.lanes().SCRATCH)
+    marks = () if through else (np.zeros((count, MARKS)),)
+    return buffers, np.empty((count, states)), *marks, aligned_zeros(kernels.lanes().SCRATCH)
 
 
 def _compile(run: Any, signature: tuple[Any, ...]) -> None:
@@ -291,14 +326,14 @@ def _compile(run: Any, signature: tuple[Any, ...]) -> None:
             raise
 
 
-@lru_cache(MOST_MODELS)
-def compile_lanes(kernels: Any) -> Thread | None:
+@lru_cache(2 * MOST_MODELS)
+def compile_lanes(kernels: Any, through: bool = False) -> Thread | None:
     """Compile lanes in a thread of their own, once in a process; return the thread, or None without lanes.
 
     A process waits for it before it ends: the code is kept on disk for later processes.
     """
     if not kernels.lanes or config.DISABLE_JIT:
         return None
-    compiling = Thread(target=_compile, args=_lanes_of(kernels))
+    compiling = Thread(target=_compile, args=_lanes_of(kernels, through))
     compiling.start()
     return compiling

@@ -122,23 +122,24 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
         if scene.inputs.ports or not select.series_serve_alone(judges[0]):  # pilot runs do not see what ports supply
             return False, None
         asked = judges[0].asked
-        general = replace(methods.series_of_all(asked, 0, scene.run.accuracy), pinned=asked.pinned)
-        if scene.run.count == 1:  # no series has to go beyond this one step, so that members run side by side
+        interpolated = not asked.load_shares[1]  # a force that turns with the body moves its centre as well
+        general = methods.series_of_all(asked, 0, scene.run.accuracy)
+        general = replace(general, pinned=asked.pinned, interpolated=interpolated)
+        if scene.run.count == 1:  # no series has to go beyond this one step
             general = replace(general, substep=scene.run.step)
         fitting.follow_in_doubles(judges)
-        parts = fitting.parts_of_steps(judges, general)
-        fit = partial(fitting.fit_of_members, judges, general, parts)
+        fit = partial(fitting.fit_of_members, judges, general)
         part = fitting.PART
         fitted, found, scouts = fit(part) or fit(fitting.MOST), None, None
         while fitted:
             if scouts is None or not scouts.serve(fitted):
-                scouts = fitting.Scouts(scene, methods.with_cost(asked, fitted), judges[0].names, parts)
+                scouts = fitting.Scouts(scene, methods.with_cost(asked, fitted), judges[0].names)
             found = fitting.for_the_worst(scouts, fitted)
             if scouts.seconds < fitting.LONGER and (found is None or scouts.are_too_few):
                 # a few scouts say little about a heavy tail: take more, with a truth for the tightest tolerance
                 tightest = replace(fitted, tolerance=methods.TIGHTEST)
                 costed = methods.with_cost(asked, tightest)
-                scouts = fitting.Scouts(scene, costed, judges[0].names, parts, fitting.LONGER)
+                scouts = fitting.Scouts(scene, costed, judges[0].names, fitting.LONGER)
                 found = fitting.for_the_worst(scouts, fitted)
             if found is None:
                 return True, None
@@ -180,6 +181,8 @@ def _reasons_of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> 
     keys = ", ".join(variation.key for variation in ensemble.vary)
     whatever = f"the model holds whatever {keys} may be"
     yield f"one plan for all {ensemble.runs:,} members; the numbers above are of one, {whatever}"
+    if chosen.interpolated and scene.run.count > 1:
+        yield "substeps do not end at communication points, whose outputs are interpolated"
     if chosen.model == registry.LOADED_TAYLOR.key and not wild:
         evidence = f"by {pilots} pilot members, as far out as the farthest, and by up to a thousand others"
         likely = f"error at most {chosen.error:.1e} in {fitting.MEMBERS:,} members, with 99 in 100"

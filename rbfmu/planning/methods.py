@@ -35,10 +35,6 @@ KEPT_SERIES_COST = 1.6
 
 It has the attitude up to its full order; a substep's two-point formula needs it only up to three eighths of the order.
 """
-KEPT_IN_LANES, START_IN_LANES = 2.6, 110.0
-"""KEPT_IN_LANES: the same for members side by side, as such a series is kept and evaluated for each member alone.
-START_IN_LANES: the additional cost of a communication step of substeps over one that a series serves, ns on the scale
-of a substep alone: a third of it in lanes."""
 ONE_AXIS_COSTS = {4: 55.0, 8: 85.0, 16: 185.0}
 SPLITTING_COSTS = {2: 76.0, 4: 470.0, 6: 864.0}
 """Ns a substep, by order."""
@@ -202,11 +198,6 @@ def work_of(substeps: float, steps: float) -> float:
     return substeps if substeps >= steps else min(KEPT_SERIES_COST * substeps, steps)
 
 
-def cost_in_lanes(substeps: float, steps: float, cost: float) -> float:
-    """Return the cost of a run, by which orders are compared for members side by side; cost: of a substep alone, ns."""
-    return KEPT_IN_LANES * cost * substeps if substeps < steps else cost * substeps + START_IN_LANES * steps
-
-
 MACHINE = "an Intel Xeon of 2026"
 """The machine on which costs in ns are measured, in a compiled loop over the library's models on one idle core.
 
@@ -249,7 +240,8 @@ def terms(asked: Question, plan: Plan) -> list[str]:
         return [spec.key]
     start, shares = asked.start, asked.load_shares
     # The plan's cost is that of its substeps alone: less than one series for each step, if a series serves several.
-    evaluated = plan.model == LOADED_TAYLOR.key and 0.0 < plan.cost < series_cost(plan.order, shares)
+    serves_several = plan.interpolated or 0.0 < plan.cost < series_cost(plan.order, shares)
+    evaluated = plan.model == LOADED_TAYLOR.key and serves_several
     changing = start.needs_translation or start.shows_loads
     if CHANGING in spec.costs and not changing:
         return [spec.key]  # its outputs never change

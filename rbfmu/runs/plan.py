@@ -40,7 +40,8 @@ class Plan:
     is estimated; order: of the splitting or of the series, 0 if there is none; formulas: the model of the scene's
     formulas, if any; pinned: parameters for whose values the model was judged, so that an importer must not change
     them; error: the largest expected, as the scene's `accuracy` measures it; cost: ns a communication step, with the
-    outputs asked for, on `methods.MACHINE`.
+    outputs asked for, on `methods.MACHINE`; interpolated: whether whole runs without ports have substeps of their own,
+    between which outputs are interpolated, while a `Simulator` and an FMU end a substep at each communication point.
     """
 
     model: str
@@ -54,6 +55,7 @@ class Plan:
     cost: float = 0.0
     span: float = 0.0
     reasons: tuple[str, ...] = ()
+    interpolated: bool = False
     formulas: "FormulaModel | None" = field(default=None, compare=False)
 
     def __repr__(self) -> str:
@@ -89,6 +91,10 @@ class Plan:
     def kernels(self) -> Model:
         """Return the model of `rbfmu_kernels.models` that runs it, or that of the scene's formulas."""
         return self.formulas.model if self.formulas else self.spec.kernels
+
+    def runs_through(self, scene: Scene) -> bool:
+        """Return whether whole runs of the scene have substeps of their own."""
+        return self.interpolated and self.kernels.run_through is not None and not scene.inputs.ports
 
     def of_scene(self, scene: Scene) -> "Plan":
         """Return the plan with the kernels of the scene's formulas, if it has any.

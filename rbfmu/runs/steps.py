@@ -22,6 +22,7 @@ from rbfmu_kernels.body.shell import Model
 from rbfmu_kernels.buffer import OK
 from rbfmu_kernels.compile.decorator import loop
 from rbfmu_kernels.compile.tiered import Tiered, tiered
+from rbfmu_kernels.mechanics.equations_of_motion import ROTATION
 
 SAME = 1e-9
 """Times of events that differ by at most this part of a step count as the same."""
@@ -65,6 +66,7 @@ class Steps:
         self.z[places] = drive.values[0]
         initialize(scene, self.kernels, self.z)
         self._step = tiered(self.kernels.step, len(self._lengths) * runs)
+        self._through = tiered(self.kernels.run_through) if plan.runs_through(scene) else None  # type: ignore[arg-type]
         self.events: Events | None = None
         self.ended: float | None = None
         """The time of the event that ended the run, s."""
@@ -112,6 +114,10 @@ class Steps:
         if self._is_over:
             return k - 1
         substeps, begin = self.kernels.BLOCKS.get("substeps"), perf_counter()
+        if self._through:
+            reached = int(self._through(self.z, self._time, at, rows, np.empty((self.count, ROTATION))))
+            self._is_over = True
+            return k - 1 if substeps and self.z[substeps][0] > most else reached
         if not (self._together and self._goes_in_a_loop):
             if not self.advance(k) or (substeps and self.z[substeps][0] > most):
                 self._is_over = True

@@ -83,6 +83,12 @@ def finish_steadily(z: Buffer, n: int, h: float) -> int:
     return _finish(z, n, h, OK, memory.body_of(z), motion.constant_loads(memory.loads_of(z)), False)
 
 
+@kernel(inline=False)
+def translate_steadily(z: Buffer, n: int, h: float) -> None:
+    """Add the centre of mass's motion as `finish_steadily` does."""
+    _translate(z, h, 0.0 if n == WHOLE_STATE else 1.0, memory.body_of(z), memory.loads_of(z))
+
+
 @kernel
 def inputs_change(z: Buffer) -> bool:
     """Return whether any input changes within the step, including a force at a pivot, which the loads leave out."""

@@ -52,10 +52,14 @@ class Driving(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Work space for the controller's arguments, of one member at a time: outputs (K,), inputs (P,)."""
+    """Work space: outputs (K,), inputs (P,) for the controller, of one member; states (lanes or 1, n, ROTATION).
+
+    n: the number of points of runs whose outputs are interpolated, otherwise 0.
+    """
 
     outputs: Array
     inputs: Array
+    states: Array
 
 
 class Run(NamedTuple):

@@ -10,7 +10,7 @@ from ..buffer import STEP_REJECTED, Layout
 from ..compile.decorator import kernel
 from ..mechanics.equations_of_motion import State
 from ..rotations.vec3 import dot
-from ..types import Buffer, python_function
+from ..types import Array, Buffer, Indices, python_function
 from .memory import initialize_body, put_centre, put_rotation
 from .outputs import feedthrough, first_outputs, output_rates, outputs
 
@@ -21,11 +21,13 @@ Step = Callable[[Buffer, float], int]
 class Lanes(NamedTuple):
     """The function that runs members of an ensemble (`body.members`) side by side, `simd.WIDEST` at a time.
 
-    SCRATCH: how many numbers of work space it needs, which begins at a cache line.
+    SCRATCH: how many numbers of work space it needs, which begins at a cache line. through: the same function for runs
+    whose outputs are interpolated, see `Model.run_through`.
     """
 
     run: Callable[..., None]
     SCRATCH: int
+    through: Callable[..., None] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +38,8 @@ class Model:
     its size. initialize: returns 0, or a key of `buffer.FAULTS`. step: takes the buffer and h, s; returns `buffer.OK`
     or `buffer.STEP_REJECTED`. outputs, output_rates: refresh the outputs, or their time derivatives. feedthrough: see
     `outputs.feedthrough`. ORDERS: the orders that a plan may set, if any. lanes: a function that returns the functions
-    for many bodies at once, if there are any.
+    for many bodies at once, if there are any. run_through: takes a whole run, whose outputs are interpolated between
+    substeps, if it can: see `loaded.run_through`.
     """
 
     name: str
@@ -49,6 +52,7 @@ class Model:
     feedthrough: Callable[[Buffer, Buffer], int] = feedthrough
     ORDERS: Sequence[int] = ()
     lanes: Callable[[], Lanes] | None = None
+    run_through: Callable[[Buffer, Array, Indices, Array, Array], int] | None = None
 
 
 # What templates are bound to, see `bind`: a model's own functions.

@@ -19,11 +19,12 @@ from ..buffer_access import put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers
 from ..mechanics import equations_of_motion as motion, inertia
-from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, V_C, WHOLE_STATE, Body, LoadPolynomial
+from ..mechanics.equations_of_motion import OMEGA, R_C, RATE_ONLY, V_C, WHOLE_STATE, Body, LoadPolynomial, Rotation
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, invert_quaternion, rotate
 from ..rotations.vec3 import ZERO, add, add_scaled, dot, largest_component, scale
 from ..types import Buffer, Quaternion, Vec3
-from . import substeps, taylor_coefficients as series
+from . import interpolation, substeps, taylor_coefficients as series
+from .interpolation import Points
 from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE, PER, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 
@@ -178,8 +179,12 @@ def turn(
 
 
 @kernel(inline=False)
-def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, loads: LoadPolynomial) -> int:
+def taylor_advance(
+    z: Buffer, room: Room, method: Method, h: float, body: Body, loads: LoadPolynomial, points: Points | None = None
+) -> int:
     """Advance the state by h, with the estimated error of each substep within the tolerance.
+
+    points: where the motion is asked for within h, at constant loads, of which none turns with the body.
 
     An infinite tolerance keeps the size of substeps. The next substep aims at the allowed error over 1.4, and at half
     of it after a substep was refused, so that few are refused. Each is the rest of h divided by the number of substeps
@@ -196,7 +201,7 @@ def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, 
     series.motion_series(s, 0, order, m, body, torques, fixed)
     if n == WHOLE_STATE:
         series.acceleration_series(s, m, body.inverse_mass, now)
-    rest, low, tried = h, 0.0, 0  # rest + low: the time left, so that a thousand substeps add up to h
+    rest, low, tried, passed = h, 0.0, 0, 1  # rest + low: the time left, so that a thousand substeps add up to h
     while rest > 0.0:
         tried += 1
         count = substeps.substeps_in(rest, z[size])
@@ -210,11 +215,13 @@ def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, 
         substeps.count_substep(z, size)
         nearer = substeps.nearer_size(part, order, 1.4 * excess) if tolerance < math.inf else z[size]
         z[size] = max(z[size], nearer) if count == 1 else nearer
-        left = 0.0 if count == 1 else rest - part
+        left, begin, q_0 = 0.0 if count == 1 else rest - part, (h - rest) - low, quaternion_at(z, y)
         low += (rest - left) - part
         rest = left
         if n == WHOLE_STATE:
             _move_centre(z, y, s, m, part)
+        if points is not None:
+            interpolation.keep_beginning(s, m)
         if fixed.changing:
             now = motion.polynomial_after(loads, h - rest)
             torques = series.known_torques(now, body)
@@ -222,12 +229,32 @@ def taylor_advance(z: Buffer, room: Room, method: Method, h: float, body: Body, 
         if n == WHOLE_STATE:
             series.acceleration_series(s, m, body.inverse_mass, now)
             _move_centre(z, y, s, m, -part)
+        if points is not None:
+            passed = _pass_points(z, y, s, method, points, passed, begin, part, q_0, rest == 0.0)
         if rest > 0.0:
             anew = turned and (fixed.changing or tried % STEPS_OF_LOADS == 0)
             if anew:
                 series.turned_loads(s, quaternion_at(z, y), now, fixed)
             series.motion_series(s, 0 if n == RATE_ONLY or anew else m, order, 0, body, torques, fixed)
     return OK
+
+
+@kernel
+def _pass_points(
+    z: Buffer, y: int, s: Buffer, method: Method, points: Points, k: int, begin: float, h: float, q_0: Quaternion,
+    is_last: bool,
+) -> int:  # fmt: skip
+    """Set the motion at the points within a substep, from point k on; return the number of the next point."""
+    q_1, m = quaternion_at(z, y), derivatives_of_attitude(method.order)
+    x = interpolation.place_of(points.time, k, begin, h, is_last)
+    while x >= 0.0:
+        inside = interpolation.motion_inside(s, method.n, m, h, x, q_0, q_1)
+        interpolation.put_rotation(points.states, k - 1, inside)
+        k += 1
+        x = interpolation.place_of(points.time, k, begin, h, is_last)
+    if is_last:
+        interpolation.put_rotation(points.states, k - 1, Rotation(q_1, vec3_at(z, y + OMEGA)))
+    return k
 
 
 @kernel

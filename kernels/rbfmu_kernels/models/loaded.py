@@ -13,13 +13,16 @@ import math
 
 from ..body import driven, memory, shell
 from ..body.lanes import PENDING
+from ..body.outputs import outputs
 from ..buffer import NO_TOP, OK, RESONANT, STEP_REJECTED, places, with_work_space
 from ..buffer_access import copy_numbers, pair_at, put_pair_at
 from ..compile.decorator import kernel
 from ..integrators import dense_output as dense, splitting, taylor, taylor_coefficients as series
+from ..integrators.interpolation import Points, begin_points
 from ..integrators.substeps import LONGEST_STEP, Method, Room, substeps_in
+from ..mechanics.equations_of_motion import ROTATION, WHOLE_STATE
 from ..rotations.vec3 import is_nonzero
-from ..types import Buffer
+from ..types import Array, Buffer, Indices
 
 ORDERS = range(4, series.MAX_ORDER + 1, 2)
 _KEPT = {"kept_before": dense.SERIES_SIZE, "held_inputs": driven.NUMBER_OF_INPUTS}
@@ -82,6 +85,45 @@ def _advance_by_new_series(z: Buffer, h: float) -> int:
     return finished(z, driven.finish(z, method.n, h, status, body, loads))
 
 
+@kernel(inline=False)
+def run_through(z: Buffer, time: Array, at: Indices, rows: Array, states: Array) -> int:
+    """Run over all times after the first, s, with substeps of their own; return the number of the last point reached.
+
+    Outputs between two substeps are interpolated: see `integrators.interpolation`. at (K,): places of the numbers that
+    are kept; rows (n + 1, K) or (1, K): these at each point, or at the last; states (n, ROTATION): work space. Inputs
+    are constant. Where a force turns with the body, substeps end at all points.
+    """
+    body, loads, points = memory.body_of(z), driven.load_polynomial_of(z), len(states)
+    method = Method(driven.part_to_integrate(z, body, loads), int(z[_AT.order]), z[_AT.tolerance], z[_AT.span])
+    at_once = 1 if method.n == WHOLE_STATE else points
+    begin_points(states)
+    for k in range(0, points, at_once):
+        part, end = Points(time[k : k + at_once + 1], states[k : k + at_once]), k + at_once
+        taylor.taylor_advance(z, ROOM, method, time[end] - time[k], body, loads, part)
+        reached = show(z, method.n, time, at, rows, states, k, end)
+        if reached < end:
+            return reached
+    return points
+
+
+@kernel(inline=False)
+def show(z: Buffer, n: int, time: Array, at: Indices, rows: Array, states: Array, first: int, end: int) -> int:
+    """Refresh and keep the outputs at the points after `first` up to `end`; return the last one with a finite state."""
+    every, moves = len(rows) > 1, memory.needs_translation(z)
+    for k in range(first, end):
+        for i in range(ROTATION):
+            z[memory.STATE_START + i] = states[k, i]
+        if moves:
+            driven.translate_steadily(z, n, time[k + 1] - time[k])
+        if not memory.is_finite(z):
+            return k
+        outputs(z)
+        if every or k + 1 == len(states):
+            for j in range(len(at)):
+                rows[k + 1 if every else 0, j] = z[at[j]]
+    return end
+
+
 @kernel
 def keep_all(z: Buffer) -> None:
     """Keep the numbers that `finished` restores where a step is rejected."""
@@ -137,8 +179,9 @@ def _lanes() -> shell.Lanes:
 
 
 LOADED_TAYLOR = shell.make_model(
-    "LOADED_TAYLOR", _LOADED_TAYLOR_LAYOUT, _set_up_loaded_taylor, _advance_loaded_taylor, ORDERS=ORDERS, lanes=_lanes
-)
+    "LOADED_TAYLOR", _LOADED_TAYLOR_LAYOUT, _set_up_loaded_taylor, _advance_loaded_taylor, ORDERS=ORDERS, lanes=_lanes,
+    run_through=run_through,
+)  # fmt: skip
 
 
 SPLITTING_ORDERS = (2, 4, 6)

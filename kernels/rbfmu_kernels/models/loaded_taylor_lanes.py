@@ -4,41 +4,46 @@ A lane takes one body after another, each with its own substeps. A body's number
 and its series in a work space of `WORK` wide numbers. Loads are constant over the step, and no force turns with the
 body. Bodies of different kinds (`_kind`: what is decided once for all lanes) do not share a vector. Steps that lanes
 cannot take, or cannot finish, are taken body by body. A series that may be used for further steps is made in lanes, and
-kept and evaluated in its body's buffer, as `dense_output` does for one body.
+kept and evaluated in its body's buffer, as `dense_output` does for one body. Whole runs without inputs stay in their
+lanes from start to end (`run_members_through`).
 """
 
 import math
 from functools import partial
 from typing import NamedTuple
 
-from ..body import driven, lanes, shell
+from ..body import driven, lanes, members as one, shell
 from ..body.lanes import MEMBER, PENDING, PIECE, STATUS
 from ..body.members import Control, Driving, Members, Room, Run
 from ..body.memory import MEMORY, STATE_START, body_of
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout, places
-from ..buffer_access import matrix_at, quaternion_at, vec3_at
+from ..buffer_access import matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
-from ..integrators import dense_output as dense, substeps, taylor, taylor_coefficients as series
+from ..integrators import dense_output as dense, interpolation, substeps, taylor, taylor_coefficients as series
+from ..integrators.interpolation import begin_points
 from ..integrators.taylor_coefficients import FORCE, FORCE_RATE, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_STATE, Body
 from ..mechanics.inertia import is_diagonal
 from ..rotations.quaternion import invert_quaternion, rotate
 from ..types import Array, Buffer, Vec3
-from .loaded import LOADED_TAYLOR, REST, ROOM, begins_series, finished, go_on
+from .loaded import LOADED_TAYLOR, REST, ROOM, begins_series, finished, go_on, show
 
 _AT = Layout(LOADED_TAYLOR.BLOCKS, LOADED_TAYLOR.SIZE).at
 _SERIES = _AT.validity
-step = LOADED_TAYLOR.step
+initialize, step = LOADED_TAYLOR.initialize, LOADED_TAYLOR.step
 COLUMNS = MEMORY | {
     "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3, "count": 1, "low": 1, "tried": 1, "has_failed": 1,
-    "size": 1, "rest": 1, "is_new": 1, "member": 1, "reach": 1, "turn_order": 1,
+    "size": 1, "rest": 1, "is_new": 1, "member": 1, "reach": 1, "turn_order": 1, "point": 1, "begin": 1, "part": 1,
+    "x": 1, "before": 4, "inside": ROTATION,
 }  # fmt: skip
 """State and constants of a lane's body, as in a buffer; damping and loads (force_a is 0 if it has no arm); the number
 of substeps taken; the low part of the time left in the communication step, and the tries in it; whether the body has
 failed; the step size; the time left in the step; whether it has just begun; the body's number, -1 for none. For a
-series over further steps: its largest reach, and the attitude's order."""
+series over further steps: its largest reach, and the attitude's order. For a run whose outputs are interpolated: the
+next point; the beginning of the last substep since that of the run, and its length, s; the part of it at that point;
+the attitude at its beginning; the state at that point."""
 _, COLUMNS_SIZE = _COLUMNS = places(COLUMNS)
 LANE = _COLUMNS.at
 STATE = 0
@@ -61,6 +66,7 @@ class Bodies(NamedTuple):
 Kind = tuple[int, int, float, float, bool, bool, bool]
 """How much of the state is integrated; order, tolerance and span; whether a force fixed in a acts on an arm; whether a
 torque fixed in a acts; whether the inertia is diagonal. The first is 0 where lanes cannot be used."""
+_NO_KIND = (0, 0, 0.0, 0.0, False, False, False)
 
 
 # Members and communication steps
@@ -93,6 +99,104 @@ def run_members(
                 busy -= 1 if marks[k, MEMBER] < 0.0 else 0
 
 
+@kernel(inline=False)
+def run_members_through(
+    control: Control, members: Members, driving: Driving, room: Room, buffers: Array, states: Array, scratch: Array
+) -> None:
+    """Run members of an ensemble side by side over all points: see `loaded.run_through`.
+
+    Steps done are -1 of members that have to run alone: of another kind than those in lanes, or without a substep that
+    meets the tolerance. buffers: at least one for each lane.
+    """
+    c, s = wide_at(scratch, 0, WIDEST), wide_at(scratch, WIDEST * COLUMNS_SIZE, WIDEST)
+    run, kind, time, i, busy = Run(control, members, driving, room), _NO_KIND, driving.time, 0, 0
+    for lane in range(WIDEST):
+        i, kind = _load_next(buffers, states[0], c, lane, i, kind, run)
+        busy += 1 if lane_at(c, LANE.member, lane) >= 0.0 else 0
+    n, order, tolerance, span, lever_force, torque, _ = kind
+    fixed, method = SpaceFixedLoads(lever_force, torque, False), substeps.Method(n, order, tolerance, span)
+    while busy > 0:
+        begin_substeps(c, s, method, fixed)
+        take_substeps(c, s, method, fixed, time[len(time) - 1] - time[0])
+        _pass_points(c, s, method, time, room.states)
+        for lane in range(WIDEST):
+            member = int(lane_at(c, LANE.member, lane))
+            failed = lane_at(c, LANE.has_failed, lane) != 0.0
+            if member < 0 or (lane_at(c, LANE.rest, lane) > 0.0 and not failed):
+                continue
+            if not failed:
+                _put_state(c, STATE, lane, room.states[lane], len(time) - 2)
+                rows, own, end = members.rows[member], room.states[lane], len(time) - 1
+                members.ends[member, 1] = show(buffers[lane], n, time, members.kept, rows, own, 0, end)
+            i, kind = _load_next(buffers, states[0], c, lane, i, kind, run)
+            busy -= 1 if lane_at(c, LANE.member, lane) < 0.0 else 0
+
+
+@kernel(inline=False)
+def _load_next(buffers: Array, state: Array, c: Buffer, lane: int, i: int, kind: Kind, run: Run) -> tuple[int, Kind]:
+    """Load the next member of the kind, from number i on, into a lane; return the number of the member after it.
+
+    The first member that lanes can run decides the kind.
+    """
+    z, members = buffers[lane], run.members
+    while i < len(members.values):
+        one.begin(z, state, i, _AT.work, run)
+        members.ends[i, 0] = initialize(z)
+        i += 1
+        if members.ends[i - 1, 0] != 0:
+            continue
+        one.record(z, i - 1, 0, run)
+        own, members.ends[i - 1, 1] = _kind(z), -1
+        if kind[0] == 0:
+            kind = own
+        if own[0] != 0 and own == kind:
+            z[REST] = run.driving.time[len(run.driving.time) - 1] - run.driving.time[0]
+            _load(z, c, lane, i - 1)
+            begin_points(run.room.states[lane])
+            return i, kind
+    _load(buffers[0], c, lane, -1)  # a lane without a body has a copy
+    put_lane_at(c, LANE.rest, lane, 0.0)
+    return i, kind
+
+
+@kernel
+def _put_state(c: Buffer, i: int, lane: int, states: Array, k: int) -> None:
+    """Set row k of the states to what a lane has from column i on."""
+    for j in range(ROTATION):
+        states[k, j] = lane_at(c, i + j, lane)
+
+
+@kernel(inline=False)
+def _pass_points(c: Buffer, s: Buffer, method: substeps.Method, time: Array, states: Array) -> None:
+    """Set the states (lanes, n, ROTATION) of all lanes at the points within their substeps."""
+    m = taylor.derivatives_of_attitude(method.order)
+    while _set_places(c, time):
+        inside = interpolation.motion_inside(
+            s, method.n, m, c[LANE.part], c[LANE.x], quaternion_at(c, LANE.before), quaternion_at(c, STATE)
+        )
+        put_quaternion_at(c, LANE.inside, inside.q_ab)
+        put_vec3_at(c, LANE.inside + OMEGA, inside.omega_b)
+        for lane in range(width_of(c)):
+            if lane_at(c, LANE.x, lane) >= 0.0:
+                point = lane_at(c, LANE.point, lane)
+                _put_state(c, LANE.inside, lane, states[lane], int(point) - 1)
+                put_lane_at(c, LANE.point, lane, point + 1.0)
+
+
+@kernel
+def _set_places(c: Buffer, time: Array) -> bool:
+    """Set the part of its substep at which each lane has its next point; return whether any lane has one."""
+    found = False
+    for lane in range(width_of(c)):
+        x, rest = -1.0, lane_at(c, LANE.rest, lane)
+        if lane_at(c, LANE.member, lane) >= 0.0 and lane_at(c, LANE.has_failed, lane) == 0.0:
+            begin, part = lane_at(c, LANE.begin, lane), lane_at(c, LANE.part, lane)
+            x = interpolation.place_of(time, int(lane_at(c, LANE.point, lane)), begin, part, rest == 0.0)
+        put_lane_at(c, LANE.x, lane, x)
+        found = found or x >= 0.0
+    return found
+
+
 @kernel
 def advance(bodies: Bodies, c: Buffer, s: Buffer) -> None:
     """Advance the bodies that wait, as many side by side as are in c, and set their statuses to what `step` returns.
@@ -121,7 +225,7 @@ def _length_of(bodies: Bodies, i: int) -> float:
 @kernel(inline=False)
 def _kind(z: Buffer) -> Kind:
     if z[_SERIES] == dense.STALE:
-        return 0, 0, 0.0, 0.0, False, False, False
+        return _NO_KIND
     body, loads = body_of(z), driven.load_polynomial_of(z)
     n, order, fixed = driven.part_to_integrate(z, body, loads), int(z[_AT.order]), series.space_fixed_loads(body, loads)
     if driven.inputs_change(z) or n == WHOLE_STATE or not z[_AT.tolerance] < math.inf:
@@ -195,6 +299,7 @@ def _load(z: Buffer, c: Buffer, lane: int, member: int) -> None:
     put_lane_at(c, LANE.rest, lane, z[REST])
     put_lane_at(c, LANE.is_new, lane, 1.0)
     put_lane_at(c, LANE.member, lane, float(member))
+    put_lane_at(c, LANE.point, lane, 1.0)
 
 
 @kernel(inline=False)
@@ -343,8 +448,13 @@ def begin_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFi
 
 
 @kernel(inline=False)
-def take_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads) -> None:
-    """Take a substep in each lane, of a size that meets the tolerance there; where none does, the body has failed."""
+def take_substeps(
+    c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads, length: float | None = None
+) -> None:
+    """Take a substep in each lane, of a size that meets the tolerance there; where none does, the body has failed.
+
+    length: of the run, s, if its outputs are interpolated: then what `_pass_points` needs is kept.
+    """
     body, rest, low, order = _bodies(c), c[LANE.rest], c[LANE.low], method.order
     acceleration = alike(rest, 0.0)
     if fixed.lever_force or fixed.torque:
@@ -363,6 +473,10 @@ def take_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFix
     nearer, is_last = substeps.nearer_size(part, order, 1.4 * excess), count == 1.0
     c[LANE.size] = choose(is_last, max(c[LANE.size], nearer), nearer)
     left = choose(is_last, 0.0, rest - part)
+    if length is not None:
+        interpolation.keep_beginning(s, taylor.derivatives_of_attitude(order))
+        c[LANE.begin], c[LANE.part] = (length - rest) - low, part
+        put_quaternion_at(c, LANE.before, quaternion_at(c, STATE))
     c[LANE.low], c[LANE.rest] = low + ((rest - left) - part), left
     taylor.turn(c, STATE, s, method, part, body, _torques(c), fixed)
 
@@ -377,4 +491,4 @@ def _try_substeps(c: Buffer, s: Buffer, method: substeps.Method, acceleration: f
     return part, count, taylor.estimated_excess(s, method, part, 0.0, alpha_fixed, steps)
 
 
-LANES = shell.Lanes(run_members, SCRATCH)
+LANES = shell.Lanes(run_members, SCRATCH, run_members_through)

@@ -168,13 +168,13 @@ def test_members_side_by_side_have_the_bits_of_single_runs(monkeypatch):
 def test_lanes_are_compiled_beside_the_first_members_where_that_pays(monkeypatch, worth):
     begun = []
     monkeypatch.setattr(loops, "has_code", lambda *given: False)
-    monkeypatch.setattr(chunks, "compile_lanes", begun.append)
+    monkeypatch.setattr(chunks, "compile_lanes", lambda *given: begun.append(given))
     monkeypatch.setattr(chunks, "WORTH_COMPILING", worth)
     scene = ensemble_scene(*CASES[SERIES], runs=21)
     plan = replace(given_plan(SERIES), cost=1e4)
     chunk = run_chunk(Work(scene, plan, 32), 0)
     assert all(np.isfinite(chunk.arrays[name]).all() for name in scene.outputs.names)
-    assert begun == ([] if worth else [LOADED_TAYLOR])
+    assert begun == ([] if worth else [(LOADED_TAYLOR, False)])
 
 
 @pytest.mark.parametrize("found", [True, False], ids=["found on disk meanwhile", "none"])

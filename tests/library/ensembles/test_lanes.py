@@ -1,5 +1,6 @@
 """Members side by side have the bits of members one by one: with formulas, states of their own, inputs, controllers."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -8,7 +9,9 @@ from numba import config, njit
 
 import rbfmu
 from rbfmu.ensembles import chunks, loops
+from rbfmu.ensembles.members import draw, member
 from rbfmu.ensembles.planning import plan_ensemble
+from rbfmu.planning.methods import whole_series
 from tests.support.paths import SCENES
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="lanes are compiled code")
@@ -127,6 +130,52 @@ def test_own_times_of_tables_go_one_by_one_where_lanes_go_on_together():
     second = scene.replace({"ensemble": None, "initial.omega_b": found.samples["initial.omega_b"][2].tolist()})
     first = rbfmu.simulate(second, planned=planned, inputs=driven["inputs"](2))
     assert first.omega_b.tobytes() == found.all["omega_b"][2].tobytes()
+
+
+TOP = {"body": {"mass": 1.0, "inertia": [1.0, 1.25, 0.3], "r_oc_b": [0.0, 0.0, 0.125], "pivot": True}}
+OFF_AXES = {"mass": 2.0, "inertia": [[1.0, 0.1, 0.05], [0.1, 1.2, 0.02], [0.05, 0.02, 1.5]], "r_oc_b": [0.1, 0.0, 0.2]}
+UNDRIVEN = {
+    "a torque in b": {"loads": {"torque_b": [0.1, 0.05, -0.2]}},
+    "a heavy top": TOP | {"loads": {"gravity_a": [0.0, 0.0, -9.81]}},
+    "all fixed in a, damped": {
+        "body": OFF_AXES, "loads": {"force_a": [0.3, 0.1, -0.4], "torque_a": [0.1, 0.0, 0.2], "damping_b": [0.1] * 3},
+        "outputs": {"quantities": ["position", "velocity", "alpha_b", "rpy", "kinetic_energy"]}},
+    "no attitude": {"loads": {"torque_b": [0.1, 0.05, -0.2]}, "outputs": {"quantities": ["omega_b"]}},
+    "a force in b": {"loads": {"force_b": [0.1, 0.2, 0.3], "torque_b": [0.1, 0.05, -0.2]},
+                     "outputs": {"quantities": ["position"]}},
+    "two kinds": {"loads": {"torque_a": [0.1, 0.0, 0.0], "torque_b": [0.0, 0.1, 0.0]},
+                  "ensemble": {"design": "grid", "vary": {
+                      "initial.omega_b": {"uniform": [[0.5, 2.0, 0.5], [1.5, 2.0, 0.5]], "points": 7},
+                      "loads.torque_a": {"uniform": [[-0.1, 0.0, 0.0], [0.1, 0.0, 0.0]], "points": 3}}}},
+    "some refused": {"loads": {"torque_b": [0.1, 0.05, -0.2]},
+                     "ensemble": {"vary": {"initial.omega_b": {"lognormal": [[1.0, 2.0, 0.5], [150.0, 0.0, 0.0]]}}}},
+    "all refused": {"loads": {"torque_b": [1e300, 0.0, 0.0]}},
+}  # fmt: skip
+"""By name: what is not that of BODY."""
+
+
+@pytest.mark.parametrize("name", UNDRIVEN)
+def test_whole_runs_whose_outputs_are_interpolated(monkeypatch, name):
+    vary = {"initial.omega_b": {"normal": [[1.0, 2.0, 0.5], [0.5] * 3]}}
+    tables = BODY | {"outputs": {"quantities": ["quaternion", "omega_b"]}, "ensemble": {"vary": vary}} | UNDRIVEN[name]
+    scene = scene_of(tables | {"loads": {"gravity_a": [0.0] * 3} | tables["loads"]})
+    planned = replace(whole_series(scene, 12, 1e-9), interpolated=True, cost=1e3)
+    lanes, alone = both(monkeypatch, scene, planned)
+    assert_same(lanes, alone)
+    assert {"some refused": 0 < len(lanes.failed) < 21, "all refused": len(lanes.failed) == 21}.get(
+        name, not lanes.failed
+    )
+    assert all("was refused: not finite" in text for text in lanes.failed.values())
+    stepped = rbfmu.run_ensemble(scene, planned=replace(planned, interpolated=False), progress=False)
+    assert stepped.failed == lanes.failed
+    for quantity in scene.outputs.names:
+        np.testing.assert_allclose(stepped.all[quantity], lanes.all[quantity], rtol=1e-7, atol=1e-7)
+    ends = rbfmu.run_ensemble(scene.replace({"ensemble.keep": ["final"]}), planned=planned, progress=False)
+    for k in sorted({0, 7, 20} - set(lanes.failed)):
+        own = rbfmu.simulate(member(scene, draw(scene, 0, 21), k), planned=planned)
+        for quantity in scene.outputs.names:
+            assert own.quantities[quantity].tobytes() == lanes.all[quantity][k].tobytes()
+            assert ends.final[quantity][k].tobytes() == lanes.all[quantity][k, -1].tobytes()
 
 
 @pytest.mark.slow

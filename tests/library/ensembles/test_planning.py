@@ -15,7 +15,7 @@ from rbfmu.ensembles.variables import Columns
 from rbfmu.exceptions import SceneError, SceneWarning
 from rbfmu.models.question import Question
 from rbfmu.planning.judge import Judge
-from rbfmu.planning.methods import TIGHTEST, series_cost
+from rbfmu.planning.methods import TIGHTEST
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import attitude_error
 from rbfmu.scene.scene import Scene
@@ -302,13 +302,11 @@ def _long_run(omega: float, torque: float, stop: float) -> Scene:
     )
 
 
-@pytest.mark.parametrize(
-    ("omega", "torque", "stop", "parts"),
-    [(0.5, 1e-3, 30.0, 1), pytest.param(100.0, 1.0, 10.0, 5, marks=pytest.mark.thorough)],
-)
-def test_plans_of_long_runs_look_at_some_points(omega, torque, stop, parts, monkeypatch):
-    """Pilots and scouts take steps of five communication steps where series serve many of these, else the run's own."""
-    scene, seen = _long_run(omega, torque, stop), []
+@pytest.mark.parametrize(("force", "parts"), [(0.0, 1), pytest.param(0.1, 5, marks=pytest.mark.thorough)])
+def test_plans_of_long_runs_look_at_some_points(force, parts, monkeypatch):
+    """Of 4,500 points pilots and scouts are compared at 900, with substeps that end at all points where any do."""
+    scene, seen = _long_run(100.0, 1.0, 10.0), []
+    scene = scene.replace({"loads.force_b": [force, 0.0, 0.0], "outputs.quantities": ["quaternion", "position"]})
 
     def run_samples(work, *given, **named):
         found = fitting_run(work, *given, **named)
@@ -318,30 +316,20 @@ def test_plans_of_long_runs_look_at_some_points(omega, torque, stop, parts, monk
     fitting_run = fitting.run_samples
     monkeypatch.setattr(fitting, "run_samples", run_samples)
     plan = plan_ensemble(scene)
+    assert plan.interpolated == (force == 0.0)
     assert len(seen) >= 2
     assert set(seen) == {(901, parts)}
     assert np.nanmax(errors(scene, plan)) <= 1.0
 
 
-def test_orders_are_compared_by_what_members_cost_side_by_side():
-    """A series that serves some two steps costs more there than two substeps of a lower order, one a step."""
-    omega = [2.0, -1.4, 1.8]
-    tables = FREE | {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, "initial": {"omega_b": omega}}
-    tables |= {"loads": {"gravity_a": [0] * 3, "torque_b": [0.3, -0.2, 0.4]}}
-    tables |= {
-        "outputs": {"quantities": ["quaternion", "omega_b"]},
-        "run": {"stop": 6.0, "step": 0.2, "accuracy": 1e-8},
-    }
-    scene = Scene.from_dict(tables | {"ensemble": {"vary": {"initial.omega_b": {"normal": [omega, 0.02]}}}})
-    steps = scene.run.count
-
-    def work(found):
-        return Judge(Question(member(scene, draw(scene, 0, 1), 0))).try_out(found)[1]
-
-    found = plan_ensemble(scene)
-    higher = replace(found, order=20)
-    assert work(found) >= steps > work(higher)
-    assert series_cost(found.order, (0.0, 0.0)) * work(found) > series_cost(20, (0.0, 0.0)) * work(higher)
+def test_substeps_pass_over_communication_points_without_ports():
+    """Nearly as many substeps are then planned for many points as for few."""
+    scene = _long_run(2.0, 0.5, 10.0)
+    many, few = (plan_ensemble(scene.replace({"run.step": step})) for step in (0.01, 2.5))
+    substeps = [Judge(Question(member(scene, draw(scene, 0, 1), 0))).try_out(found)[1] for found in (many, few)]
+    assert many.interpolated
+    assert 0.7 < substeps[0] / substeps[1] < 1.4
+    assert not plan_ensemble(scene.replace({"inputs.ports": ["torque_a"]})).interpolated
 
 
 def test_members_errors_are_those_that_an_accuracy_counts():
