@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rbfmu.exceptions import path_of
-from rbfmu.on_disk import replacing
+from rbfmu import exceptions, on_disk
 from rbfmu.types import Array
 from rbfmu_kernels.quantities import OUTPUT, Output
 
@@ -125,8 +124,8 @@ def _mark_events(panels: Sequence[Axes], events: Mapping[str, Array]) -> None:
 def with_file(figure: Figure, path: str | Path | None, dpi: float | str = 130) -> Figure:
     """Return the figure; if a path is given, write it there, in the format of its suffix (.png, .svg, .pdf)."""
     if path is not None:
-        with replacing(path_of(path)) as file:
-            figure.savefig(file, dpi=dpi, format=path_of(path).suffix[1:] or None)
+        with on_disk.replacing(exceptions.path_of(path)) as file:
+            figure.savefig(file, dpi=dpi, format=exceptions.path_of(path).suffix[1:] or None)
     return figure
 
 

@@ -13,12 +13,9 @@ from typing import IO, TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from rbfmu import csv_table, exceptions, extras, on_disk
 from rbfmu.arrays.from_kernel import as_floats
-from rbfmu.csv_table import read_columns
-from rbfmu.exceptions import path_of
-from rbfmu.extras import needed
 from rbfmu.notebook import numbers_text, table
-from rbfmu.on_disk import replacing
 from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.quantities import OUTPUT, TIME, Output, Quantity, elements, indices
 
@@ -113,7 +110,7 @@ class Result:
 
     def to_dataframe(self) -> "DataFrame":
         """Return a pandas.DataFrame: time (s) as index, a column for each FMU variable, units in `.attrs["units"]`."""
-        table: DataFrame = needed("pandas", "tables").DataFrame(self.columns()).set_index("time")
+        table: DataFrame = extras.needed("pandas", "tables").DataFrame(self.columns()).set_index("time")
         table.attrs["units"] = self.units
         return table
 
@@ -128,7 +125,7 @@ class Result:
             variables[name] = ("time" if values.ndim == 1 else ("time", axis), values, attributes)
             if values.ndim == 2:
                 coordinates[axis] = list(row.components)
-        return needed("xarray", "tables").Dataset(variables, coordinates)
+        return extras.needed("xarray", "tables").Dataset(variables, coordinates)
 
     def columns(self) -> dict[str, Array]:
         """Return flat columns by FMU variable name: time, quaternion[1], ..."""
@@ -178,7 +175,7 @@ class Result:
         `run.events.csv`, if there is one. Raises ValueError if the file has no time, times that do not increase, a cell
         that is not a number (in any column), an incomplete quantity, or a number that is not finite.
         """
-        path = path_of(path)
+        path = exceptions.path_of(path)
         if path.suffix not in FORMATS:
             raise ValueError(f"{str(path)!r}: expected a name that ends in {ENDINGS}")
         from rbfmu.aem import read_aem  # runs do not need it
@@ -202,10 +199,10 @@ class Result:
         they are in a third file, `run.events.csv`, in the order of time; if not, that of an earlier run is deleted.
         A file is replaced when the new one is completely written. Raises ValueError for what cannot be saved.
         """
-        path = path_of(path)
+        path = exceptions.path_of(path)
         if path.suffix == ".npz":
             events = {EVENTS + n: t for n, t in self.events.items()} | {TOUCHES + n: t for n, t in self.touches.items()}
-            with replacing(path) as file:
+            with on_disk.replacing(path) as file:
                 write_npz(file, {"time": self.time, **self.quantities, **events})
         elif path.suffix == ".csv":
             self._write_tables(path)
@@ -245,7 +242,7 @@ def _has_events(path: Path) -> bool:
 
 def _read_csv(path: Path) -> dict[str, Array]:
     """Return the arrays of a CSV, and the times of events from the file beside it, with the names that a .npz has."""
-    columns = by_quantity(read_columns(path, faults_of_names=incomplete))
+    columns = by_quantity(csv_table.read_columns(path, faults_of_names=incomplete))
     beside, found = path.with_suffix(".events.csv"), dict[str, list[float]]()
     rows = csv.reader(beside.read_text(encoding="utf-8").splitlines()[1:] if _has_events(beside) else ())
     for k, row in enumerate(rows):
@@ -294,7 +291,7 @@ def _arrays(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
 
 
 def _write_table(path: Path, rows: Iterable[Sequence[object]], quoting: Literal[0, 1, 2] = csv.QUOTE_MINIMAL) -> None:
-    with replacing(path, "w", encoding="utf-8", newline="") as file:
+    with on_disk.replacing(path, "w", encoding="utf-8", newline="") as file:
         csv.writer(file, quoting=quoting, lineterminator="\n").writerows(rows)
 
 

@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu import arrays
+from rbfmu import arrays, on_disk
 from rbfmu.arrays.from_kernel import as_floats, no_numbers
 from rbfmu.exceptions import SceneError, path_of
 from rbfmu.models import formulas, question, registry
 from rbfmu.models.varied import TURN, Column, VariedModel
-from rbfmu.on_disk import replacing
 from rbfmu.planning import judge, methods, reference
 from rbfmu.result import write_npz
 from rbfmu.runs.inputs import HOLD, Drive, drive_of, input_tables
@@ -85,7 +84,7 @@ class Sensitivity:
         path = path_of(path)
         if path.suffix not in ENDINGS:
             raise ValueError(f"cannot save to {str(path)!r}: the name must end in {' or '.join(ENDINGS)}")
-        with replacing(path) as file:
+        with on_disk.replacing(path) as file:
             if path.suffix == ".npz":
                 carried = {f"covariance {name}": rows for name, rows in self.covariance.items()}
                 write_npz(file, {"time": self.time, "numbers": self.numbers, **self.of, **carried})

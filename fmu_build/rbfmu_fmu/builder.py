@@ -16,9 +16,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, tostring
 
 import rbfmu_kernels
-from rbfmu import Plan, Scene
-from rbfmu.exceptions import path_of
-from rbfmu.on_disk import write_whole
+from rbfmu import Plan, Scene, exceptions, on_disk
 from rbfmu.planning.select import plan
 from rbfmu.runs.plan import checked_plan
 from rbfmu.scene.scene import of_scene_or_path
@@ -65,7 +63,7 @@ def build(
     as well, at which some importers fail; planned: a plan of the scene, so that none is made.
     Raises ValueError for wrong arguments, SceneError if there is no plan, and BuildError.
     """
-    version, path, is_native = version_of(fmi, scalars), path_of(path), kind == "native"
+    version, path, is_native = version_of(fmi, scalars), exceptions.path_of(path), kind == "native"
     if kind not in ("python", "pythonfmu", "native"):
         raise ValueError(f'kind = {kind!r}: expected "pythonfmu" or "native"')
     if platforms and not is_native:
@@ -206,5 +204,5 @@ def write_archive(contents: dict[str, bytes], path: Path) -> Path:
             entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
             entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
             archive.writestr(entry, contents[name], compresslevel=9)
-    write_whole(path, file.getvalue())
+    on_disk.write_whole(path, file.getvalue())
     return path

@@ -14,8 +14,7 @@ import numpy as np
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
-from rbfmu import Plan, Scene, SceneError
-from rbfmu.exceptions import path_of
+from rbfmu import Plan, Scene, SceneError, exceptions
 from rbfmu.planning.select import plan
 from rbfmu.runs.motion import largest_error
 from rbfmu.runs.plan import initialize
@@ -71,7 +70,7 @@ def verify(path: str | Path, seed: int = 1) -> Verification:
     difference is an error of the packing (a wrong place, unit or order of calls) and not of arithmetic. Inputs are
     random, of about 1 m/s2 and 1 rad/s2, since a wrongly connected port shows only if it moves the body.
     """
-    path, seed = path_of(path), whole(0, 2**63).read(seed, "seed")
+    path, seed = exceptions.path_of(path), whole(0, 2**63).read(seed, "seed")
     d, problems = _read_scene(path)
     run = d.scene.run
     _check_runs_here(path)

@@ -10,9 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from rbfmu.ensembles import draws, members, variables
+from rbfmu.ensembles import control, draws, members, variables
 from rbfmu.ensembles.chunks import MOST_BYTES, Work, run_samples
-from rbfmu.ensembles.control import Control
 from rbfmu.models.question import Question
 from rbfmu.models.registry import LOADED_TAYLOR
 from rbfmu.planning import methods
@@ -162,7 +161,7 @@ class Scouts:
         steps = scene.run.count
         stride = math.ceil(steps / POINTS)
         self.scene = scene.replace({"outputs.quantities": names, "run.step": stride * scene.run.step})
-        self.seconds, self.control = seconds, Control({}, None, parts=1 if plan.interpolated else stride)
+        self.seconds, self.control = seconds, control.Control({}, None, parts=1 if plan.interpolated else stride)
         self.at_rest = _sizes_at_rest(Question(scene))
         self.columns = variables.Columns(tuple(OUTPUT[n] for n in names))
         numbers = self.columns.width * (self.scene.run.count + 1)

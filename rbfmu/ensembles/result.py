@@ -7,11 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rbfmu import exceptions, extras, notebook
 from rbfmu.ensembles import attitudes, members, variables as names
 from rbfmu.ensembles.store import Checkpoint
-from rbfmu.exceptions import path_of
-from rbfmu.extras import needed
-from rbfmu.notebook import numbers_text, table
 from rbfmu.scene.scene import Scene
 from rbfmu.scene.section import whole
 from rbfmu.scene.variations import ATTITUDE
@@ -155,8 +153,8 @@ class EnsembleResult:
 
     def _repr_html_(self) -> str:
         caption = f"{self.scene.name}: {self.runs:,} runs, {len(self.failed):,} failed; at t = {self.time[-1]:g} s"
-        rows = ((name, self.rows[name].unit, *map(numbers_text, self.at_end(name))) for name in self.ended)
-        return table(caption, ("quantity", "unit", "mean", "standard deviation"), rows)
+        rows = ((name, self.rows[name].unit, *map(notebook.numbers_text, self.at_end(name))) for name in self.ended)
+        return notebook.table(caption, ("quantity", "unit", "mean", "standard deviation"), rows)
 
     @property
     def runs(self) -> int:
@@ -241,7 +239,7 @@ class EnsembleResult:
                 if row is not None and (axis := {"parameter", "angle", "axis"} & {*variable.dims}):
                     is_turn = name in (f"{attitudes.ATTITUDE}_std", f"{attitudes.ATTITUDE}_covariance")
                     named[axis.pop()] = [*"xyz"] if is_turn else list(row.components)
-        return needed("xarray", "ensemble").Dataset(found, names.coordinates(self.time) | named)
+        return extras.needed("xarray", "ensemble").Dataset(found, names.coordinates(self.time) | named)
 
     def plot(self, path: str | Path | None = None) -> Any:
         """Draw bands of quantiles, the runs' ends and what drives them; return the matplotlib.figure.Figure.
@@ -255,7 +253,7 @@ class EnsembleResult:
     @classmethod
     def load(cls, path: str | Path) -> "EnsembleResult":
         """Read a finished store, .npz or .zarr. Raises ValueError if it is not one, or if runs are missing."""
-        path = path_of(path)
+        path = exceptions.path_of(path)
         known = Checkpoint.read(_checkpoint(path))
         scene = Scene.from_dict(known.identity["scene"], str(path))
         if known.runs == 0:

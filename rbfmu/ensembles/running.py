@@ -15,16 +15,15 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from rbfmu import extras, simulation
 from rbfmu.ensembles import lock, members, planning, result
 from rbfmu.ensembles.chunks import Chunk, Work, members_of_a_chunk, origin, run_chunk
 from rbfmu.ensembles.control import control_of
 from rbfmu.ensembles.store import Progress, Store, refuse_existing, results_of
 from rbfmu.exceptions import SimulationError, named, path_of
-from rbfmu.extras import needed
 from rbfmu.progress import bar
 from rbfmu.runs.plan import Plan, checked_plan
 from rbfmu.scene.scene import Scene, of_scene_or_path
-from rbfmu.simulation import simulate
 
 AHEAD = 3
 """Chunks for each worker that are submitted but not yet taken: this bounds the memory.
@@ -92,7 +91,7 @@ def check_store(store: str | Path | None, resume: bool) -> None:
     if path.suffix not in (".npz", ".zarr"):
         raise ValueError(f"store = {str(store)!r}: expected a name that ends in .npz or .zarr")
     if path.suffix == ".zarr":
-        needed("zarr", "ensemble")
+        extras.needed("zarr", "ensemble")
     if not path.parent.is_dir():  # no lock file could be written beside the store
         raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(path.parent))
     refuse_existing(path, resume)
@@ -163,7 +162,7 @@ def dask_client(address: str) -> Iterator[Any]:
     is no scheduler.
     """
     try:
-        client = needed("distributed", "cluster").Client(address, timeout=PATIENCE, set_as_default=False)
+        client = extras.needed("distributed", "cluster").Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ValueError(f"no scheduler of Dask at {address!r}: {error}") from None
     log = logging.getLogger("distributed.client")
@@ -242,7 +241,7 @@ def run_packed(given: bytes, index: int) -> Chunk:
 
 def warm(scene: Scene, planned: Plan) -> None:
     """Compile what a run of a scene and its ensemble need, where that pays, by running the first members."""
-    simulate(scene, planned=planned)
+    simulation.simulate(scene, planned=planned)
     if scene.ensemble:
         scene = members.for_ends(members.with_runs(scene, None))
         work = Work(scene, planning.plan_once(scene).of_scene(scene), WARMING)

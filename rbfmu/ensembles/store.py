@@ -17,11 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from rbfmu import on_disk, result
 from rbfmu.ensembles import attitudes, variables as names
 from rbfmu.ensembles.chunks import Chunk, Work, origin
 from rbfmu.ensembles.statistics import Statistics, exact_quantiles
-from rbfmu.on_disk import remove_parts, replacing
-from rbfmu.result import read_npz, write_npz
 from rbfmu.runs.motion import attitude_error
 from rbfmu.types import Array
 
@@ -91,8 +90,8 @@ class Checkpoint:
         head = {"identity": self.identity, "chunks": self.progress.chunks, "runs": self.runs, "rows": [*self.rows]}
         head["failed"] = list(self.progress.failed.items())
         kept |= {_HEAD: np.array(json.dumps(head)), **self.rows, **self.results}
-        with replacing(path) as file:
-            write_npz(file, kept)
+        with on_disk.replacing(path) as file:
+            result.write_npz(file, kept)
             file.flush()
             os.fsync(file.fileno())
 
@@ -100,7 +99,7 @@ class Checkpoint:
     def read(cls, path: Path) -> "Checkpoint":
         """Read a file. Raises ValueError if it is no checkpoint of an ensemble, FileNotFoundError if there is none."""
         with damage_of(path, but=FileNotFoundError):
-            arrays = read_npz(path)
+            arrays = result.read_npz(path)
             head = json.loads(str(arrays.pop(_HEAD)))
             of_statistics = [name for name in arrays if name.startswith(_STATISTICS)]
             kept = {name.removeprefix(_STATISTICS): arrays.pop(name) for name in of_statistics}
@@ -175,7 +174,7 @@ class Store:
         """
         known = self._checkpoint(resume)
         if self._file is not None:
-            remove_parts(self._file)
+            on_disk.remove_parts(self._file)
         self._open(known)
         if known is None:
             self._write(self.progress, {})

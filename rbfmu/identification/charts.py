@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu import arrays
+from rbfmu import arrays, sensitivities
 from rbfmu.scene.body import TRIANGLE
 from rbfmu.scene.scene import Scene
-from rbfmu.sensitivities import ATTITUDE, columns_of
 from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.quantities import BOUNDED
 
@@ -42,7 +41,7 @@ class Chart:
     reach = math.inf
 
     def __init__(self, scene: Scene, key: str) -> None:
-        self.columns = columns_of(scene, key, "free")  # refuses unknown keys
+        self.columns = sensitivities.columns_of(scene, key, "free")  # refuses unknown keys
         self.whole = key.partition("[")[0]
         self.start = np.array(value_of(scene, self.whole), dtype=np.float64).ravel()
         self.size = float(np.max(np.abs(self.start), initial=0.0)) or 1.0
@@ -177,14 +176,14 @@ def chart_of(scene: Scene, key: str) -> Chart:
     """Return the chart of a key. Raises ValueError for a single number of an inertia."""
     if isinstance(key, str) and key != INERTIA and key.startswith(INERTIA):
         raise ValueError(f"free = {key!r}: expected {INERTIA} as a whole, so that it stays one that a body can have")
-    kinds: dict[str, type[Chart]] = {ATTITUDE: _Attitude, INERTIA: _Inertia, MASS: _Mass}
+    kinds: dict[str, type[Chart]] = {sensitivities.ATTITUDE: _Attitude, INERTIA: _Inertia, MASS: _Mass}
     return kinds.get(str(key), Chart)(scene, key)
 
 
 def value_of(scene: Scene, key: str) -> ArrayLike:
     """Return a scene's value of a key without an index; for an attitude the quaternion."""
     table, _, name = key.partition(".")
-    section, name = getattr(scene, table), "quaternion" if key == ATTITUDE else name
+    section, name = getattr(scene, table), "quaternion" if key == sensitivities.ATTITUDE else name
     return section[name].numbers if table in OWN else getattr(section, name)  # type: ignore[no-any-return]
 
 

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from rbfmu import arrays
+from rbfmu import arrays, csv_table
 from rbfmu.arrays.from_kernel import no_numbers
-from rbfmu.csv_table import read_columns
 from rbfmu.ensembles.variables import output_rows
 from rbfmu.result import Result, arrays_of_npz, by_quantity, incomplete, quaternion_lengths
 from rbfmu.scene.scene import Scene, SceneError
@@ -155,7 +154,7 @@ def _faults_of_names(scene: Scene, names: Sequence[str]) -> Iterator[tuple[str, 
 
 def _columns(path: Path, **which: Any) -> dict[str, Array]:
     try:
-        return read_columns(path, "a number, or nothing for a gap", gaps=GAPS, **which)
+        return csv_table.read_columns(path, "a number, or nothing for a gap", gaps=GAPS, **which)
     except SceneError as error:  # a fault of the file, not of the scene
         raise ValueError(str(error)) from None
 

@@ -8,9 +8,7 @@ from typing import Any
 
 from ..buffer import OK, STEP_REJECTED
 from ..types import Array, Buffer
-from . import members as one
-from .members import Run
-from .shell import Entry, Step
+from . import members as one, shell
 
 MARKS = 8
 MEMBER, POINT, PIECE, STATUS = range(4)
@@ -19,14 +17,14 @@ the status of the step, which is `PENDING` while it waits."""
 PENDING = -1
 
 _missing: Any = None
-initialize: Entry = _missing
-go_on: Step = _missing
+initialize: shell.Entry = _missing
+go_on: shell.Step = _missing
 """Advances a buffer by a step h > 0, s, or as far as it can without lanes; returns a status."""
 WORK = 0
 """How many numbers a buffer has before its work space, which needs no copy: it is written before it is read."""
 
 
-def run_on(z: Buffer, state: Array, mark: Array, run: Run) -> bool:
+def run_on(z: Buffer, state: Array, mark: Array, run: one.Run) -> bool:
     """Continue a run until a step is pending or the run is over; return whether a step is pending."""
     i, k, piece, status = int(mark[MEMBER]), int(mark[POINT]), int(mark[PIECE]), int(mark[STATUS])
     driving = run.driving
@@ -45,7 +43,7 @@ def run_on(z: Buffer, state: Array, mark: Array, run: Run) -> bool:
     return status == PENDING
 
 
-def begin_next(z: Buffer, state: Array, mark: Array, i: int, run: Run) -> int:
+def begin_next(z: Buffer, state: Array, mark: Array, i: int, run: one.Run) -> int:
     """Begin members in a buffer, from number i on, until one has to wait; return the number of the member after it.
 
     Members before it have run to their ends, or could not begin. If none has to wait, the buffer's member is -1.

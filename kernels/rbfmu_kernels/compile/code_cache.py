@@ -12,8 +12,7 @@ from typing import Any, TypeVar
 from numba import config, types
 
 from ..types import Function
-from . import numba_private as inside
-from .codegen import Context
+from . import codegen, numba_private as inside
 
 try:
     import fcntl
@@ -134,7 +133,7 @@ class DiskCache:
         """kind: the class of the cache, `CalleeCache`, or None for Numba's own."""
         self._function, self._kind = function, kind
 
-    def load_overload(self, signature: tuple[types.Type, ...], context: Context) -> "inside.CompileResult":
+    def load_overload(self, signature: tuple[types.Type, ...], context: codegen.Context) -> "inside.CompileResult":
         """Return the stored code, or None if there is none."""
         try:
             if not os.path.exists(self._cache._cache_file._index_path):

@@ -10,9 +10,8 @@ from ..numerics import double_double as dd, elementary, elliptic
 from ..numerics.double_double import ONE_OVER_PI, DoubleDouble, Vector, two_product, two_sum
 from ..rotations.quaternion import compose_quaternions, invert_quaternion
 from ..types import SHAPES, FreeRotationNumbers, Quaternion, Vec3
-from . import free_rotation_series
+from . import free_rotation_series, uniform_rotation
 from .free_rotation_series import NEAR, SEPARATRIX, STEADY, TUMBLING, Series, SteadyTurn
-from .uniform_rotation import ONE_OVER_4PI, turning_about
 
 
 class Polhode(NamedTuple):
@@ -41,7 +40,7 @@ def symmetric_polhode(
 ) -> Polhode:  # fmt: skip
     """Return the polhode of two equal moments: sn, cn, dn are sin, cos, 1; I_s may be 0."""
     g = dd.root(dd.add(a_p2, dd.multiply(m_s, m_s)))
-    rate = dd.divide(dd.multiply(g, ONE_OVER_4PI), i_r)
+    rate = dd.divide(dd.multiply(g, uniform_rotation.ONE_OVER_4PI), i_r)
     lam = dd.divide(dd.multiply(gap(i_s, i_r), w_s), i_r)
     x = elliptic.angle_in_half_turns(am_s, am_c)
     nu = dd.multiply(lam, ONE_OVER_PI)
@@ -74,7 +73,7 @@ def triaxial_polhode(
     half_turn = dd.scale(0.125, dd.divide(dd.multiply(y, dd.add_float(dd.negate(total), 2.0)), agm))
     half_turn = dd.choose(middle, dd.add_float(half_turn, -0.25), dd.negate(half_turn))
     nu = dd.multiply(dd.multiply(lam, agm), ONE_OVER_PI)
-    rate = dd.multiply(rate, ONE_OVER_4PI)
+    rate = dd.multiply(rate, uniform_rotation.ONE_OVER_4PI)
     return Polhode(a_s, g[0], rate_s, rate, nu, x, half_turn, kappa[0] * rho[0], agm)
 
 
@@ -197,7 +196,7 @@ _NONE: DoubleDouble = (0.0, 0.0)
 def steady_setup(q_0: Quaternion, omega: Vector, unit: float) -> FreeRotation:
     """Set up a constant rate: about a principal axis, across a symmetric body's axis, about any axis of a sphere."""
     (x, _), (y, _), (w, _) = omega
-    axis, rate = turning_about(omega)
+    axis, rate = uniform_rotation.turning_about(omega)
     return FreeRotation(
         kind=STEADY, unit=unit, precession=rate, phase_rate=_NONE, phase=_NONE, rates=(unit * x, unit * y, unit * w),
         rates_low=(0.0, 0.0, 0.0), kc_squared=(1.0, 0.0), width=_NONE, shift=0.0,

@@ -22,8 +22,8 @@ from ..compile.simd import add_lanes, lanes, lanes_at, multiply_lanes, numbers, 
 from ..compile.wide import alike
 from ..mechanics.equations_of_motion import RATE_ONLY, Rotation
 from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, scale_quaternion, square_of
-from ..types import Array, Buffer, Quaternion
-from .substeps import power_of
+from ..types import Array, Buffer, Quaternion, Vec3
+from .substeps import Method, power_of
 from .taylor_coefficients import FORCE_RATE, MAX_ORDER, RATE, ROW, TURN, product, term
 
 _COUNTS = range(MAX_ORDER // 2)
@@ -64,19 +64,28 @@ def _from_one_end(s: Buffer, rates: int, turns: int, m: int, x: float, h: float)
     return numbers(rate), numbers(turn)
 
 
-@kernel(inline=False)
-def motion_inside(s: Buffer, n: int, m: int, h: float, x: float, q_0: Quaternion, q_1: Quaternion) -> Rotation:
-    """Return attitude and rate where a part x of the substep h has passed.
+@kernel
+def _by_series(s: Buffer, order: int, t: float) -> Vec3:
+    """Return the rate at t from the beginning of a substep, after which only row 0 of its series is that of the end."""
+    steps, value = lanes(t, t, t, t), lanes_at(s, term(RATE, order))
+    for k in range(order - 1, 0, -1):
+        value = add_lanes(multiply_lanes(value, steps), lanes_at(s, term(RATE, k)))
+    return numbers(add_lanes(multiply_lanes(value, steps), lanes_at(s, FORCE_RATE)))[:3]
 
-    q_0, q_1: the attitudes at its ends. n: how much of a state is integrated, see `equations_of_motion`.
+
+@kernel(inline=False)
+def motion_inside(s: Buffer, method: Method, m: int, h: float, x: float, q_0: Quaternion, q_1: Quaternion) -> Rotation:
+    """Return attitude and rate where a part x of the substep h has passed; q_0, q_1: the attitudes at its ends.
+
+    Without the attitude no rows at the end are made, and the rate's own series is used.
     """
+    if method.n == RATE_ONLY:
+        return Rotation(q_1, _by_series(s, method.order, h * x))
     y = 1.0 - x
     near, far = power_of(y, m + 1), power_of(x, m + 1)
     rate_0, turn_0 = _from_one_end(s, FORCE_RATE, product(FORCE_RATE, 0), m, x, h)
     rate_1, turn_1 = _from_one_end(s, RATE, TURN, m, y, -h)
     omega = add_scaled_quaternion(scale_quaternion(near, rate_0), far, rate_1)[:3]
-    if n == RATE_ONLY:
-        return Rotation(q_1, omega)
     q = add_scaled_quaternion(
         compose_quaternions(q_0, scale_quaternion(near, turn_0)), 1.0,
         compose_quaternions(q_1, scale_quaternion(far, turn_1)),

@@ -24,7 +24,6 @@ from ..rotations.quaternion import add_scaled_quaternion, compose_quaternions, i
 from ..rotations.vec3 import ZERO, add, add_scaled, dot, largest_component, scale
 from ..types import Buffer, Quaternion, Vec3
 from . import interpolation, substeps, taylor_coefficients as series
-from .interpolation import Points
 from .substeps import Method, Room
 from .taylor_coefficients import ACCELERATION, FORCE, PER, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 
@@ -180,8 +179,9 @@ def turn(
 
 @kernel(inline=False)
 def taylor_advance(
-    z: Buffer, room: Room, method: Method, h: float, body: Body, loads: LoadPolynomial, points: Points | None = None
-) -> int:
+    z: Buffer, room: Room, method: Method, h: float, body: Body, loads: LoadPolynomial,
+    points: interpolation.Points | None = None,
+) -> int:  # fmt: skip
     """Advance the state by h, with the estimated error of each substep within the tolerance.
 
     points: where the motion is asked for within h, at constant loads, of which none turns with the body.
@@ -241,14 +241,14 @@ def taylor_advance(
 
 @kernel
 def _pass_points(
-    z: Buffer, y: int, s: Buffer, method: Method, points: Points, k: int, begin: float, h: float, q_0: Quaternion,
-    is_last: bool,
+    z: Buffer, y: int, s: Buffer, method: Method, points: interpolation.Points, k: int, begin: float, h: float,
+    q_0: Quaternion, is_last: bool,
 ) -> int:  # fmt: skip
     """Set the motion at the points within a substep, from point k on; return the number of the next point."""
     q_1, m = quaternion_at(z, y), derivatives_of_attitude(method.order)
     x = interpolation.place_of(points.time, k, begin, h, is_last)
     while x >= 0.0:
-        inside = interpolation.motion_inside(s, method.n, m, h, x, q_0, q_1)
+        inside = interpolation.motion_inside(s, method, m, h, x, q_0, q_1)
         interpolation.put_rotation(points.states, k - 1, inside)
         k += 1
         x = interpolation.place_of(points.time, k, begin, h, is_last)

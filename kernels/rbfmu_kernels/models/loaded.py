@@ -11,14 +11,11 @@ splitting: the loads' impulses between exact flows of the free body.
 
 import math
 
-from ..body import driven, memory, shell
-from ..body.lanes import PENDING
-from ..body.outputs import outputs
+from ..body import driven, lanes, memory, outputs, shell
 from ..buffer import NO_TOP, OK, RESONANT, STEP_REJECTED, places, with_work_space
 from ..buffer_access import copy_numbers, pair_at, put_pair_at
 from ..compile.decorator import kernel
-from ..integrators import dense_output as dense, splitting, taylor, taylor_coefficients as series
-from ..integrators.interpolation import Points, begin_points
+from ..integrators import dense_output as dense, interpolation, splitting, taylor, taylor_coefficients as series
 from ..integrators.substeps import LONGEST_STEP, Method, Room, substeps_in
 from ..mechanics.equations_of_motion import ROTATION, WHOLE_STATE
 from ..rotations.vec3 import is_nonzero
@@ -54,7 +51,7 @@ def _advance_loaded_taylor(z: Buffer, h: float) -> int:
 @kernel(inline=False)
 def go_on(z: Buffer, h: float) -> int:
     """Advance by h along the present series; return PENDING where it is not valid over the step."""
-    return advance_by_series(z, h) if stands(z, h) else PENDING
+    return advance_by_series(z, h) if stands(z, h) else lanes.PENDING
 
 
 @kernel
@@ -96,9 +93,9 @@ def run_through(z: Buffer, time: Array, at: Indices, rows: Array, states: Array)
     body, loads, points = memory.body_of(z), driven.load_polynomial_of(z), len(states)
     method = Method(driven.part_to_integrate(z, body, loads), int(z[_AT.order]), z[_AT.tolerance], z[_AT.span])
     at_once = 1 if method.n == WHOLE_STATE else points
-    begin_points(states)
+    interpolation.begin_points(states)
     for k in range(0, points, at_once):
-        part, end = Points(time[k : k + at_once + 1], states[k : k + at_once]), k + at_once
+        part, end = interpolation.Points(time[k : k + at_once + 1], states[k : k + at_once]), k + at_once
         taylor.taylor_advance(z, ROOM, method, time[end] - time[k], body, loads, part)
         reached = show(z, method.n, time, at, rows, states, k, end)
         if reached < end:
@@ -117,7 +114,7 @@ def show(z: Buffer, n: int, time: Array, at: Indices, rows: Array, states: Array
             driven.translate_steadily(z, n, time[k + 1] - time[k])
         if not memory.is_finite(z):
             return k
-        outputs(z)
+        outputs.outputs(z)
         if every or k + 1 == len(states):
             for j in range(len(at)):
                 rows[k + 1 if every else 0, j] = z[at[j]]
@@ -173,7 +170,7 @@ def begins_series(z: Buffer, h: float, method: Method) -> bool:
 
 
 def _lanes() -> shell.Lanes:
-    from .loaded_taylor_lanes import LANES  # slow to import
+    from .loaded_runs_in_lanes import LANES  # slow to import
 
     return LANES
 

@@ -5,34 +5,32 @@ and its series in a work space of `WORK` wide numbers. Loads are constant over t
 body. Bodies of different kinds (`_kind`: what is decided once for all lanes) do not share a vector. Steps that lanes
 cannot take, or cannot finish, are taken body by body. A series that may be used for further steps is made in lanes, and
 kept and evaluated in its body's buffer, as `dense_output` does for one body. Whole runs without inputs stay in their
-lanes from start to end (`run_members_through`).
+lanes from start to end (`loaded_runs_in_lanes`).
 """
 
 import math
-from functools import partial
 from typing import NamedTuple
 
-from ..body import driven, lanes, members as one, shell
+from ..body import driven, lanes, shell
 from ..body.lanes import MEMBER, PENDING, PIECE, STATUS
 from ..body.members import Control, Driving, Members, Room, Run
 from ..body.memory import MEMORY, STATE_START, body_of
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout, places
-from ..buffer_access import matrix_at, put_quaternion_at, put_vec3_at, quaternion_at, vec3_at
+from ..buffer_access import matrix_at, put_quaternion_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
 from ..integrators import dense_output as dense, interpolation, substeps, taylor, taylor_coefficients as series
-from ..integrators.interpolation import begin_points
 from ..integrators.taylor_coefficients import FORCE, FORCE_RATE, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_STATE, Body
 from ..mechanics.inertia import is_diagonal
 from ..rotations.quaternion import invert_quaternion, rotate
 from ..types import Array, Buffer, Vec3
-from .loaded import LOADED_TAYLOR, REST, ROOM, begins_series, finished, go_on, show
+from .loaded import LOADED_TAYLOR, REST, ROOM, begins_series, finished, go_on
 
 _AT = Layout(LOADED_TAYLOR.BLOCKS, LOADED_TAYLOR.SIZE).at
 _SERIES = _AT.validity
-initialize, step = LOADED_TAYLOR.initialize, LOADED_TAYLOR.step
+step = LOADED_TAYLOR.step
 COLUMNS = MEMORY | {
     "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3, "count": 1, "low": 1, "tried": 1, "has_failed": 1,
     "size": 1, "rest": 1, "is_new": 1, "member": 1, "reach": 1, "turn_order": 1, "point": 1, "begin": 1, "part": 1,
@@ -66,15 +64,17 @@ class Bodies(NamedTuple):
 Kind = tuple[int, int, float, float, bool, bool, bool]
 """How much of the state is integrated; order, tolerance and span; whether a force fixed in a acts on an arm; whether a
 torque fixed in a acts; whether the inertia is diagonal. The first is 0 where lanes cannot be used."""
-_NO_KIND = (0, 0, 0.0, 0.0, False, False, False)
+NO_KIND = (0, 0, 0.0, 0.0, False, False, False)
 
 
 # Members and communication steps
 
 
-_BOUND = partial(shell.bind, module=__name__, constant="LOADED_TAYLOR", inline=True)
-_run_on = _BOUND(lanes.run_on, go_on=go_on)
-_begin_next = _BOUND(lanes.begin_next, run_on=_run_on, initialize=LOADED_TAYLOR.initialize, WORK=_AT.work)
+_HERE = __name__, "LOADED_TAYLOR", True
+_run_on = shell.bind(lanes.run_on, *_HERE, go_on=go_on)
+_begin_next = shell.bind(
+    lanes.begin_next, *_HERE, run_on=_run_on, initialize=LOADED_TAYLOR.initialize, WORK=_AT.work
+)  # fmt: skip
 
 
 @kernel(inline=False)
@@ -99,104 +99,6 @@ def run_members(
                 busy -= 1 if marks[k, MEMBER] < 0.0 else 0
 
 
-@kernel(inline=False)
-def run_members_through(
-    control: Control, members: Members, driving: Driving, room: Room, buffers: Array, states: Array, scratch: Array
-) -> None:
-    """Run members of an ensemble side by side over all points: see `loaded.run_through`.
-
-    Steps done are -1 of members that have to run alone: of another kind than those in lanes, or without a substep that
-    meets the tolerance. buffers: at least one for each lane.
-    """
-    c, s = wide_at(scratch, 0, WIDEST), wide_at(scratch, WIDEST * COLUMNS_SIZE, WIDEST)
-    run, kind, time, i, busy = Run(control, members, driving, room), _NO_KIND, driving.time, 0, 0
-    for lane in range(WIDEST):
-        i, kind = _load_next(buffers, states[0], c, lane, i, kind, run)
-        busy += 1 if lane_at(c, LANE.member, lane) >= 0.0 else 0
-    n, order, tolerance, span, lever_force, torque, _ = kind
-    fixed, method = SpaceFixedLoads(lever_force, torque, False), substeps.Method(n, order, tolerance, span)
-    while busy > 0:
-        begin_substeps(c, s, method, fixed)
-        take_substeps(c, s, method, fixed, time[len(time) - 1] - time[0])
-        _pass_points(c, s, method, time, room.states)
-        for lane in range(WIDEST):
-            member = int(lane_at(c, LANE.member, lane))
-            failed = lane_at(c, LANE.has_failed, lane) != 0.0
-            if member < 0 or (lane_at(c, LANE.rest, lane) > 0.0 and not failed):
-                continue
-            if not failed:
-                _put_state(c, STATE, lane, room.states[lane], len(time) - 2)
-                rows, own, end = members.rows[member], room.states[lane], len(time) - 1
-                members.ends[member, 1] = show(buffers[lane], n, time, members.kept, rows, own, 0, end)
-            i, kind = _load_next(buffers, states[0], c, lane, i, kind, run)
-            busy -= 1 if lane_at(c, LANE.member, lane) < 0.0 else 0
-
-
-@kernel(inline=False)
-def _load_next(buffers: Array, state: Array, c: Buffer, lane: int, i: int, kind: Kind, run: Run) -> tuple[int, Kind]:
-    """Load the next member of the kind, from number i on, into a lane; return the number of the member after it.
-
-    The first member that lanes can run decides the kind.
-    """
-    z, members = buffers[lane], run.members
-    while i < len(members.values):
-        one.begin(z, state, i, _AT.work, run)
-        members.ends[i, 0] = initialize(z)
-        i += 1
-        if members.ends[i - 1, 0] != 0:
-            continue
-        one.record(z, i - 1, 0, run)
-        own, members.ends[i - 1, 1] = _kind(z), -1
-        if kind[0] == 0:
-            kind = own
-        if own[0] != 0 and own == kind:
-            z[REST] = run.driving.time[len(run.driving.time) - 1] - run.driving.time[0]
-            _load(z, c, lane, i - 1)
-            begin_points(run.room.states[lane])
-            return i, kind
-    _load(buffers[0], c, lane, -1)  # a lane without a body has a copy
-    put_lane_at(c, LANE.rest, lane, 0.0)
-    return i, kind
-
-
-@kernel
-def _put_state(c: Buffer, i: int, lane: int, states: Array, k: int) -> None:
-    """Set row k of the states to what a lane has from column i on."""
-    for j in range(ROTATION):
-        states[k, j] = lane_at(c, i + j, lane)
-
-
-@kernel(inline=False)
-def _pass_points(c: Buffer, s: Buffer, method: substeps.Method, time: Array, states: Array) -> None:
-    """Set the states (lanes, n, ROTATION) of all lanes at the points within their substeps."""
-    m = taylor.derivatives_of_attitude(method.order)
-    while _set_places(c, time):
-        inside = interpolation.motion_inside(
-            s, method.n, m, c[LANE.part], c[LANE.x], quaternion_at(c, LANE.before), quaternion_at(c, STATE)
-        )
-        put_quaternion_at(c, LANE.inside, inside.q_ab)
-        put_vec3_at(c, LANE.inside + OMEGA, inside.omega_b)
-        for lane in range(width_of(c)):
-            if lane_at(c, LANE.x, lane) >= 0.0:
-                point = lane_at(c, LANE.point, lane)
-                _put_state(c, LANE.inside, lane, states[lane], int(point) - 1)
-                put_lane_at(c, LANE.point, lane, point + 1.0)
-
-
-@kernel
-def _set_places(c: Buffer, time: Array) -> bool:
-    """Set the part of its substep at which each lane has its next point; return whether any lane has one."""
-    found = False
-    for lane in range(width_of(c)):
-        x, rest = -1.0, lane_at(c, LANE.rest, lane)
-        if lane_at(c, LANE.member, lane) >= 0.0 and lane_at(c, LANE.has_failed, lane) == 0.0:
-            begin, part = lane_at(c, LANE.begin, lane), lane_at(c, LANE.part, lane)
-            x = interpolation.place_of(time, int(lane_at(c, LANE.point, lane)), begin, part, rest == 0.0)
-        put_lane_at(c, LANE.x, lane, x)
-        found = found or x >= 0.0
-    return found
-
-
 @kernel
 def advance(bodies: Bodies, c: Buffer, s: Buffer) -> None:
     """Advance the bodies that wait, as many side by side as are in c, and set their statuses to what `step` returns.
@@ -206,12 +108,12 @@ def advance(bodies: Bodies, c: Buffer, s: Buffer) -> None:
     buffers, marks, _ = bodies
     for first in range(len(buffers)):
         if marks[first, STATUS] == PENDING:
-            kind = _kind(buffers[first])
+            kind = kind_of(buffers[first])
             if kind[0] == 0:
                 marks[first, STATUS] = step(buffers[first], _length_of(bodies, first))
                 continue
             for i in range(first, len(buffers)):
-                if marks[i, STATUS] == PENDING and (i == first or _kind(buffers[i]) == kind):
+                if marks[i, STATUS] == PENDING and (i == first or kind_of(buffers[i]) == kind):
                     marks[i, STATUS] = _CHOSEN
             _advance_kind(bodies, first, c, s, kind)
 
@@ -223,9 +125,10 @@ def _length_of(bodies: Bodies, i: int) -> float:
 
 
 @kernel(inline=False)
-def _kind(z: Buffer) -> Kind:
+def kind_of(z: Buffer) -> Kind:
+    """Return the kind of a body."""
     if z[_SERIES] == dense.STALE:
-        return _NO_KIND
+        return NO_KIND
     body, loads = body_of(z), driven.load_polynomial_of(z)
     n, order, fixed = driven.part_to_integrate(z, body, loads), int(z[_AT.order]), series.space_fixed_loads(body, loads)
     if driven.inputs_change(z) or n == WHOLE_STATE or not z[_AT.tolerance] < math.inf:
@@ -243,7 +146,7 @@ def _advance_kind(bodies: Bodies, first: int, c: Buffer, s: Buffer, kind: Kind) 
     following, busy = first, 0
     for lane in range(width_of(c)):
         following, found = _next(following, marks)
-        _load(buffers[first if found < 0 else found], c, lane, found)  # a lane without a body has a copy
+        load(buffers[first if found < 0 else found], c, lane, found)  # a lane without a body has a copy
         busy += 1 if found >= 0 else 0
     while busy > 0:
         begin_substeps(c, s, method, fixed)
@@ -257,7 +160,7 @@ def _advance_kind(bodies: Bodies, first: int, c: Buffer, s: Buffer, kind: Kind) 
             marks[member, STATUS] = _alone(z, h) if failed else _unload(z, c, lane, n, h)
             following, found = _next(following, marks)
             if found >= 0:
-                _load(buffers[found], c, lane, found)
+                load(buffers[found], c, lane, found)
             else:
                 put_lane_at(c, LANE.member, lane, -1.0)
                 put_lane_at(c, LANE.rest, lane, 0.0)
@@ -281,7 +184,7 @@ def _put(c: Buffer, i: int, lane: int, v: Vec3) -> None:
 
 
 @kernel(inline=False)
-def _load(z: Buffer, c: Buffer, lane: int, member: int) -> None:
+def load(z: Buffer, c: Buffer, lane: int, member: int) -> None:
     """Copy a body into a lane."""
     body, loads = body_of(z), driven.load_polynomial_of(z)
     for k in range(ROTATION):
@@ -337,11 +240,11 @@ def _try_series(
     lane, cautious = 0, dense.cautious(method)
     for i in range(first, len(buffers)):
         if marks[i, STATUS] == _CHOSEN and begins_series(buffers[i], _length_of(bodies, i), method):
-            _load(buffers[i], c, lane, i)
+            load(buffers[i], c, lane, i)
             lane += 1
         if lane == width_of(c) or (lane > 0 and i == len(buffers) - 1):
             for empty in range(lane, width_of(c)):
-                _load(buffers[int(lane_at(c, LANE.member, 0))], c, empty, -1)
+                load(buffers[int(lane_at(c, LANE.member, 0))], c, empty, -1)
             _make_series(buffers, c, s, cautious, fixed)
             for k in range(lane):
                 member = int(lane_at(c, LANE.member, k))
@@ -489,6 +392,3 @@ def _try_substeps(c: Buffer, s: Buffer, method: substeps.Method, acceleration: f
     alpha_fixed = choose(count > 1.0, acceleration, 0.0)
     steps = choose(count < taylor.STEPS_OF_LOADS, count, float(taylor.STEPS_OF_LOADS))
     return part, count, taylor.estimated_excess(s, method, part, 0.0, alpha_fixed, steps)
-
-
-LANES = shell.Lanes(run_members, SCRATCH, run_members_through)

@@ -15,14 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from rbfmu import arrays
+from rbfmu import arrays, studies
 from rbfmu.models import formulas
 from rbfmu.models.question import Question
 from rbfmu.planning import judge, methods, reference
 from rbfmu.runs.motion import largest_error, least_sizes
 from rbfmu.runs.plan import Plan, start_run
 from rbfmu.scene.scene import Scene, SceneError
-from rbfmu.studies import tables_of
 from rbfmu.types import Array, Motion
 from rbfmu_kernels.body.memory import motion_of
 from rbfmu_kernels.compile.tiered import tiered
@@ -327,7 +326,7 @@ def _known_case(key: str, tables: dict[str, Any]) -> Case:
 
 
 _PLANNED = (1e-3, 1e-6, 1e-9, 1e-12)
-CASES = {key: _known_case(key, tables) for key, tables in tables_of("chart/motions.toml").items()}
+CASES = {key: _known_case(key, tables) for key, tables in studies.tables_of("chart/motions.toml").items()}
 """The eight motions by key."""
 
 

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rbfmu.exceptions import path_of
-from rbfmu.on_disk import replacing
+from rbfmu import exceptions, on_disk
 from rbfmu.studies import WIDTH, cost_text, join_parts, short_number, tables_of, times, wrap_lines, write_rows
 from rbfmu.studies.chart.cases import FLOOR
 
@@ -199,12 +198,12 @@ class Chart:
         name: the scene's, if none is given.
         """
         stem = re.sub(r"[^\w.-]+", "_", name or self.scene) or "scene"
-        csv, text, picture = (path_of(folder, "folder") / f"{stem}{end}" for end in (".csv", ".txt", ".png"))
+        csv, text, picture = (exceptions.path_of(folder, "folder") / f"{stem}{end}" for end in (".csv", ".txt", ".png"))
         csv.parent.mkdir(parents=True, exist_ok=True)
         write_rows(csv, map(asdict, self.rows), [*self.machine, *self.absent])
-        with replacing(text, "w", newline="", encoding="utf-8") as file:
+        with on_disk.replacing(text, "w", newline="", encoding="utf-8") as file:
             file.write(f"{self.table}\n")
-        with replacing(picture) as file:
+        with on_disk.replacing(picture) as file:
             self.figure().savefig(file)
         return [csv, text, picture]
 

@@ -162,10 +162,8 @@ def test_whole_runs_whose_outputs_are_interpolated(monkeypatch, name):
     planned = replace(whole_series(scene, 12, 1e-9), interpolated=True, cost=1e3)
     lanes, alone = both(monkeypatch, scene, planned)
     assert_same(lanes, alone)
-    assert {"some refused": 0 < len(lanes.failed) < 21, "all refused": len(lanes.failed) == 21}.get(
-        name, not lanes.failed
-    )
-    assert all("was refused: not finite" in text for text in lanes.failed.values())
+    few, most = {"some refused": (1, 20), "all refused": (21, 21)}.get(name, (0, 0))
+    assert few <= len(lanes.failed) <= most
     stepped = rbfmu.run_ensemble(scene, planned=replace(planned, interpolated=False), progress=False)
     assert stepped.failed == lanes.failed
     for quantity in scene.outputs.names:
