@@ -95,7 +95,7 @@ def _with_doubts(scene: Scene, progress: Callable[[float], Any] | None = None) -
             tell(0.9 * (k + 1) / len(judges))
         for_all = _for_all(found).of_scene(scene)
         if wild:  # the worst members magnify errors far more than pilots: use the tightest tolerance
-            for_all = replace(for_all, tolerance=methods.TIGHTEST)
+            for_all = replace(for_all, tolerance=methods.TIGHTEST, interpolated=_may_interpolate(judges[0]))
         chosen, growth = _accurate(for_all, judges)
         if not wild:
             likely = fitting.with_likely_error(scene, chosen, judges[0].names)
@@ -122,9 +122,8 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
         if scene.inputs.ports or not select.series_serve_alone(judges[0]):  # pilot runs do not see what ports supply
             return False, None
         asked = judges[0].asked
-        interpolated = not asked.load_shares[1]  # a force that turns with the body moves its centre as well
         general = methods.series_of_all(asked, 0, scene.run.accuracy)
-        general = replace(general, pinned=asked.pinned, interpolated=interpolated)
+        general = replace(general, pinned=asked.pinned, interpolated=_may_interpolate(judges[0]))
         if scene.run.count == 1:  # no series has to go beyond this one step
             general = replace(general, substep=scene.run.step)
         fitting.follow_in_doubles(judges)
@@ -149,6 +148,11 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             part *= found.tolerance / fitted.tolerance
             fitted = fit(part)
     return found is not None, found
+
+
+def _may_interpolate(judge: Judge) -> bool:
+    """Return whether outputs can be interpolated: the path by a force that turns with the body cannot."""
+    return not judge.asked.load_shares[1]
 
 
 # Why
