@@ -296,7 +296,7 @@ def call_of(case: Case, mark: float, runs: int, rounds: int, keep: Sequence[str]
     tables, rates = case.asking(mark).to_dict(), case.scene.initial.omega_b
     vary = {"initial.omega_b": {"normal": [list(rates), [0.02] * 3]}}
     scene = Scene.from_dict(tables | {"ensemble": {"runs": runs, "keep": list(keep), "vary": vary}}, case.scene.name)
-    if compiling := compile_lanes((planned := plan_ensemble(scene)).kernels, planned.interpolated):
+    if compiling := compile_lanes((planned := plan_ensemble(scene)).kernels, planned.runs_through(scene)):
         compiling.join()  # as it is where an ensemble ran before
     begin = process_time()
     result = run_ensemble(scene, executor=1, progress=False)

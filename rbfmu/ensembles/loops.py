@@ -269,7 +269,7 @@ def run_alone(
     given = control, members, driving, _room(members, driving, 1, through)
     room = aligned_zeros(kernels.SIZE), np.empty(len(driving.start))
     if through:
-        which = np.arange(len(members.values)) if which is None else which
+        which = np.arange(len(members.values), dtype=np.int64) if which is None else which
         compiled(run_through)(*entries(kernels, through), which, *given, *room)
     else:
         compiled(run_members)(*entries(kernels), *given, *room)
@@ -311,7 +311,7 @@ def _lanes_of(kernels: Any, through: bool) -> tuple[Any, tuple[Any, ...]]:
 
 def _room_of_lanes(kernels: Any, count: int, states: int, through: bool) -> tuple[Array, ...]:
     """Return work space for `count` members at a time, whose controllers have `states` numbers each."""
-    size, count = -(-kernels.SIZE // _CACHE_LINE) * _CACHE_LINE, max(count, WIDEST)
+    size, count = -(-kernels.SIZE // _CACHE_LINE) * _CACHE_LINE, WIDEST if through else max(count, WIDEST)
     buffers = aligned_zeros(count * size).reshape(count, size)[:, : kernels.SIZE]
     marks = () if through else (np.zeros((count, MARKS)),)
     return buffers, np.empty((count, states)), *marks, aligned_zeros(kernels.lanes().SCRATCH)

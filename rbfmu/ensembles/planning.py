@@ -54,6 +54,10 @@ Without it 1 of 13 members of these bodies would require a smaller tolerance, wi
 Series of a body under loads are fitted in another way (`fitting`): with this factor on the least tolerance of the
 pilots' own plans, their errors were a thousandth of the accuracy.
 """
+MOST_POINTS = 20_000
+"""The largest number of communication points whose outputs are interpolated, as each takes 64 bytes in each lane.
+
+With more of them a series that serves many steps costs no more."""
 ENOUGH = 0.1
 """The error of a pilot under the common plan, as a part of the accuracy, above which the tolerance is tightened.
 
@@ -152,7 +156,7 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
 
 def _may_interpolate(judge: Judge) -> bool:
     """Return whether outputs can be interpolated: the path by a force that turns with the body cannot."""
-    return not judge.asked.load_shares[1]
+    return not judge.asked.load_shares[1] and judge.scene.run.count <= MOST_POINTS
 
 
 # Why
@@ -185,7 +189,7 @@ def _reasons_of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> 
     keys = ", ".join(variation.key for variation in ensemble.vary)
     whatever = f"the model holds whatever {keys} may be"
     yield f"one plan for all {ensemble.runs:,} members; the numbers above are of one, {whatever}"
-    if chosen.interpolated and scene.run.count > 1:
+    if chosen.runs_through(scene) and scene.run.count > 1:
         yield "substeps do not end at communication points, whose outputs are interpolated"
     if chosen.model == registry.LOADED_TAYLOR.key and not wild:
         evidence = f"by {pilots} pilot members, as far out as the farthest, and by up to a thousand others"

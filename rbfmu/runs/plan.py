@@ -41,7 +41,7 @@ class Plan:
     formulas, if any; pinned: parameters for whose values the model was judged, so that an importer must not change
     them; error: the largest expected, as the scene's `accuracy` measures it; cost: ns a communication step, with the
     outputs asked for, on `methods.MACHINE`; interpolated: whether whole runs without ports have substeps of their own,
-    between which outputs are interpolated, while a `Simulator` and an FMU end a substep at each communication point.
+    inside which outputs are interpolated; a `Simulator` and an FMU go from one communication point to the next.
     """
 
     model: str

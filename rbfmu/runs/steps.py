@@ -66,7 +66,7 @@ class Steps:
         self.z[places] = drive.values[0]
         initialize(scene, self.kernels, self.z)
         self._step = tiered(self.kernels.step, len(self._lengths) * runs)
-        self._through = tiered(self.kernels.run_through) if plan.runs_through(scene) else None  # type: ignore[arg-type]
+        self._through = tiered(self.kernels.run_through, runs) if plan.runs_through(scene) else None  # type: ignore[arg-type]
         self.events: Events | None = None
         self.ended: float | None = None
         """The time of the event that ended the run, s."""
@@ -109,7 +109,8 @@ class Steps:
         """Take step k, and maybe some after it; return the number of the last step taken, k - 1 if the run is over.
 
         rows[k] is set to the numbers of the buffer at places `at` after step k. The run is over if a step is refused,
-        or after a step with which there are more than `most` substeps; such a step sets no row.
+        or after a step with which there are more than `most` substeps; such a step sets no row. A run whose outputs are
+        interpolated is taken whole.
         """
         if self._is_over:
             return k - 1
@@ -117,7 +118,9 @@ class Steps:
         if self._through:
             reached = int(self._through(self.z, self._time, at, rows, np.empty((self.count, ROTATION))))
             self._is_over = True
-            return k - 1 if substeps and self.z[substeps][0] > most else reached
+            if substeps and self.z[substeps][0] > most:
+                rows[k:], reached = np.nan, k - 1
+            return reached
         if not (self._together and self._goes_in_a_loop):
             if not self.advance(k) or (substeps and self.z[substeps][0] > most):
                 self._is_over = True

@@ -9,7 +9,7 @@ Where x is the part of the substep that has passed, the polynomial of degree 2 m
 with the coefficients a_j of the beginning and b_j of the end: Hermite's interpolation, written as a two-point Taylor
 expansion (J. L. Lopez & N. M. Temme, Studies in Applied Mathematics 109 (2002) 297-311). Its error is at most
 (h / 2)^(2m+2) / (2m + 2)! times the derivative of that order. The two-point formula of the substep itself, with m
-derivatives as well, has one of h^(2m+1), so that outputs inside substeps are as accurate as those at their ends.
+derivatives as well, has one of h^(2m+1), so that outputs inside substeps are about as accurate as at their ends.
 """
 
 import math

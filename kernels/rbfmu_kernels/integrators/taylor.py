@@ -202,11 +202,14 @@ def taylor_advance(
     if n == WHOLE_STATE:
         series.acceleration_series(s, m, body.inverse_mass, now)
     rest, low, tried, passed = h, 0.0, 0, 1  # rest + low: the time left, so that a thousand substeps add up to h
+    most = MAX_SUBSTEPS
+    if points is not None:
+        most *= len(points.states)
     while rest > 0.0:
         tried += 1
-        count = substeps.substeps_in(rest, z[size])
-        if count == 0 or tried >= MAX_SUBSTEPS:
+        if not rest < most * z[size] or tried >= most:
             return STEP_REJECTED
+        count = substeps.parts_in(rest, z[size])
         part = (rest + low) / count
         excess = _excess(z, y, s, method, part, count, body, fixed)
         if not excess <= 1.0:
@@ -220,7 +223,7 @@ def taylor_advance(
         rest = left
         if n == WHOLE_STATE:
             _move_centre(z, y, s, m, part)
-        if points is not None:
+        if points is not None and interpolation.place_of(points.time, passed, begin, part, rest == 0.0) >= 0.0:
             interpolation.keep_beginning(s, m)
         if fixed.changing:
             now = motion.polynomial_after(loads, h - rest)

@@ -2,7 +2,7 @@
 
 A lane takes one body after another, each with its own substeps. A body's numbers are in the lane's columns (`COLUMNS`),
 and its series in a work space of `WORK` wide numbers. Loads are constant over the step, and no force turns with the
-body. Bodies of different kinds (`_kind`: what is decided once for all lanes) do not share a vector. Steps that lanes
+body. Bodies of different kinds (`kind_of`: what is decided once for all lanes) do not share a vector. Steps that lanes
 cannot take, or cannot finish, are taken body by body. A series that may be used for further steps is made in lanes, and
 kept and evaluated in its body's buffer, as `dense_output` does for one body. Whole runs without inputs stay in their
 lanes from start to end (`loaded_runs_in_lanes`).
@@ -16,11 +16,11 @@ from ..body.lanes import MEMBER, PENDING, PIECE, STATUS
 from ..body.members import Control, Driving, Members, Room, Run
 from ..body.memory import MEMORY, STATE_START, body_of
 from ..buffer import MAX_SUBSTEPS, OK, STEP_REJECTED, Layout, places
-from ..buffer_access import matrix_at, put_quaternion_at, quaternion_at, vec3_at
+from ..buffer_access import matrix_at, quaternion_at, vec3_at
 from ..compile.decorator import kernel
 from ..compile.simd import WIDEST, lane_at, put_lane_at, wide_at, width_of
 from ..compile.wide import alike, all_of, any_of, choose
-from ..integrators import dense_output as dense, interpolation, substeps, taylor, taylor_coefficients as series
+from ..integrators import dense_output as dense, substeps, taylor, taylor_coefficients as series
 from ..integrators.taylor_coefficients import FORCE, FORCE_RATE, RATE, TORQUE, TURN, WORK, SpaceFixedLoads, term
 from ..mechanics.equations_of_motion import OMEGA, RATE_ONLY, ROTATION, WHOLE_STATE, Body
 from ..mechanics.inertia import is_diagonal
@@ -34,14 +34,14 @@ step = LOADED_TAYLOR.step
 COLUMNS = MEMORY | {
     "damping": 3, "force_a": 3, "torque_a": 3, "torque_b": 3, "count": 1, "low": 1, "tried": 1, "has_failed": 1,
     "size": 1, "rest": 1, "is_new": 1, "member": 1, "reach": 1, "turn_order": 1, "point": 1, "begin": 1, "part": 1,
-    "x": 1, "before": 4, "inside": ROTATION,
+    "x": 1, "inside": ROTATION,
 }  # fmt: skip
 """State and constants of a lane's body, as in a buffer; damping and loads (force_a is 0 if it has no arm); the number
 of substeps taken; the low part of the time left in the communication step, and the tries in it; whether the body has
 failed; the step size; the time left in the step; whether it has just begun; the body's number, -1 for none. For a
 series over further steps: its largest reach, and the attitude's order. For a run whose outputs are interpolated: the
-next point; the beginning of the last substep since that of the run, and its length, s; the part of it at that point;
-the attitude at its beginning; the state at that point."""
+next point; the beginning of the last substep since that of the run, and its length, s; the part of it at that point,
+and the state there."""
 _, COLUMNS_SIZE = _COLUMNS = places(COLUMNS)
 LANE = _COLUMNS.at
 STATE = 0
@@ -150,7 +150,7 @@ def _advance_kind(bodies: Bodies, first: int, c: Buffer, s: Buffer, kind: Kind) 
         busy += 1 if found >= 0 else 0
     while busy > 0:
         begin_substeps(c, s, method, fixed)
-        take_substeps(c, s, method, fixed)
+        turn(c, s, method, fixed, choose_substeps(c, s, method, fixed, MAX_SUBSTEPS))
         for lane in range(width_of(c)):
             member = int(lane_at(c, LANE.member, lane))
             failed = lane_at(c, LANE.has_failed, lane) != 0.0
@@ -351,12 +351,10 @@ def begin_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFi
 
 
 @kernel(inline=False)
-def take_substeps(
-    c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads, length: float | None = None
-) -> None:
-    """Take a substep in each lane, of a size that meets the tolerance there; where none does, the body has failed.
+def choose_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads, most: float) -> float:
+    """Return a substep for each lane, of a size that meets the tolerance there, and set what is left after it.
 
-    length: of the run, s, if its outputs are interpolated: then what `_pass_points` needs is kept.
+    Where none meets the tolerance, or there are more than `most`, the body has failed.
     """
     body, rest, low, order = _bodies(c), c[LANE.rest], c[LANE.low], method.order
     acceleration = alike(rest, 0.0)
@@ -371,17 +369,19 @@ def take_substeps(
         c[LANE.tried] = choose(fits, c[LANE.tried], c[LANE.tried] + 1.0)
         part, count, excess = _try_substeps(c, s, method, acceleration)
     c[LANE.tried], c[LANE.count] = c[LANE.tried] + 1.0, c[LANE.count] + 1.0
-    goes_on = (excess <= 1.0) & (rest < MAX_SUBSTEPS * c[LANE.size]) & (c[LANE.tried] < MAX_SUBSTEPS)
+    goes_on = (excess <= 1.0) & (rest < most * c[LANE.size]) & (c[LANE.tried] < most)
     c[LANE.has_failed] = choose(goes_on, 0.0, 1.0)
     nearer, is_last = substeps.nearer_size(part, order, 1.4 * excess), count == 1.0
     c[LANE.size] = choose(is_last, max(c[LANE.size], nearer), nearer)
     left = choose(is_last, 0.0, rest - part)
-    if length is not None:
-        interpolation.keep_beginning(s, taylor.derivatives_of_attitude(order))
-        c[LANE.begin], c[LANE.part] = (length - rest) - low, part
-        put_quaternion_at(c, LANE.before, quaternion_at(c, STATE))
     c[LANE.low], c[LANE.rest] = low + ((rest - left) - part), left
-    taylor.turn(c, STATE, s, method, part, body, _torques(c), fixed)
+    return part
+
+
+@kernel(inline=False)
+def turn(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads, part: float) -> None:
+    """Advance rate and attitude of all lanes by a substep."""
+    taylor.turn(c, STATE, s, method, part, _bodies(c), _torques(c), fixed)
 
 
 @kernel

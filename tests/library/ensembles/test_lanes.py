@@ -159,8 +159,15 @@ def test_whole_runs_whose_outputs_are_interpolated(monkeypatch, name):
     vary = {"initial.omega_b": {"normal": [[1.0, 2.0, 0.5], [0.5] * 3]}}
     tables = BODY | {"outputs": {"quantities": ["quaternion", "omega_b"]}, "ensemble": {"vary": vary}} | UNDRIVEN[name]
     scene = scene_of(tables | {"loads": {"gravity_a": [0.0] * 3} | tables["loads"]})
-    planned = replace(whole_series(scene, 12, 1e-9), interpolated=True, cost=1e3)
+    planned, one_by_one, left = replace(whole_series(scene, 12, 1e-9), interpolated=True, cost=1e3), loops.run_alone, []
+
+    def run_alone(*given):
+        left.append(len(given[-1]))
+        one_by_one(*given)
+
+    monkeypatch.setattr(loops, "run_alone", run_alone)  # of those that lanes leave
     lanes, alone = both(monkeypatch, scene, planned)
+    assert left == ([21] if name in ("a force in b", "all refused") else [len(lanes.failed)] * bool(lanes.failed))
     assert_same(lanes, alone)
     few, most = {"some refused": (1, 20), "all refused": (21, 21)}.get(name, (0, 0))
     assert few <= len(lanes.failed) <= most
