@@ -378,7 +378,7 @@ def choose_substeps(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceF
     return part
 
 
-@kernel(inline=False)
+@kernel
 def turn(c: Buffer, s: Buffer, method: substeps.Method, fixed: SpaceFixedLoads, part: float) -> None:
     """Advance rate and attitude of all lanes by a substep."""
     taylor.turn(c, STATE, s, method, part, _bodies(c), _torques(c), fixed)

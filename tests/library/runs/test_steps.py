@@ -1,11 +1,14 @@
 """Steps that are taken by a compiled loop: the bits, errors and ends of those that are taken one by one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numba import config, float64
 
 import rbfmu
 from rbfmu.exceptions import SimulationError
+from rbfmu.planning.methods import whole_series
 from rbfmu.planning.select import plan
 from rbfmu.runs import steps
 from rbfmu.runs.inputs import HOLD, drive_of, undriven
@@ -183,3 +186,23 @@ def test_the_loop_calls_no_step_that_it_would_have_to_compile(monkeypatch):
     assert run._goes_in_a_loop
     monkeypatch.setattr(planned.kernels.step, "overloads", {})
     assert not run._goes_in_a_loop
+
+
+def test_a_run_whose_outputs_are_interpolated_is_taken_whole():
+    scene = rbfmu.Scene.from_dict(BODY | START | RUN | {"loads": {"torque_b": [0.1, 0.05, -0.2]}})
+    stepped = whole_series(scene, 8, 1e-9)
+    whole, drive = replace(stepped, interpolated=True), undriven(np.diff(scene.run.grid()).tolist())
+    found = rbfmu.simulate(scene, planned=whole)
+    assert not np.array_equal(found.omega_b, rbfmu.simulate(scene, planned=stepped).omega_b)
+    early = rbfmu.simulate(scene, planned=whole, progress=lambda numbers: numbers[:7])
+    np.testing.assert_array_equal(early.omega_b, found.omega_b[:8])
+    ended = record(Steps(scene, whole, drive, ()), ("omega_b",), 3.0)["omega_b"]
+    assert np.isfinite(ended[0]).all()
+    assert np.isnan(ended[1:]).all()
+
+
+def test_no_outputs_are_interpolated_where_inputs_may_change():
+    scene = rbfmu.Scene.from_dict(PORT)
+    stepped = whole_series(scene, 12, 1e-9)
+    alike = [rbfmu.simulate(scene, planned=replace(stepped, interpolated=flag)).omega_b for flag in (True, False)]
+    np.testing.assert_array_equal(*alike)
