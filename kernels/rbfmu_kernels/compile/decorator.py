@@ -11,9 +11,8 @@ from typing import Any, ParamSpec, TypeVar, overload
 from numba import njit
 
 from ..types import Function
-from . import numba_private
+from . import codegen, numba_private
 from .code_cache import kept_on_disk, named as named
-from .codegen import Signature
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -34,7 +33,7 @@ def _plain_kernel(function: Function, *, inline: bool) -> Any:
     return compiled
 
 
-def _plain_code_for_callers(function: Function, signature: Signature) -> object:
+def _plain_code_for_callers(function: Function, signature: codegen.Signature) -> object:
     """Return the function compiled for one signature, for compiled callers only."""
     return njit(signature, **numba_private.CALLED_BY_CODE)(function)
 
