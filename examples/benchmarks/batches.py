@@ -4,7 +4,7 @@ Bodies of a motion whose moments, mass, rates and torque differ by 1 %, from the
 end, on one thread. The tolerance of each, or MuJoCo's step, is the loosest at which the worst true error of an attitude
 is at most the mark, against double-double arithmetic; our order is the plan's. Costs: the least CPU times in turn.
 `python -m examples.benchmarks.batches` prints all and exits with status 1 where a goal is missed; with a seed and a
-number, such as 7700 20, it measures whole calls of so many random motions.
+number, such as 7700 20, it measures whole calls of so many random motions; a third number is that of output times.
 """
 
 import math
@@ -291,9 +291,12 @@ class Call:
         return self.cost / self.heyoka[name]
 
 
-def call_of(case: Case, mark: float, runs: int, rounds: int, keep: Sequence[str] = ("final",)) -> Call:
-    """Measure a motion whose rates vary by 0.02 rad/s."""
+def call_of(
+    case: Case, mark: float, runs: int, rounds: int, keep: Sequence[str] = ("final",), points: int = 0
+) -> Call:  # fmt: skip
+    """Measure a motion whose rates vary by 0.02 rad/s; points: of outputs after the start, by default the case's."""
     tables, rates = case.asking(mark).to_dict(), case.scene.initial.omega_b
+    tables["run"]["step"] = case.span / points if points else tables["run"]["step"]
     vary = {"initial.omega_b": {"normal": [list(rates), [0.02] * 3]}}
     scene = Scene.from_dict(tables | {"ensemble": {"runs": runs, "keep": list(keep), "vary": vary}}, case.scene.name)
     if compiling := compile_lanes((planned := plan_ensemble(scene)).kernels, planned.runs_through(scene)):
@@ -349,13 +352,13 @@ def random_motion(seed: int) -> Case:
     return Case(Scene.from_dict(tables, f"seed {seed}, {'a top' if top else 'under a torque'}"))
 
 
-def random_calls(seed: int, count: int = 20) -> list[Call]:
+def random_calls(seed: int, count: int = 20, points: int = 0) -> list[Call]:
     """Print and return whole calls of random motions at random accuracies, with what is kept by default."""
     found = []
     warnings.simplefilter("ignore", rbfmu.SceneWarning)  # of steps in which a body turns more than once
     for one in range(seed, seed + count):
         accuracy = 10.0 ** np.random.default_rng([one, 1]).uniform(-10.0, -5.0)
-        found.append(call_of(random_motion(one), accuracy, 100_000, 3, ("final", "statistics")))
+        found.append(call_of(random_motion(one), accuracy, 100_000, 3, ("final", "statistics"), points))
         print(found[-1], flush=True)
     for name in (FOUR, EIGHT):
         for said, ours in (("planned", lambda call: call.cost), ("run before", lambda call: call.again)):
