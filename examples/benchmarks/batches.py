@@ -291,9 +291,7 @@ class Call:
         return self.cost / self.heyoka[name]
 
 
-def call_of(
-    case: Case, mark: float, runs: int, rounds: int, keep: Sequence[str] = ("final",), points: int = 0
-) -> Call:  # fmt: skip
+def call_of(case: Case, mark: float, runs: int, rounds: int, keep: Sequence[str] = ("final",), points: int = 0) -> Call:
     """Measure a motion whose rates vary by 0.02 rad/s; points: of outputs after the start, by default the case's."""
     tables, rates = case.asking(mark).to_dict(), case.scene.initial.omega_b
     tables["run"]["step"] = case.span / points if points else tables["run"]["step"]
@@ -389,8 +387,7 @@ def main(
     found = []
     for key in motions:
         for mark in marks:
-            row = row_of(key, mark, bodies, rounds, others)
-            found.append(row)
+            found.append(row := row_of(key, mark, bodies, rounds, others))
             print(f"{row.motion}, {mark:g}:")
             for name, cost in row.costs.items():
                 ratio = f"ours / it {row.ratio(name):.2g}" if name != LANES else ""
