@@ -108,12 +108,12 @@ class Control:
         tables = sum(size_of(scene, port) for port in scene.inputs.ports) if callable(self.inputs) else 0
         return tables + (self.controller.noise if self.controller else 0)
 
-    def tables_of(self, scene: Scene, number: int) -> InputTables:
-        """Return a member's tables. Raises SceneError that names the member if they are wrong."""
+    def tables_of(self, scene: Scene, number: int, *, told: bool = True) -> InputTables:
+        """Return a member's tables; told: without doubts. Raises SceneError that names the member if they are wrong."""
         if not callable(self.inputs):
             return self.inputs
         try:
-            return input_tables(scene, self.inputs(number), self.interpolate)
+            return input_tables(scene, self.inputs(number), self.interpolate, told=told)
         except SceneError as error:
             raise SceneError(error.faults, f"{scene.name}, member {number}") from None
 
@@ -135,7 +135,7 @@ def control_of(scene: Scene, plan: Plan, inputs: Any, controller: Any, interpola
         raise SceneError(f"interpolate = {interpolate!r}: expected {HOLD!r}, {why}", scene.name)
     given = controller if controller is None or isinstance(controller, Controller) else Controller(controller)
     found = Control(tables, given, interpolate)
-    found.tables_of(scene, 0)
+    found.tables_of(scene, 0, told=False)  # one member's doubts stand for all
     if given is not None:
         _try_out(scene, plan, given)
     return found

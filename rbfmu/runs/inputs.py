@@ -45,11 +45,12 @@ def size_of(scene: Scene, port: str) -> int:
     return scene.inputs.own[port].size if port in scene.inputs.own else 3
 
 
-def input_tables(scene: Scene, inputs: Inputs | None, interpolate: str = HOLD) -> InputTables:
+def input_tables(scene: Scene, inputs: Inputs | None, interpolate: str = HOLD, *, told: bool = False) -> InputTables:
     """Return the tables of the given ports, none without inputs. Raises SceneError with all that is wrong with them.
 
     inputs: a mapping from a port's name to (times, values), or to an array with a row for each communication step; or
-    the path of a CSV file in FMPy's format. Messages count rows from 1, without a file's header.
+    the path of a CSV file in FMPy's format. Messages count rows from 1, without a file's header. told: give no
+    doubts, as they are known.
     """
     if interpolate not in (HOLD, LINEAR):
         raise SceneError(fault("interpolate", interpolate, f"{HOLD!r} or {LINEAR!r}"), scene.name)
@@ -71,7 +72,7 @@ def input_tables(scene: Scene, inputs: Inputs | None, interpolate: str = HOLD) -
         faults += _faults_of_times(scene, column, name, interpolate)
     if faults:
         raise SceneError([f"{source}{text}" for text in faults], scene.name)
-    if interpolate == HOLD:
+    if interpolate == HOLD and not told:
         warn(scene, _doubts_of_ends(scene, tables))
     return tables
 

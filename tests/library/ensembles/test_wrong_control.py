@@ -109,3 +109,14 @@ def test_wrong_tables_are_said_before_anything_runs_or_with_the_number_of_their_
     for given in ({"inputs": {}}, {"controller": damp}):
         with pytest.raises(SceneError, match=r"given: expected none, as the scene has no ports"):
             run(scene.replace({"inputs.ports": []}), planned, **given)
+
+
+def test_members_with_tables_of_their_own_do_not_each_tell_the_same_doubt(scene, planned):
+    """A warning came from each member, at a line of the threads' module."""
+
+    def push(i):
+        return {"force_a": (np.array([1.0, 2.0 + 0.01 * i]), np.zeros((2, 3)))}
+
+    with pytest.warns(rbfmu.SceneWarning, match="held for 3.9 s.*cut short") as told:
+        run(scene, planned, inputs=push)
+    assert [warning.filename for warning in told] == [run.__code__.co_filename]
