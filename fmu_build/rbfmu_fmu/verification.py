@@ -5,13 +5,15 @@ import tempfile
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from ctypes import byref
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
-from fmpy.fmi1 import FMICallException
+from fmpy.fmi1 import FMICallException, printLogMessage
+from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.validation import validate_fmu
 
 from rbfmu import Plan, Scene, SceneError, exceptions
@@ -30,6 +32,9 @@ from rbfmu_kernels.rotations.euler_angles import ZYX, quaternion_from_euler
 MAX_STEPS = 10_000
 HELD_STEPS = 10
 """The number of communication steps between changes of the inputs."""
+
+_PRINT = fmi2CallbackLoggerTYPE(printLogMessage)
+"""FMPy's own logger for FMI 2.0."""
 
 
 class VerificationError(ValueError):
@@ -233,9 +238,20 @@ def unit_of(path: Path, d: Description) -> Iterator[Unit]:
     """Unzip an FMU and yield an instance of it; free that afterwards."""
     with tempfile.TemporaryDirectory(prefix="rbfmu_", ignore_cleanup_errors=True) as folder:
         fmpy.extract(str(path), folder)
-        unit = Unit(folder, d)
-        yield unit
-        unit.fmu.freeInstance()
+        try:
+            unit = Unit(folder, d)
+            yield unit
+            unit.fmu.freeInstance()
+        finally:
+            _give_back_logger()
+
+
+def _give_back_logger() -> None:
+    """Let FMPy print messages again: it sends those of all later FMUs of FMI 2.0 to the last logger, gone or not."""
+    with suppress(Exception):  # FMPy too goes on without the library that this needs
+        from fmpy.logging import addLoggerProxy
+
+        addLoggerProxy(byref(fmi2CallbackFunctions(logger=_PRINT)))
 
 
 def _run_by_fmpy(path: Path, d: Description, time: Array, inputs: Array) -> tuple[Array, list[str]]:

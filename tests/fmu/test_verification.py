@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import fmpy
 import numpy as np
 import pytest
 
@@ -54,6 +55,16 @@ def test_what_is_no_number_differs(fmu: Path, monkeypatch: pytest.MonkeyPatch) -
     found = verify(fmu)
     assert set(found.differences.values()) == {np.inf}
     assert not found.passed
+
+
+def test_later_messages_do_not_go_to_a_unit_that_is_gone(fmu: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """FMPy would send them to the last logger it was given, which `verify` has freed: the process crashed."""
+    with verification.unit_of(fmu, verification._read_scene(fmu)[0]) as unit:
+        pass
+    unit.messages.clear()
+    fmpy.simulate_fmu(str(fmu), relative_tolerance=0.5, debug_logging=True, output=["status"])
+    assert not unit.messages
+    assert "tolerance = 0.5 has no effect" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, True, "x"])
