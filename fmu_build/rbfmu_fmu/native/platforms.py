@@ -67,10 +67,11 @@ def platforms_named(names: str | Iterable[str]) -> list[Platform]:
 
     Without names, this platform is returned. Raises BuildError for an unknown name.
     """
-    listed = [names] if isinstance(names, str) else names
+    listed = [*names] if isinstance(names, Iterable) and not isinstance(names, str) else [names]
+    for name in listed:
+        if name not in [*PLATFORMS, "all"]:
+            raise BuildError(f"platform {name!r}: expected one of {', '.join(PLATFORMS)}, all")
     chosen = {name for given in listed for name in (PLATFORMS if given == "all" else [given])}
-    if unknown := sorted(chosen.difference(PLATFORMS)):
-        raise BuildError(f"platform {unknown[0]!r}: expected one of {', '.join(PLATFORMS)}, all")
     return [PLATFORMS[name] for name in sorted(chosen)] or [this_platform()]
 
 

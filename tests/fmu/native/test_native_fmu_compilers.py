@@ -103,6 +103,9 @@ def test_unknown_platforms_and_kinds_are_refused(tmp_path):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native", platforms=["linux32"])
     with pytest.raises(BuildError, match="'linux32': expected one of linux64, win64"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native", platforms="linux32")
+    for wrong, named in ((3, "3"), (["win64", 3], "3"), ([["win64"]], r"\['win64'\]")):
+        with pytest.raises(BuildError, match=f"platform {named}: expected one of linux64, win64"):
+            rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="native", platforms=wrong)
     with pytest.raises(ValueError, match="'nativ': expected"):
         rbfmu_fmu.build(scene("prescribed"), tmp_path / "it.fmu", kind="nativ")
 
