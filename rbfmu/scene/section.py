@@ -55,7 +55,7 @@ def _spelling(value: object, depth: int) -> str:
 
 def joined(path: str, key: str) -> str:
     """Return a dotted key, quoted where TOML requires it."""
-    key = key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key)
+    key = key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=not key.isprintable())
     return f"{path}.{key}" if path else key
 
 

@@ -149,6 +149,12 @@ def test_a_step_may_be_what_is_said_to_be_its_limit(start, stop, step, beyond):
     assert len(faults_of(run=run | {"step": beyond})) == 1
 
 
+def test_keys_are_named_as_they_are_written():
+    assert [fault.split(" ")[0] for fault in faults_of(outputs={"größe": 1, "two\nlines": 1})] == [
+        'outputs."größe"', r'outputs."two\nlines"',
+    ]  # fmt: skip
+
+
 def test_python_gets_the_same_messages():
     with pytest.raises(SceneError) as caught:
         Body(mass="heavy", inertia=[1, 2, 4], radius=1)
