@@ -113,7 +113,7 @@ def _times_exceed_bodies(moments: ArrayLike, q_0: ArrayLike, omega_b_0: ArrayLik
 
 def _in_lanes(*arrays: Array) -> tuple[Array, Array] | None:
     """Return q_ab (..., n, 4) and omega_b (..., n, 3) of bodies (..., 1) at n times; None for other shapes."""
-    if config.DISABLE_JIT or len(arrays) != 4 or any(a.dtype.kind not in "iuf" for a in arrays):
+    if config.DISABLE_JIT or len(arrays) != 4 or not all(np.can_cast(a.dtype, float) for a in arrays):
         return None
     if any(a.shape[-1:] != (n,) for a, n in zip(arrays, (3, 4, 3), strict=False)):
         return None

@@ -78,6 +78,8 @@ def test_numbers_beyond_float64_are_named():
         pytest.skip("long doubles are doubles here")
     with pytest.raises(ValueError, match="rotate: v_b must fit into float64, got an array of float"):
         rbfmu.rotate(Q, V.astype(np.longdouble))
+    with pytest.raises(ValueError, match="free_rotation: omega_b_0 must fit into float64"):  # also side by side
+        rbfmu.free_rotation([1, 2, 3], Q[0], V[:9, None].astype(np.longdouble), [0.0, 1.0])
 
 
 @pytest.mark.thorough
