@@ -165,7 +165,8 @@ def _in_threads(pool: Any, loops: Any, kernel: Function, args: Arguments, kwargs
     out = kwargs.get("out")
     outs: Arguments = out if isinstance(out, tuple) else (out,) * len(results)
     outs = tuple(np.empty(leading + s) if o is None else o for o, s in zip(outs, results, strict=True))
-    if any(o.shape != leading + s for o, s in zip(outs, results, strict=True)) or _overlap(arrays, outs):
+    fits = all(isinstance(o, np.ndarray) and o.shape == leading + s for o, s in zip(outs, results, strict=True))
+    if not fits or _overlap(arrays, outs):
         return whole(*mark, *args, **kwargs)
     axis, items = int(np.argmax(leading)), math.prod(leading)
     rows = max(1, max(CHUNK, items // (CHUNKS * _threads)) * leading[axis] // items)

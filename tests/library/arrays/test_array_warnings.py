@@ -181,6 +181,8 @@ def test_threads_warn_and_raise_as_one_does(two_threads):
         rbfmu.rotate(Q, V[:, :2])
     with pytest.raises(ValueError, match="do not broadcast"):
         rbfmu.rotate(Q, V[:99])
+    with pytest.raises(TypeError, match="rotate: out must be an array, got "):
+        rbfmu.rotate(Q, V, out=V.tolist())
 
 
 @compiled_only
