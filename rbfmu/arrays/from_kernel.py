@@ -247,6 +247,8 @@ def in_order(kernel: Function, args: Arguments, kwargs: Keywords) -> tuple[Argum
 
     Raises TypeError for keywords that are unknown, given twice or missing.
     """
+    if "out" in kwargs and kwargs["out"] is None:  # of several results NumPy refuses it
+        kwargs = {key: value for key, value in kwargs.items() if key != "out"}
     if kwargs.keys() <= _NUMPY_KEYWORDS:
         return args, kwargs
     name, names = python_function(kernel).__name__, list(core_shapes(kernel)[0])

@@ -153,6 +153,14 @@ def test_a_keyword_that_does_not_fit_is_named(function, args, keywords, error, m
 
 
 @compiled_only
+def test_no_out_may_be_given_as_none():
+    """So the signature says, also where there are several results."""
+    for k, found in enumerate(rbfmu.axis_angle_from_quaternion(Q, out=None)):
+        np.testing.assert_array_equal(found, rbfmu.axis_angle_from_quaternion(Q)[k])
+    assert rbfmu.free_rotation([1, 2, 3], Q[0], V[0], t=1.0, out=None)[0].shape == (4,)
+    assert (rbfmu.rotate(Q, V, out=None) == rbfmu.rotate(Q, V)).all()
+
+
 def test_out_may_have_further_leading_axes():
     out = np.empty((2, 100, 3))
     assert (rbfmu.rotate(Q, V[0], out=out) == rbfmu.rotate(Q, V[0])).all()
