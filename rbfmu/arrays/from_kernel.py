@@ -286,7 +286,8 @@ def clear_error(kernel: Function, args: Arguments, kwargs: Keywords, refused: Ex
         return ValueError(f"{name}: leading shapes {leading} do not broadcast")
     if error := _of_out(name, results, common, args[len(shapes) :] or kwargs.get("out")):
         return error
-    return refused if str(refused).startswith(f"{name}: ") else type(refused)(f"{name}: {refused}")
+    kind = TypeError if isinstance(refused, TypeError) else ValueError  # NumPy's own kinds take other arguments
+    return refused if str(refused).startswith(f"{name}: ") else kind(f"{name}: {refused}")
 
 
 def _of_arguments(name: str, shapes: dict[str, Shape], args: Arguments) -> Exception | None:

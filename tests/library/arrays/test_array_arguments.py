@@ -142,6 +142,7 @@ def test_masked_items_are_refused():
     ("rotvec_rate_a", (V, V), {"where": True}, TypeError, r"where is not supported; .* u\[mask\]"),
     ("rotate", (Q, V), {"dtype": np.float32}, TypeError, "dtype = float32: all is computed in float64"),
     ("rotate", (Q, V), {"casting": "bold"}, ValueError, "casting must be one of"),
+    ("rotate", (Q, [1, 0, 0]), {"casting": "no"}, TypeError, "Cannot cast ufunc .* input 1 from .*int64"),
     ("rotate", (Q, V), {"axes": [(0,)]}, ValueError, "axes should be a list"),
     ("free_rotation", (np.array([1.0, 2.0, 2.5]), Q[0], V[0], V), {"out": (Q, V)}, ValueError,
      r"out\[0\] must have shape \(100, 3, 4\)"),
