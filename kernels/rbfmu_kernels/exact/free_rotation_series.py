@@ -181,7 +181,7 @@ def _exponentials(kappa: float, tilt: float, k2: float, kc: float, q: float) -> 
     by_tilt = y <= tilt * tilt
     shift = _root_of_shift(choose(by_tilt, tilt * tilt, y), k, below)
     up, f = tilt * shift, choose(by_tilt, 1.0, y * (shift * shift))
-    inverse = choose(up == 0.0, 0.0, 1.0 / choose(up == 0.0, 1.0, up))
+    inverse = choose(up < 1e-300, 0.0, 1.0 / choose(up < 1e-300, 1.0, up))  # for so small an up q is 0
     return (
         choose(by_tilt, up, math.sqrt(q / f)),
         choose(by_tilt, q * inverse, math.sqrt(q * f)),

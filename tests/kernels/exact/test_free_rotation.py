@@ -229,6 +229,14 @@ def test_beam_is_the_limit_of_a_thin_rod():
     assert angle_to(q, compose_quaternions(Q, across)) <= 4.0 * EPS
 
 
+@pytest.mark.parametrize("tiny", [2e-309, 5e-324])
+def test_a_wobble_without_an_inverse_is_none(tiny):
+    """Of a symmetric body: 1 / tiny is infinite, and was multiplied by a nome of 0."""
+    q, omega = body_at((1.0, 2.0, 1.0), Q, (tiny, 0.44, 0.0), 1.0)
+    assert angle_to(q, compose_quaternions(Q, (math.cos(0.22), 0.0, math.sin(0.22), 0.0))) <= 4.0 * EPS
+    assert omega[1] == 0.44
+
+
 def test_a_body_at_rest_stays():
     assert body_at(I_123, Q, (0.0, 0.0, 0.0), 1e9) == (Q, (0.0, 0.0, 0.0))
 
