@@ -303,7 +303,8 @@ def _periodic_part(
     kind, width, shift, precession = TUMBLING, (0.0, 0.0), 0.0, polhode.precession
     besides = dd.multiply(dd.scale(sign, polhode.half_turn), polhode.phase_rate)
     if all_of(kc[0] >= elliptic.NEAREST_KC):
-        tilt = a_p[0] / (polhode.a_s[0] + polhode.g)
+        g = choose(polhode.g > 0.0, polhode.g, a_p[0])  # it is a root of squares, and these may underflow
+        tilt = a_p[0] / (polhode.a_s[0] + g)
         tumbling = free_rotation_series.series_of(kappa[0], tilt, polhode.k2, kc[0], sign)
         series = free_rotation_series.flatten_tumbling(tumbling)
         precession = dd.add(precession, besides)

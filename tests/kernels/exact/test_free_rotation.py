@@ -237,6 +237,13 @@ def test_a_wobble_without_an_inverse_is_none(tiny):
     assert omega[1] == 0.44
 
 
+@pytest.mark.parametrize("tiny", [1e-165, 1e-300])
+def test_a_beam_that_hardly_turns_has_an_attitude(tiny):
+    q, omega = body_at((0.0, 1.0, 1.0), Q, (1.0, 0.6 * tiny, 0.8 * tiny), 1.0)
+    assert angle_to(q, compose_quaternions(Q, (math.cos(0.5), math.sin(0.5), 0.0, 0.0))) <= 4.0 * EPS
+    assert omega[0] == 1.0
+
+
 def test_a_body_at_rest_stays():
     assert body_at(I_123, Q, (0.0, 0.0, 0.0), 1e9) == (Q, (0.0, 0.0, 0.0))
 
