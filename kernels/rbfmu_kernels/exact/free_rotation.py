@@ -82,7 +82,7 @@ def free_rotation_at(setup: FreeRotationNumbers, t: float) -> tuple[Quaternion, 
     5e-29 |omega t| is added; within 1e-3 of the separatrix, where differences in double-double lose up to 8 digits,
     5e-26 |omega t|. NaN beyond |omega t| of some 1e29.
     If a moment is above the sum of the others, as no body's is, and flips are far faster than omega, the error of omega
-    is up to 30 eps.
+    is up to 30 eps of the largest |omega| in a flip.
     """
     motion = read_free_rotation(setup)
     time = scaled_time(motion, (t, 0.0))
