@@ -12,8 +12,7 @@ from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
-from fmpy.fmi1 import FMICallException, printLogMessage
-from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy import fmi1, fmi2
 from fmpy.validation import validate_fmu
 
 from rbfmu import Plan, Scene, SceneError, exceptions
@@ -33,7 +32,7 @@ MAX_STEPS = 10_000
 HELD_STEPS = 10
 """The number of communication steps between changes of the inputs."""
 
-_PRINT = fmi2CallbackLoggerTYPE(printLogMessage)
+_PRINT = fmi2.fmi2CallbackLoggerTYPE(fmi1.printLogMessage)
 """FMPy's own logger for FMI 2.0."""
 
 
@@ -251,7 +250,7 @@ def _give_back_logger() -> None:
     with suppress(Exception):  # FMPy too goes on without the library that this needs
         from fmpy.logging import addLoggerProxy
 
-        addLoggerProxy(byref(fmi2CallbackFunctions(logger=_PRINT)))
+        addLoggerProxy(byref(fmi2.fmi2CallbackFunctions(logger=_PRINT)))
 
 
 def _run_by_fmpy(path: Path, d: Description, time: Array, inputs: Array) -> tuple[Array, list[str]]:
@@ -263,10 +262,10 @@ def _run_by_fmpy(path: Path, d: Description, time: Array, inputs: Array) -> tupl
         try:
             unit.start(time[0], time[-1], inputs[0].tolist())
             points = [unit.outputs()]
-        except FMICallException as error:
+        except fmi1.FMICallException as error:
             reason = "; ".join(unit.messages) or str(error)
             raise VerificationError(f"{path}: refuses to start, perhaps not with another seed: {reason}") from None
-        with suppress(FMICallException):
+        with suppress(fmi1.FMICallException):
             for t, h, now in zip(time.tolist(), np.diff(time).tolist(), inputs.tolist(), strict=False):
                 unit.set_inputs(now)
                 unit.fmu.doStep(t, h)

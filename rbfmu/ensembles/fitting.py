@@ -12,8 +12,7 @@ import numpy as np
 
 from rbfmu.ensembles import control, draws, members, variables
 from rbfmu.ensembles.chunks import MOST_BYTES, Work, run_samples
-from rbfmu.models.question import Question
-from rbfmu.models.registry import LOADED_TAYLOR
+from rbfmu.models import question, registry
 from rbfmu.planning import methods
 from rbfmu.planning.fitting import REACHED
 from rbfmu.planning.judge import Judge
@@ -100,7 +99,7 @@ def _tried(judge: Judge, plan: Plan) -> tuple[float, float]:
     return judge.try_out(plan, parts=1 if plan.interpolated else judge.stride)
 
 
-def _costing(found: Plan, asked: Question, substeps: float) -> Plan:
+def _costing(found: Plan, asked: question.Question, substeps: float) -> Plan:
     """Return the plan with the cost of a communication step's substeps, given their number in a run."""
     cost = methods.series_cost(found.order, asked.load_shares) * substeps / asked.scene.run.count
     return replace(found, cost=cost)
@@ -162,7 +161,7 @@ class Scouts:
         stride = math.ceil(steps / POINTS)
         self.scene = scene.replace({"outputs.quantities": names, "run.step": stride * scene.run.step})
         self.seconds, self.control = seconds, control.Control({}, None, parts=1 if plan.interpolated else stride)
-        self.at_rest = _sizes_at_rest(Question(scene))
+        self.at_rest = _sizes_at_rest(question.Question(scene))
         self.columns = variables.Columns(tuple(OUTPUT[n] for n in names))
         numbers = self.columns.width * (self.scene.run.count + 1)
         most = min(int(MOST_BYTES / (8.0 * numbers)), int(1e9 * seconds / (plan.cost * steps)))
@@ -221,7 +220,7 @@ def dearest(judges: Sequence[Judge], found: Plan) -> Plan:
 
 def with_likely_error(scene: Scene, found: Plan, names: tuple[str, ...]) -> Plan:
     """Return the plan with the likely worst error of all members; other plans than series keep their error."""
-    if found.model != LOADED_TAYLOR.key:
+    if found.model != registry.LOADED_TAYLOR.key:
         return found
     return replace(found, error=max(found.error, Scouts(scene, found, names).likely_worst(found)))
 
@@ -243,7 +242,7 @@ def likely_worst(errors: Array, runs: int) -> float:
     return float(max(known[0], base * (100.0 * k * runs / len(known)) ** exponent))
 
 
-def _sizes_at_rest(asked: Question) -> dict[str, tuple[float, float]]:
+def _sizes_at_rest(asked: question.Question) -> dict[str, tuple[float, float]]:
     """Return for each quantity the largest size that is round-off of a body at rest, and its natural size.
 
     Errors of a quantity that is only round-off are relative to its natural size.

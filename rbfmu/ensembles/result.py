@@ -10,9 +10,8 @@ import numpy as np
 from rbfmu import exceptions, extras, notebook
 from rbfmu.ensembles import attitudes, members, variables as names
 from rbfmu.ensembles.store import Checkpoint
+from rbfmu.scene import section, variations
 from rbfmu.scene.scene import Scene
-from rbfmu.scene.section import whole
-from rbfmu.scene.variations import ATTITUDE
 from rbfmu.types import Array, Indices, NDArray
 from rbfmu_kernels.quantities import Quantity, indices
 
@@ -182,7 +181,7 @@ class EnsembleResult:
         If only ends are kept it has one step, as the run had; with `.replace({"run.step": ...})` it shows the motion.
         Raises SceneError if the member is refused.
         """
-        number = whole(0, self.runs - 1).read(number, "number")
+        number = section.whole(0, self.runs - 1).read(number, "number")
         return members.member(self.scene, members.draw(self.scene, number, 1), 0)
 
     def ends(self, name: str) -> Array:
@@ -204,9 +203,9 @@ class EnsembleResult:
         rows, applied, ended = self.good[:MOST_RANKED], dict[str, Array](), dict[str, Array]()
         if len(rows) >= LEAST:
             for key, values in self.samples.items():
-                applied_to = attitudes.from_their_mean(values[rows]) if key == ATTITUDE else values[rows]
+                applied_to = attitudes.from_their_mean(values[rows]) if key == variations.ATTITUDE else values[rows]
                 found = _columns(key, names.varied_rows(self.scene)[key], applied_to)
-                applied |= dict([*found.items()][key == ATTITUDE :])  # the vector part of its quaternion
+                applied |= dict([*found.items()][key == variations.ATTITUDE :])  # the vector part of its quaternion
             for name in self.ended:
                 values = self.good_ends(name)[: len(rows)]
                 found = _columns(name, self.rows[name], values)
