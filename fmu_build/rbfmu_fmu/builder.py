@@ -18,7 +18,7 @@ from xml.etree.ElementTree import Element, tostring
 import rbfmu_kernels
 from rbfmu import Plan, Scene, exceptions, on_disk
 from rbfmu.planning.select import plan
-from rbfmu.runs.plan import checked_plan
+from rbfmu.runs.plan import checked_plan, start_run
 from rbfmu.scene.scene import of_scene_or_path
 from rbfmu_fmu.description import Description, describe
 from rbfmu_fmu.model_description import FmiVersion, model_description, version_of, xml_bytes
@@ -61,7 +61,8 @@ def build(
     a native FMU, names from `rbfmu_fmu.native.platforms.PLATFORMS` or "all" (none: this platform); full: with all
     degrees of freedom; fmi: 2, or 3 for a native FMU; scalars: no arrays in FMI 3; terminals: list terminals in FMI 2
     as well, at which some importers fail; planned: a plan of the scene, so that none is made.
-    Raises ValueError for wrong arguments, SceneError if there is no plan, and BuildError.
+    Raises ValueError for wrong arguments, SceneError if there is no plan or the plan's model refuses the scene, and
+    BuildError.
     """
     version, path, is_native = version_of(fmi, scalars), exceptions.path_of(path), kind == "native"
     if kind not in ("python", "pythonfmu", "native"):
@@ -71,6 +72,7 @@ def build(
     if fmi != 2 and not is_native:
         raise ValueError(f'fmi = {fmi}: expected kind = "native" with it, as pythonfmu makes FMUs of FMI 2')
     d = describe(scene, checked_plan(planned) or plan(scene, full))
+    start_run(scene, d.plan)  # a plan of another scene may have a model that refuses this one
     contents = _native_contents(d, platforms, version) if is_native else _python_contents(d, version)
     shown = presentation_files(d, version, needs_python=not is_native, with_terminals=terminals)
     return write_archive(contents | shown, path)

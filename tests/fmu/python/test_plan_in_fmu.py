@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import rbfmu_fmu
+from rbfmu import SceneError
+from rbfmu.planning.select import plan
 from rbfmu.scene.scene import Scene
 from tests.support.fmu.fmu_importer import ERROR, OK, Fmu
 from tests.support.fmu.fmus import unzipped_at
@@ -54,6 +56,15 @@ def test_an_fmu_of_a_pushed_free_body_gives_the_kernels_bits(kind, tmp_path):
     tables["loads"]["force_b"] = [5.0, -3.0, 2.0]
     path = rbfmu_fmu.build(Scene.from_dict(tables), tmp_path / f"{kind}.fmu", kind)
     assert rbfmu_fmu.verify(path).passed
+
+
+def test_a_plan_whose_model_refuses_the_scene_makes_no_fmu(tmp_path):
+    """The FMU was written, and no importer could start it."""
+    tables = spinning().to_dict()
+    tables["loads"]["torque_b"] = [0.0, 0.0, 0.1]
+    with pytest.raises(SceneError, match="expected loads without torque: this model"):
+        rbfmu_fmu.build(Scene.from_dict(tables), tmp_path / "it.fmu", planned=plan(spinning((0.1, 0.2, 0.4))))
+    assert not [*tmp_path.iterdir()]
 
 
 @KINDS
