@@ -16,7 +16,7 @@ static int are(Causality wanted, Instance *m, const char *call, const unsigned v
     for (size_t i = 0; i < n; i++) {
         unsigned r = v[i] < REFERENCES ? *elements_of(v[i]).r : TIME;
         if (r == TIME || causality_of(r) != wanted)
-            return !refuse(m, call, "%s is no %s", named(v[i]).text, CAUSALITIES[wanted].name);
+            return !refuse(m, call, "%s is no " REAL " %s", named(v[i]).text, CAUSALITIES[wanted].name);
     }
     return fit(m, call, v, n, n_values);
 }

@@ -194,6 +194,8 @@ def test_derivatives_that_there_are_not_are_errors(kind):
         assert len(instance.log) == said + 1
     assert instance.derivative([output], [parameter], [1.0])[0] == ERROR
     assert b"mass is a parameter, which is known in Initialization Mode alone" in instance.log[-1][-1]
+    assert instance.derivative([instance.fmu.references["status"]], [known], [1.0] * size)[0] == ERROR
+    assert f"status is no {'Float64' if kind in FMI3 else 'Real'} output".encode() in instance.log[-1][-1]
     if kind == "fmi3":
         assert instance.derivative([output], [known], [1.0])[0] == ERROR
         assert instance.log[-1][-1] == b"fmi3GetDirectionalDerivative: 1 values: expected 3"
