@@ -75,7 +75,7 @@ def simulate(
     interpolate: "hold" (each value from its time on) or "linear" between times. Communication steps are cut at times
     inside them. A model without input derivatives uses the mean of linear inputs over each step.
     planned: a plan whose model and method are used unchanged; without it, a plan is made that meets the accuracy with
-    the given inputs. A plan of an ensemble that is `interpolated` gives other last digits than in an FMU.
+    the given inputs. The tolerance of one that is `interpolated` is for scenes without ports.
     progress: wraps the sequence of step numbers, such as a progress bar; if it stops early, the run ends there. Raises
     SceneError, SimulationError.
     """
@@ -385,7 +385,7 @@ def compiled_step(scene: Scene, planned: Plan | None = None) -> tuple[Callable[[
     status is 0, or 1 for a step that was refused, with nothing changed. The slices of inputs and quantities in the
     buffer are in `planned.kernels.BLOCKS`, such as `BLOCKS["torque_b"]`. Raises SceneError.
     """
-    planned = (checked_plan(planned) or plan(scene)).of_scene(scene)
+    planned = (checked_plan(planned, stepped=True) or plan(scene)).of_scene(scene)
     return planned.kernels.step, start_run(scene, planned)
 
 

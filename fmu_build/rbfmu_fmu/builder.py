@@ -71,7 +71,7 @@ def build(
         raise ValueError(f'platforms = {platforms!r}: expected kind = "native" with them')
     if fmi != 2 and not is_native:
         raise ValueError(f'fmi = {fmi}: expected kind = "native" with it, as pythonfmu makes FMUs of FMI 2')
-    d = describe(scene, checked_plan(planned) or plan(scene, full))
+    d = describe(scene, checked_plan(planned, stepped=True) or plan(scene, full))
     start_run(scene, d.plan)  # a plan of another scene may have a model that refuses this one
     contents = _native_contents(d, platforms, version) if is_native else _python_contents(d, version)
     shown = presentation_files(d, version, needs_python=not is_native, with_terminals=terminals)

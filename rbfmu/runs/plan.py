@@ -41,7 +41,7 @@ class Plan:
     formulas, if any; pinned: parameters for whose values the model was judged, so that an importer must not change
     them; error: the largest expected, as the scene's `accuracy` measures it; cost: ns a communication step, with the
     outputs asked for, on `methods.MACHINE`; interpolated: whether whole runs without ports have substeps of their own,
-    inside which outputs are interpolated; a `Simulator` and an FMU go from one communication point to the next.
+    inside which outputs are interpolated; its tolerance is for these, and not for a `Simulator` or an FMU.
     """
 
     model: str
@@ -133,8 +133,13 @@ class Plan:
                 raise _bad_setting(name, value, "a number that is not negative")
 
 
-def checked_plan(planned: object) -> Plan | None:
-    """Return a given plan, or None. Raises TypeError for anything else."""
+def checked_plan(planned: object, stepped: bool = False) -> Plan | None:
+    """Return a given plan, or None. Raises TypeError for anything else, ValueError for one of whole runs if `stepped`.
+
+    stepped: whether a run goes from one communication point to the next; a tolerance for longer substeps fits none.
+    """
+    if stepped and isinstance(planned, Plan) and planned.interpolated:
+        raise _bad_setting("interpolated", True, "a plan by rbfmu.plan, whose tolerance is for steps between points")
     if planned is None or isinstance(planned, Plan):
         return planned
     raise TypeError(fault("planned", planned, "a rbfmu.Plan, as rbfmu.plan returns it"))

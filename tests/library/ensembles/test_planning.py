@@ -2,11 +2,13 @@
 
 import warnings
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 import rbfmu
+import rbfmu_fmu
 from rbfmu.ensembles import fitting, planning
 from rbfmu.ensembles.fitting import _errors, likely_worst
 from rbfmu.ensembles.members import draw, member
@@ -195,6 +197,16 @@ def test_all_members_meet_the_accuracy(seed):
     plan = plan_ensemble(scene)
     if plan.error <= scene.run.accuracy:  # else it says that the worst may miss it
         assert np.nanmax(errors(scene, plan)) <= 1.0
+
+
+def test_what_goes_from_point_to_point_refuses_a_plan_for_whole_runs(tmp_path):
+    """2026-12-01: an FMU at an equilibrium was off by 750 times the accuracy, where other last digits were promised."""
+    scene = drawn(42001, 8)
+    planned = plan_ensemble(scene)
+    rbfmu.simulate(scene, planned=planned)
+    for take in (partial(rbfmu_fmu.build, scene, tmp_path / "it.fmu"), partial(rbfmu.compiled_step, scene)):
+        with pytest.raises(ValueError, match=r"Plan.interpolated = True: expected a plan by rbfmu\.plan"):
+            take(planned=planned)
 
 
 @pytest.mark.thorough
