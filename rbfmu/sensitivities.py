@@ -135,7 +135,7 @@ def sensitivity(
     if scene.has_formulas and planned is None:  # a motion that ends early would take ever shorter substeps
         with suppress(reference.ReferenceTooLongError):
             reference.reference_motion(scene, [scene.run.stop - scene.run.start], judge.MAX_REFERENCE_STEPS)
-    return varied.along(scene, drive_of(scene, tables, interpolate), checked_plan(planned), covariance)
+    return varied.along(scene, drive_of(scene, tables, interpolate), checked_plan(planned, stepped=True), covariance)
 
 
 class Varied:

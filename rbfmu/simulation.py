@@ -75,7 +75,7 @@ def simulate(
     interpolate: "hold" (each value from its time on) or "linear" between times. Communication steps are cut at times
     inside them. A model without input derivatives uses the mean of linear inputs over each step.
     planned: a plan whose model and method are used unchanged; without it, a plan is made that meets the accuracy with
-    the given inputs. The tolerance of one that is `interpolated` is for scenes without ports.
+    the given inputs. One that is `interpolated` is refused with ports.
     progress: wraps the sequence of step numbers, such as a progress bar; if it stops early, the run ends there. Raises
     SceneError, SimulationError.
     """

@@ -297,7 +297,7 @@ def call_of(case: Case, mark: float, runs: int, rounds: int, keep: Sequence[str]
     tables["run"]["step"] = case.span / points if points else tables["run"]["step"]
     vary = {"initial.omega_b": {"normal": [list(rates), [0.02] * 3]}}
     scene = Scene.from_dict(tables | {"ensemble": {"runs": runs, "keep": list(keep), "vary": vary}}, case.scene.name)
-    if compiling := compile_lanes((planned := plan_ensemble(scene)).kernels, planned.runs_through(scene)):
+    if compiling := compile_lanes((planned := plan_ensemble(scene)).kernels, planned.runs_through):
         compiling.join()  # as it is where an ensemble ran before
     begin = process_time()
     result = run_ensemble(scene, executor=1, progress=False)

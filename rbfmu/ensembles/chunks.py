@@ -214,7 +214,7 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: A
     numbers = (samples.first + which).tolist()
     given = kernels, members, *driven_members(work.control, work.scene, kernels, numbers)
     with errors_named(work.scene, work.control):
-        goes_in_lanes, through = plan.cost >= LANES_FROM or not plan.formulas, plan.runs_through(work.scene)
+        goes_in_lanes, through = plan.cost >= LANES_FROM or not plan.formulas, plan.runs_through
         alone = not (goes_in_lanes and run_in_lanes(*given, through, compile_now=False))
         if alone:
             run_alone(*given, through)
@@ -227,7 +227,7 @@ def _outputs(work: Work, samples: Samples, which: Indices, steps: Array, rows: A
 def compiling_pays(work: Work, steps: int) -> bool:
     """Return whether lanes, if the model has any, finish sooner, with the time to compile them."""
     plan = work.plan
-    gains = plan.cost >= LANES_FROM or plan.runs_through(work.scene)
+    gains = plan.cost >= LANES_FROM or plan.runs_through
     return gains and work.runs * steps * plan.cost * 1e-9 >= WORTH_COMPILING
 
 

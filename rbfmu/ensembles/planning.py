@@ -189,7 +189,7 @@ def _reasons_of_members(scene: Scene, chosen: Plan, pilots: int, wild: bool) -> 
     keys = ", ".join(variation.key for variation in ensemble.vary)
     whatever = f"the model holds whatever {keys} may be"
     yield f"one plan for all {ensemble.runs:,} members; the numbers above are of one, {whatever}"
-    if chosen.runs_through(scene) and scene.run.count > 1:
+    if chosen.runs_through and scene.run.count > 1:
         yield "substeps do not end at communication points, whose outputs are interpolated"
     if chosen.model == registry.LOADED_TAYLOR.key and not wild:
         evidence = f"by {pilots} pilot members, as far out as the farthest, and by up to a thousand others"

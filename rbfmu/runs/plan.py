@@ -40,8 +40,8 @@ class Plan:
     is estimated; order: of the splitting or of the series, 0 if there is none; formulas: the model of the scene's
     formulas, if any; pinned: parameters for whose values the model was judged, so that an importer must not change
     them; error: the largest expected, as the scene's `accuracy` measures it; cost: ns a communication step, with the
-    outputs asked for, on `methods.MACHINE`; interpolated: whether whole runs without ports have substeps of their own,
-    inside which outputs are interpolated; its tolerance is for these, and not for a `Simulator` or an FMU.
+    outputs asked for, on `methods.MACHINE`; interpolated: whether runs are taken whole, with substeps of their own,
+    inside which outputs are interpolated; its tolerance is for these, and not for an FMU or a scene with ports.
     """
 
     model: str
@@ -92,16 +92,20 @@ class Plan:
         """Return the model of `rbfmu_kernels.models` that runs it, or that of the scene's formulas."""
         return self.formulas.model if self.formulas else self.spec.kernels
 
-    def runs_through(self, scene: Scene) -> bool:
-        """Return whether whole runs of the scene have substeps of their own."""
-        return self.interpolated and self.kernels.run_through is not None and not scene.inputs.ports
+    @property
+    def runs_through(self) -> bool:
+        """Return whether whole runs have substeps of their own."""
+        return self.interpolated and self.kernels.run_through is not None
 
     def of_scene(self, scene: Scene) -> "Plan":
         """Return the plan with the kernels of the scene's formulas, if it has any.
 
         A plan read from a file has none. Those of another scene's plan may be for other texts, or may leave out loads
-        that are zero there. Raises ValueError if the model cannot represent what moves the body.
+        that are zero there. Raises ValueError if the model cannot represent what moves the body, or for a plan of whole
+        runs if the scene has ports, whose inputs change between communication points.
         """
+        if self.interpolated and scene.inputs.ports:
+            raise _bad_setting("interpolated", True, "a plan by rbfmu.plan, as the scene has ports")
         if (scene.body is None) != (self.model == PRESCRIBED_RATES.key):
             raise _bad_setting("model", self.model, "a model of a body" if scene.body else f"{PRESCRIBED_RATES.key!r}")
         by_formulas = scene.has_formulas or self.model == FORMULAS.key

@@ -66,7 +66,7 @@ class Steps:
         self.z[places] = drive.values[0]
         initialize(scene, self.kernels, self.z)
         self._step = tiered(self.kernels.step, len(self._lengths) * runs)
-        self._through = tiered(self.kernels.run_through, runs) if plan.runs_through(scene) else None  # type: ignore[arg-type]
+        self._through = tiered(self.kernels.run_through, runs) if plan.runs_through else None  # type: ignore[arg-type]
         self.events: Events | None = None
         self.ended: float | None = None
         """The time of the event that ended the run, s."""

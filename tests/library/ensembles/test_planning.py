@@ -204,7 +204,8 @@ def test_what_goes_from_point_to_point_refuses_a_plan_for_whole_runs(tmp_path):
     scene = drawn(42001, 8)
     planned = plan_ensemble(scene)
     rbfmu.simulate(scene, planned=planned)
-    for take in (partial(rbfmu_fmu.build, scene, tmp_path / "it.fmu"), partial(rbfmu.compiled_step, scene)):
+    build, step = partial(rbfmu_fmu.build, scene, tmp_path / "it.fmu"), partial(rbfmu.compiled_step, scene)
+    for take in (build, step, partial(rbfmu.sensitivity, scene, ["initial.omega_b"])):
         with pytest.raises(ValueError, match=r"Plan.interpolated = True: expected a plan by rbfmu\.plan"):
             take(planned=planned)
 
