@@ -330,7 +330,7 @@ def test_a_hopeless_start_comes_to_an_end():
     assert one.doubts
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_data_that_lead_to_ever_stiffer_motions_end_a_search_where_runs_become_long(monkeypatch):
     """Rates of zero under a torque ask for damping without end."""
     counted, along = [], Varied.along

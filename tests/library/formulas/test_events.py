@@ -171,7 +171,7 @@ def test_scenes_that_differ_in_a_direction_alone_have_kernels_of_their_own():
     np.testing.assert_array_equal(found["any"], both)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_what_has_poles_is_refused():
     """Beyond a pole round-off of the largest was as large as the rest: zeros were missed, and others made up."""
     said = r"events\.e\.when comes to (inf|\d\.\de\+1\d), and is at most .* elsewhere: expected a formula without poles"
