@@ -128,8 +128,9 @@ def sensitivity(
     as the time of the corner shifts. In a run that an event stops, the last row is at the event, whose time shifts as
     well. If a motion begins exactly where rates jump, the derivatives are for changes after which it begins beyond the
     jump.
-    Raises SceneError, SimulationError; ValueError for a key without a number, if a corner is grazed, two corners are
-    met at one time, or the event that ends the run is a jump over zero that no input makes.
+    Raises SceneError, SimulationError; ValueError for a key without a number, for a plan that is `interpolated`, if a
+    corner is grazed, two corners are met at one time, or the event that ends the run is a jump over zero that no input
+    makes.
     """
     varied, tables = Varied(scene, by), input_tables(scene, inputs, interpolate)
     if scene.has_formulas and planned is None:  # a motion that ends early would take ever shorter substeps

@@ -383,7 +383,7 @@ def compiled_step(scene: Scene, planned: Plan | None = None) -> tuple[Callable[[
     """Return the compiled `step(buffer, h) -> status` of a scene and a started buffer, for loops under `@njit`.
 
     status is 0, or 1 for a step that was refused, with nothing changed. The slices of inputs and quantities in the
-    buffer are in `planned.kernels.BLOCKS`, such as `BLOCKS["torque_b"]`. Raises SceneError.
+    buffer are in `planned.kernels.BLOCKS`, such as `BLOCKS["torque_b"]`. Raises SceneError, ValueError.
     """
     planned = (checked_plan(planned, stepped=True) or plan(scene)).of_scene(scene)
     return planned.kernels.step, start_run(scene, planned)
