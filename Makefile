@@ -20,7 +20,7 @@ check:
 SHARED = -n 2 --dist loadfile
 
 test:
-	@echo "The tests take six to seven minutes of a processor's time, half as long on two; four once their code is kept."
+	@echo "The tests take some six minutes of a processor's time, half as long on two; four once their code is kept."
 	$(BIN)/pytest $(SHARED) -m "not slow and not thorough"
 
 # The core once more as plain Python: readable tracebacks, and no result may hang on the compiler.
@@ -28,7 +28,7 @@ CORE = $(addprefix tests/kernels/,numerics rotations mechanics exact/test_plane_
 
 # What takes seconds, and some of what is one of many alike. CI runs it as well.
 thorough:
-	status=0; $(BIN)/pytest $(SHARED) -m "thorough and not slow" || status=1; \
+	status=0; $(BIN)/pytest $(SHARED) --no-loadscope-reorder -m "thorough and not slow" || status=1; \
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(SHARED) -m "not slow" $(CORE) || status=1; exit $$status
 
 slow: thorough

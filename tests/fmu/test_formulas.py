@@ -114,6 +114,7 @@ def test_counts_are_integers_that_a_saved_state_has(units: Units, kind: str) -> 
     unit.free()
 
 
+@pytest.mark.thorough
 def test_counts_can_be_read_in_intermediate_updates(units: Units) -> None:
     names, read = ("wave_count", "late_count", "status"), []
 

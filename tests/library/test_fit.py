@@ -81,7 +81,7 @@ def test_torque_free_motion_tells_ratios_of_moments_alone():
         one.posterior()
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_pendulum_tells_no_number_of_those_that_it_tells_together_alone():
     """M_o, m r_oc and damping may all be larger by one factor; where a moment of mass is nearly zero as well."""
     scene = rbfmu.Scene.from_dict({
@@ -162,6 +162,7 @@ def test_large_numbers_are_found_from_a_guess_that_knows_no_size(guess):
     assert np.max(np.abs(one.values - [3e6, 2e5, -1e5, 5e4]) / one.standard_errors) < 3.0
 
 
+@pytest.mark.thorough
 def test_a_fit_is_written_with_comments_and_read_again(tmp_path, found):
     file = tmp_path / "start.toml"
     file.write_text('# mine\n[body]\nmass = 1.0 # weighed\nshape = { kind = "box", sides = [1.0, 2.0, 3.0] }\n'
@@ -181,6 +182,7 @@ def test_a_fit_is_written_with_comments_and_read_again(tmp_path, found):
     assert rbfmu.load_scene(tmp_path / "alone.toml").initial.omega_b == found.scene.initial.omega_b
 
 
+@pytest.mark.thorough
 def test_the_posterior_is_an_ensemble(found):
     members = draw(found.posterior(400), 0, 400).applied
     drawn = members["initial.omega_b"]
@@ -221,6 +223,7 @@ def test_one_number_of_a_damping_is_bounded_as_all_of_them_are():
     np.testing.assert_allclose(one.values, [0.0, SPIN["omega_b"][:, 2].mean()], rtol=0, atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_residuals_are_drawn(found):
     panels = found.plot().axes
     assert [axes.get_ylabel() for axes in panels] == ["omega_b", "attitude"]
@@ -298,7 +301,7 @@ def test_a_part_of_the_time_that_has_the_start_alone_is_left_out():
     assert found.values[0] == pytest.approx(0.1, abs=1e-6)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_long_search_is_ended_or_said_to_have_no_end(monkeypatch):
     scene = rbfmu.Scene.from_dict({
         "body": {"mass": 2.0, "inertia": [[1.2, 0.1, -0.05], [0.1, 2.0, 0.08], [-0.05, 0.08, 2.5]]},
@@ -345,7 +348,7 @@ def test_data_that_lead_to_ever_stiffer_motions_end_a_search_where_runs_become_l
     assert max(counted) <= 3e5
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_fit_is_no_worse_than_its_beginning_though_the_first_data_lead_away():
     scene = rbfmu.Scene(
         body={"mass": 1.0, "inertia": [1.0, 2.0, 2.5]}, initial={"omega_b": [0.3, 1.2, 0.2]},

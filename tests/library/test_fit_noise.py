@@ -134,6 +134,7 @@ def test_so_many_rows_as_tell_a_trend_tell_noise():
     assert trends({"spin": np.tile([[1.0], [1.0], [-1.0], [-1.0]], (4, 1))}) == [] != trends({"spin": ramp})
 
 
+@pytest.mark.slow
 def test_where_products_of_inertia_are_missing_a_doubt_says_how_they_vary():
     scene = rbfmu.Scene(
         body={"mass": 1.0, "inertia": [[1.0, 0.1, 0.0], [0.1, 2.0, 0.2], [0.0, 0.2, 2.5]]},
@@ -180,7 +181,7 @@ def test_an_inertia_with_products_is_at_the_edge_within_an_error_of_what_no_body
     assert told == [False, chart.count == 6]  # three moments alone are as straight there as elsewhere
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_errors_of_an_inertia_at_the_edge_of_what_bodies_have_are_doubted():
     """The sum of squares of 486 numbers is 483 there and 500 at the truth, which is ten standard errors away."""
     rng = np.random.default_rng(25)

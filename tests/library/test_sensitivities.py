@@ -217,7 +217,7 @@ def test_a_motion_that_slides_along_a_corner_is_said_to():
         rbfmu.sensitivity(scene({"torque_b": "[0, 0, where(omega_b[3] > 0.9, -1, 0.5)]"}), "initial.omega_b")
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_motion_that_grows_beyond_all_bounds_is_refused_as_a_run_of_it_is():
     """Its derivatives went on, in ever shorter substeps, for hours."""
     one = scene({"torque_b": "5*omega_b"}, initial={"omega_b": [0.3, 1.2, 0.2]}, run={"stop": 20.0, "step": 0.5})

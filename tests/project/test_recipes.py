@@ -152,7 +152,7 @@ def test_an_output_is_shown_by_a_run_and_an_fmu_with_its_time_derivative(folder,
     instance.free()
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_load_acts_in_runs_and_in_an_fmu_whose_parameter_it_is(folder, tmp_path):
     drag = np.array([0.3, 0.2, 0.5])
     text = LOADED.replace("QUANTITIES", '["position", "omega_b"]').replace("1e-10", "1e-9")
@@ -173,7 +173,7 @@ def test_a_load_acts_in_runs_and_in_an_fmu_whose_parameter_it_is(folder, tmp_pat
     instance.free()
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_an_integrator_runs_by_a_plan_that_names_it_with_its_order(folder):
     (folder / "loaded.toml").write_text(LOADED.replace("QUANTITIES", '["position", "omega_b"]'))
     code = """

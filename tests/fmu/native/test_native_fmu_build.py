@@ -135,7 +135,7 @@ else:
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_object_code_of_formulas_is_the_same_whatever_was_compiled_before(tmp_path):
     """2026-11-29: what was made of their text was no kept code, so that a run before put it into an FMU twice."""
 

@@ -75,6 +75,7 @@ def test_a_pulse_that_is_nothing_long_before_and_after_is_not_stepped_over(load,
     np.testing.assert_allclose(found[[4, 6, -1]], [w_0, after, after], rtol=0, atol=1e-9 * after)
 
 
+@pytest.mark.thorough
 def test_the_judge_knows_a_time_of_a_jump_better_than_a_double():
     """A pulse of 2 ms was judged as long as the doubles of its ends: 1.9e-9 were wrong where 1e-10 was promised."""
     scene, mid = ball("where(abs(t - 70000.3) < 1e-3, 1, 0)", 8e4), Fraction(70000.3)

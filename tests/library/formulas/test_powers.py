@@ -39,6 +39,7 @@ def test_drag_by_a_power_of_the_rate_turns_with_it(drag, start):
     assert float(passed) == pytest.approx(2.0, rel=0, abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_a_norm_under_a_power_may_come_to_zero():
     """No method came to an end, as the root of the norm has no series there, and the power of it none either."""
     scene = ball("cos(t) - norm(omega_b)**0.4*omega_b[3]", 6.0, 0.5, 1e-6, initial={"omega_b": [0.0, 0.0, 0.5]})
@@ -48,6 +49,7 @@ def test_a_norm_under_a_power_may_come_to_zero():
     assert np.abs(w - exact).max() < 1e-6
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("root", "on"), [("sqrt(abs(t - 1e-3))", 0.251), ("abs(t - 1)**0.3", 2 * 0.5 ** (1 / 0.3))])
 def test_a_condition_on_a_root_is_followed_from_its_corner(root, on):
     """2026-11-30: 5.0, told to be exact: coefficients beside the corner were beyond all numbers, and no zero found."""
