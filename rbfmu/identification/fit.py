@@ -100,9 +100,11 @@ class Fit:
         """
         if self.unknown:
             raise ValueError(f"{self.scene.name}: expected data that tell all numbers: {'; '.join(self.unknown)}")
-        spreads = {key: _spread(self, key, at) for key, at in by_key(self.names).items()}
+        places = by_key(self.names)
+        spreads = {key: _spread(self, key, at) for key, at in places.items()}
         components = [name for _, names in spreads.values() for name in names]
-        matrix = self.correlation
+        order = np.concatenate([*places.values()])  # numbers of one key may be free on both sides of another's
+        matrix = self.correlation[np.ix_(order, order)]
         np.fill_diagonal(matrix, 1.0)
         vary = {key: distribution for key, (distribution, _) in spreads.items()}
         table: dict[str, object] = {"runs": runs, "seed": seed, "design": RANDOM, "vary": vary, "correlation": None}

@@ -209,6 +209,15 @@ def test_the_posterior_stands_in_place_of_an_ensemble_that_was_there(known):
     assert left.keep == ("all",) or "keep" not in known
 
 
+def test_correlations_of_the_posterior_are_those_of_their_numbers_whatever_the_order_of_keys():
+    """2026-12-01: numbers of one key on both sides of another's had the correlations of others."""
+    free = ["initial.omega_b[3]", "loads.damping_b[3]", "initial.omega_b[1]"]
+    one = rbfmu.fit(SPINNING, SPIN, free, sigma=0.02)
+    known = one.posterior().ensemble.correlation
+    assert known.components == ("initial.omega_b[3]", "initial.omega_b[1]", "loads.damping_b[3]")
+    np.testing.assert_allclose(known.matrix[0][1:], one.correlation[0, [2, 1]], rtol=1e-12)
+
+
 SPINNING = rbfmu.Scene.from_dict({
     "body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, "initial": {"omega_b": [0.0, 0.0, 1.0]},
     "loads": {"damping_b": [0.0, 0.0, 0.3]}, "outputs": {"quantities": ["omega_b"]}, "run": {"stop": 5.0, "step": 0.1},
