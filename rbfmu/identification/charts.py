@@ -20,6 +20,11 @@ from rbfmu.types import Array, ArrayLike
 from rbfmu_kernels.quantities import BOUNDED
 
 INERTIA, MASS = "body.inertia", "body.mass"
+WHOLE = {
+    INERTIA: "so that it stays one that a body can have",
+    sensitivities.ATTITUDE: "as turns about two axes add up to one about the third as well",
+}
+"""Keys whose numbers are not free one by one, and why."""
 THINNEST = 1e-9
 """The least eigenvalue of E at the start, over its trace, as that of a plate is zero."""
 FARTHEST = 15.0
@@ -173,9 +178,10 @@ def _inertia_of(E: Array) -> Array:
 
 
 def chart_of(scene: Scene, key: str) -> Chart:
-    """Return the chart of a key. Raises ValueError for a single number of an inertia."""
-    if isinstance(key, str) and key != INERTIA and key.startswith(INERTIA):
-        raise ValueError(f"free = {key!r}: expected {INERTIA} as a whole, so that it stays one that a body can have")
+    """Return the chart of a key. Raises ValueError for a single number of an inertia or an attitude."""
+    for whole, why in WHOLE.items():
+        if isinstance(key, str) and key != whole and key.startswith(whole):
+            raise ValueError(f"free = {key!r}: expected {whole} as a whole, {why}")
     kinds: dict[str, type[Chart]] = {sensitivities.ATTITUDE: _Attitude, INERTIA: _Inertia, MASS: _Mass}
     return kinds.get(str(key), Chart)(scene, key)
 

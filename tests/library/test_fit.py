@@ -258,6 +258,7 @@ def test_nasas_tumbling_brick_is_found_from_a_simulation_of_nasas():
     ({"free": []}, "free: expected at least one key"),
     ({"free": ["body.colour"]}, r"'body\.colour': expected one of"),
     ({"free": ["body.inertia[1,1]"]}, r"expected body\.inertia as a whole"),
+    ({"free": ["initial.attitude[3]"]}, r"initial\.attitude\[3\]': expected initial\.attitude as a whole"),
     ({"free": ["initial.omega_b", "initial.omega_b[1]"]}, "expected each number once"),
     ({"free": ["initial.omega_b", "initial.omega_b"]}, "expected each number once"),
     ({"loss": "square"}, "loss = 'square': expected one of linear"),
