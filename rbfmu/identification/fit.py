@@ -52,8 +52,6 @@ NO_RUN = (exceptions.SceneError, exceptions.SimulationError, ValueError, Overflo
 """The errors of a run with numbers that give no motion."""
 UNTOLD = 1.0
 """The relative standard error above which the data do not determine a direction."""
-PART_OF_DIRECTION = 0.02
-"""A number is not determined if its part of an undetermined direction is larger."""
 STILL_FALLS = 0.01
 """The largest further decrease of the sum of squares, over its mean for one number, with which a search may end."""
 
@@ -341,9 +339,10 @@ class _Search:
         # by numbers, as a coordinate that is the logarithm of a tiny number would hide that no data determine it
         sizes = np.concatenate([np.full(chart.count, chart.scale(row)) for chart, row in by_chart(self._charts, p)])
         is_known = len(self._given) == len(self._data.values)
+        accuracy, measured = self._scene.run.accuracy, self._data.values.items()
         relative, unknown = self._tell_apart(J * sizes, noise.scatter(f, self._loss, len(p), is_known))
         covariance = relative * np.outer(sizes, sizes)
-        lost = np.any(np.abs(np.reshape(unknown, (-1, len(p)))) > PART_OF_DIRECTION, axis=0)
+        lost = noise.are_lost(unknown, np.sqrt(np.diag(relative)), accuracy * float(np.linalg.norm(J * sizes)))
         meanings = tuple(self._meaning(direction, sizes * direction) for direction in unknown)
         errors = np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
         charts = by_chart(self._charts, np.arange(len(p)))
@@ -354,7 +353,6 @@ class _Search:
             leads = "which are refused: expected data that the model can follow, or a search begun nearer"
             ended.append(f"the search leads to runs of more than {most:.1e} substeps, {leads}")
         ended += [f"{key} is within its error of what no body has: errors may be far too small" for key in edges]
-        accuracy, measured = self._scene.run.accuracy, self._data.values.items()
         own = {name: accuracy * max(noise.largest(name, rows), FLOORS.get(name, 0.0)) for name, rows in measured}
         doubts = [*ended, *noise.trends(left, own), *noise.too_large(f, self._given)]
         if doubts and any(chart.whole == INERTIA and chart.count == 3 for chart in self._charts):

@@ -26,6 +26,9 @@ LEAST_LEFT = 0.5
 """The least number of degrees of freedom that a fit must leave in an output to estimate its noise."""
 SIGMA = Numbers((), "", *POSITIVE)
 """The rule of a given standard deviation."""
+PART_OF_DIRECTION, OF_ERROR = 0.02, 3.0
+"""A number is not determined if its part of an undetermined direction is larger than the first, or than OF_ERROR of its
+own errors; less, as of a number that is zero within its error, hardly changes it."""
 SMALL, LARGE = 0.1, 0.5
 """The limits of the relative excess of residuals over given noise that is accepted: for many numbers, and for few."""
 
@@ -95,6 +98,16 @@ def scatter(f: Array, loss: str, n: int, is_known: bool) -> float:
     mean = np.mean(follows)
     few = 1.0 + n / len(f) * np.var(follows) / mean**2
     return float(few**2 * np.sum(slope * slope * z) / (len(f) - n) / mean**2)
+
+
+def are_lost(unknown: list[Array], errors: Array, turned: float) -> Array:
+    """Return which numbers (n,) are not determined, as they belong to a direction that is not.
+
+    unknown: directions (n,) of length 1, in which the fit may be off by about 1; errors (n,): of the numbers apart from
+    these; both relative to sizes. turned: how far errors of derivatives turn directions, over errors.
+    """
+    parts = np.abs(np.reshape(unknown, (-1, len(errors))))
+    return np.asarray(np.any(parts > np.minimum(PART_OF_DIRECTION, max(OF_ERROR, turned) * errors), axis=0))
 
 
 def trends(left: Mapping[str, Array], own: Mapping[str, float] = {}) -> list[str]:
