@@ -214,7 +214,8 @@ class Statistics:
         """Return the quantiles (q, n, R) at probabilities (q,), and the largest error of their ranks.
 
         middle (n, R): for angles the mean, about which quantiles are taken; NaN for other numbers. The error is a part
-        of all members, 0 if all values are kept. Quantiles are NaN without members.
+        of all members, 0 if all values are kept. Ranks of angles count from half a turn below the mean, whose own rank
+        has the same error, so that both add up. Quantiles are NaN without members.
         """
         sets = sorted((points for sets in self.levels for points in sets), key=_weight)
         if not any(points.values.shape[1] for points in sets):
@@ -224,7 +225,8 @@ class Statistics:
         angles = ~np.isnan(middle.ravel())
         points.values[angles] = around(middle.ravel()[angles, None], points.values[angles])
         found = _quantiles(points.values, probabilities)
-        return found.reshape(len(probabilities), *middle.shape), points.error / self.count
+        error = points.error * (2.0 if angles.any() else 1.0)
+        return found.reshape(len(probabilities), *middle.shape), error / self.count
 
     def to_arrays(self) -> dict[str, Any]:
         """Return the statistics as arrays, for `from_arrays`."""

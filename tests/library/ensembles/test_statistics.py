@@ -243,6 +243,20 @@ def test_angles_near_a_half_turn_have_their_direction(middle):
     assert np.abs(quantiles - mean).max() < 1.0
 
 
+@pytest.mark.parametrize("seed", [3, 7])
+def test_angles_about_half_a_turn_are_displaced_by_no_more_than_stated(seed):
+    """2026-12-01: angles are counted from a rank that has an error too: ranks were off by 1.2 times the bound."""
+    attitude = {"euler": "ZYX", "angles_deg": {"normal": [[180.0, 0.0, 180.0], [17.0, 17.0, 17.0]]}}
+    shown, keep = {"outputs": {"quantities": ["rpy"]}, "run": {"stop": 1.0, "step": 0.5}}, ["final", "statistics"]
+    varied = {"ensemble": {"runs": 1024, "seed": seed, "keep": keep, "vary": {"initial.attitude": attitude}}}
+    turning = {"body": {"mass": 1.0, "inertia": [1.0, 2.0, 3.0]}, "initial": {"omega_b": [0.1, 0.2, 0.3]}}
+    found = run_ensemble(Scene.from_dict(turning | {"loads": NOTHING} | shown | varied), progress=False)
+    ends = around(found.mean["rpy"][-1], found.final["rpy"])
+    places = (np.arange(1024) + 0.5) / 1024.0
+    ranks = [np.interp(found.quantiles["rpy"][:, -1, j], np.sort(ends[:, j]), places) for j in range(3)]
+    assert np.abs(ranks - found.probabilities).max() <= found.rank_error
+
+
 def test_a_sample_of_more_runs_is_a_part_of_that_of_fewer_and_members_are_taken_alike():
     keys = statistics.keys_of(np.arange(200_000))
     assert len(np.unique(keys)) == len(keys)
