@@ -164,8 +164,14 @@ class Motion:
 
     @cached_property
     def largest_turn(self) -> float:
-        """Return the largest angle in rad by which the body turns from one picture to the next."""
-        return float(np.max(angle_between(self.quaternion[:-1], self.quaternion[1:])))
+        """Return the largest angle in rad by which the body turns from one picture to the next.
+
+        Two attitudes do not show whole turns between them; the rate does, if it is known.
+        """
+        turned = float(np.max(angle_between(self.quaternion[:-1], self.quaternion[1:])))
+        if self.rate is None:
+            return turned
+        return max(turned, longest(self.rate[:-1] * np.diff(self.result.time)[:, None]))
 
     @cached_property
     def page(self) -> str:

@@ -154,6 +154,16 @@ def test_a_spin_that_is_not_seen_as_it_is_has_no_trace() -> None:
     ]
 
 
+def test_whole_turns_between_pictures_are_not_taken_for_rest() -> None:
+    """2,999 steps between pictures, each of 1.0005 turns: attitudes alone show a body that creeps."""
+    rate = 2.0 * np.pi * 2999.0 / 10.0 * 1.0005
+    body, outputs = {"mass": 1.0, "inertia": [1.0, 1.0, 1.5]}, {"quantities": ["quaternion"]}
+    run = {"stop": 10.0, "step": 1e-3}
+    motion = motion_of_scene(rbfmu.Scene(body=body, initial={"omega_b": [0, 0, rate]}, outputs=outputs, run=run))
+    assert motion.largest_turn == pytest.approx(2.0 * np.pi * 1.0005, rel=1e-9)
+    assert "360° between pictures, so its spin is not seen" in " ".join(_notes(Geometry(motion)))
+
+
 def test_arrows_begin_at_the_centre_or_at_a_pivot() -> None:
     shape = Shape("box", (2.0, 2.0, 3.0), "", (0.5, 0.0, 0.0))
     for pivot, lever in ((False, 0.5), (True, 0.0)):
