@@ -2,8 +2,9 @@
 
 The parameters that vary are listed, as if an importer could change them, so that only models are chosen that are valid
 for all their values. Order and tolerance come from pilot members: some are drawn as members are, some lie as far out as
-the farthest member. Series are fitted to all pilots together. With other models, each pilot has its own plan; the
-largest model with the tightest setting is used for all members, and its error is measured in every pilot.
+the farthest member. Series are fitted to all pilots together, and must suit the centre of what varies. With other
+models, each pilot has its own plan; the largest model with the tightest setting is used for all members, and its error
+is measured in every pilot.
 """
 
 from collections.abc import Callable, Iterator
@@ -105,6 +106,9 @@ def _with_doubts(scene: Scene, progress: Callable[[float], Any] | None = None) -
             likely = fitting.with_likely_error(scene, chosen, judges[0].names)
             wild = likely.error > scene.run.accuracy
             chosen = chosen if wild else likely
+    else:
+        with suppress(SceneError):  # a centre that cannot run is no cause to refuse the members
+            chosen, wild = _accurate_at_the_centre(scene, chosen)
     tell(1.0)
     doubts = [*_doubts_of_growth(scene, growth, wild)]
     if not scene.inputs.ports:  # a port may supply anything, so that any key may have an effect
@@ -152,6 +156,27 @@ def _by_series(scene: Scene, judges: list[Judge]) -> tuple[bool, Plan | None]:
             part *= found.tolerance / fitted.tolerance
             fitted = fit(part)
     return found is not None, found
+
+
+def _accurate_at_the_centre(scene: Scene, found: Plan) -> tuple[Plan, bool]:
+    """Return the series with a tolerance that suits the centre of what varies, and whether none is tight enough.
+
+    Ensembles are often centred on a special state, such as one from which a pendulum just reaches the top. Few members
+    come so near to it that their errors grow as much as its own, so that pilots and scouts may miss them all.
+    """
+    samples = members.samples_at(scene, np.full((1, len(members.ensemble_of(scene).varying)), 0.5))
+    if members.refusals(scene, samples):
+        return found, False
+    judge = Judge(question.Question(members.member(scene, samples, 0, _with_all_listed(scene))), most=fitting.POINTS)
+    fitting.follow_in_doubles([judge])
+    before = 0.0
+    for tolerance in (found.tolerance, *methods.ever_tighter(found.tolerance)):
+        plan = replace(found, tolerance=tolerance)
+        error, substeps = judge.try_out(plan)
+        before = before or substeps
+        if error <= fitting.WITHIN * scene.run.accuracy:
+            return replace(plan, error=max(error, found.error), cost=found.cost * (substeps / before)), False
+    return plan, True
 
 
 def _may_interpolate(judge: Judge) -> bool:

@@ -221,6 +221,18 @@ def test_where_nearly_equal_starts_lead_apart_no_worst_member_is_promised():
     assert not any("with 99 in 100" in text for text in said)
 
 
+@pytest.mark.parametrize("seed", [6, *(pytest.param(k, marks=pytest.mark.thorough) for k in (8, 11, 16, 19))])
+def test_members_about_a_centre_that_just_reaches_the_top_meet_the_accuracy(seed):
+    """2026-12-01: few come so near to it that errors grow most; with these of 14 seeds some missed the accuracy."""
+    tables = {"body": {"mass": 2.7, "inertia": [0.45, 0.46, 0.48], "pivot": True, "r_oc_b": [0.0, 0.0, -0.16]}}
+    rate = 2.0 * np.sqrt(2.7 * 9.81 * 0.16 / (0.46 + 2.7 * 0.16**2))
+    tables |= {"initial": {"omega_b": [0.0, rate, 0.0]}, "outputs": ROTATION}
+    vary = {"initial.omega_b": {"normal": [[0.0, rate, 0.0], [0.0, 1e-4, 0.0]]}}
+    tables |= {"ensemble": {"runs": 3000, "seed": seed, "keep": ["all"], "vary": vary}}
+    scene = Scene.from_dict(tables | {"run": {"stop": 8.8, "step": 8.8, "accuracy": 1e-3}}, "to the top")
+    assert np.nanmax(errors(scene, plan_ensemble(scene))) <= 1.0
+
+
 @pytest.mark.parametrize("seed", [18004, 18039])
 def test_a_heavy_tail_that_a_tighter_tolerance_holds_is_no_cause_to_warn(seed):
     """Few members beside a tolerance that is not much tighter would tell of worst ones beyond any."""
