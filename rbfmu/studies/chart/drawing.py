@@ -25,8 +25,8 @@ LEAST_DRIFT = 1e-17
 PALE, DARK = "#f3f3f3", "#333333"
 _HOW = (
     "Lines: the best of each kind; at their names: the cost at the accuracy asked, by the setting that just meets it, "
-    "which nobody knows beforehand. Large star: the plan, made beforehand. Small stars: plans for further "
-    "digits. Arrowheads: stopped, as finer runs take too long."
+    "which nobody knows beforehand. Large star: the plan, made beforehand. Small stars: plans for other "
+    "accuracies. Arrowheads: stopped, as finer runs take too long."
 )
 
 
