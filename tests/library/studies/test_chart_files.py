@@ -94,7 +94,9 @@ def made_up() -> list[chart.Chart]:
         mine += [replace(plan, value=accuracy) for accuracy in (1e-3, 1e-6, 1e-9)]
         drifts = [f"{name.replace(' ', '_')}_drift" for name in case.keeps]
         rows = [replace(row, spread=1.05, **dict.fromkeys(drifts, row.error)) for row in mine]
-        chart = made_chart(*rows, ends=tuple(End(kind_of(name, "peer"), name, 1e-10, STOPPED) for name in names))
+        ends = [End(kind_of(name, "peer"), name, 1e-10, STOPPED) for name in names]
+        ends += [End(kind_of(*who), who[0], 1e-11, "all settings tried") for who in others]
+        chart = made_chart(*rows, ends=tuple(ends))
         what = {"scene": case.scene.name, "span": case.span}
         what |= {"key": case.key, "outputs": case.outputs, "many": case.many}
         charts.append(replace(chart, accuracy=1e-6, **what))
