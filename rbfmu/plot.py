@@ -1,7 +1,7 @@
 """Pictures of results."""
 
 import io
-import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -18,6 +18,8 @@ COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 """Colours of Okabe and Ito, which are also distinct for readers with a colour vision deficiency."""
 MARKS, MOST_MARKS = ("#555555", "#e69f00", "#56b4e9"), 200
 """The colours of events, and the largest number of times of one event that is drawn."""
+MOST_LETTERS = 32
+"""How many letters stand beside a panel in one line."""
 
 
 class Rows(Protocol):
@@ -38,7 +40,7 @@ class Picture(Figure):
 
     def suptitle(self, t: str, **options: Any) -> Any:
         """Set the title literally, without mathematics in dollar signs."""
-        return super().suptitle(plain(t), **options)
+        return super().suptitle(plain(t), wrap=True, **options)
 
     def _repr_png_(self) -> bytes:
         return png_of(self, dpi=90)
@@ -56,9 +58,9 @@ def plot_result(result: Rows, path: str | Path | None = None, title: str = "") -
     figure, panels = _panels(len(result.quantities), height=1.9)
     for axes, (name, values) in zip(panels, result.quantities.items(), strict=True):
         row = result.rows[name]
-        turn = 2.0 * math.pi if row.unit == "rad" else math.inf
+        turn = 2.0 * np.pi if row.unit == "rad" else np.inf
         draw_components(axes, result.time, values, row.components, turn)
-        axes.set_ylabel(quantity_label(row), fontsize=9)
+        _name_axis(axes, quantity_label(row))
     _mark_events(panels, getattr(result, "events", {}))
     figure.suptitle(title, fontsize=11)
     return with_file(figure, path)
@@ -79,7 +81,7 @@ def plot_changes(
                       label=key if moves else f"{key}: without effect")  # fmt: skip
         axes.set_yscale("log")
         row = OUTPUT.get(name)
-        axes.set_ylabel("attitude (rad)" if name == "attitude" else quantity_label(row) if row else name, fontsize=9)
+        _name_axis(axes, "attitude (rad)" if name == "attitude" else quantity_label(row) if row else name)
         open_frame(axes, grid=True, legend=axes is panels[0])
         axes.margins(x=0.0)
     figure.suptitle(f"{title}: change by 1 % of each key's numbers (0.01 of what is zero)".lstrip(": "), fontsize=10)
@@ -96,7 +98,7 @@ def plot_residuals(time: Array, rows: Mapping[str, Array], path: str | Path | No
                       label="xyz"[k] if values.shape[1] == 3 else name)  # fmt: skip
         axes.axhspan(-2.0, 2.0, color="#eeeeee", zorder=0)
         axes.set_ylim(-far - 0.5, far + 0.5)
-        axes.set_ylabel("attitude" if name == "quaternion" else name, fontsize=9)
+        _name_axis(axes, "attitude" if name == "quaternion" else name)
         open_frame(axes, legend=True)
     figure.suptitle(f"{title}: measured less fitted, in standard deviations; beyond 6 at the edge", fontsize=10)
     return with_file(figure, path)
@@ -110,15 +112,20 @@ def _panels(count: int, height: float) -> tuple[Picture, list[Axes]]:
     return figure, panels
 
 
+def _name_axis(axes: Axes, name: str) -> None:
+    axes.set_ylabel(textwrap.fill(name, MOST_LETTERS), fontsize=9)
+
+
 def _mark_events(panels: Sequence[Axes], events: Mapping[str, Array]) -> None:
     """Draw a vertical line at each time of an event, with its name at the first; beyond MOST_MARKS times draw none."""
     shown = [(name, times) for name, times in events.items() if 0 < len(times) <= MOST_MARKS]
     for k, (name, times) in enumerate(shown):
+        row = k % len(MARKS)
         for axes in panels:
-            axes.vlines(times, 0, 1, transform=axes.get_xaxis_transform(), color=MARKS[k % len(MARKS)],
-                        linewidth=0.8, linestyle=":")  # fmt: skip
-        panels[0].annotate(name, (times[0], 1.0), xycoords=("data", "axes fraction"), xytext=(0, 2 + 9 * (k % 2)),
-                           textcoords="offset points", fontsize=8, color=MARKS[k % len(MARKS)])  # fmt: skip
+            axes.vlines(times, 0, 1, transform=axes.get_xaxis_transform(), color=MARKS[row], linewidth=0.8,
+                        linestyle=":")  # fmt: skip
+        panels[0].annotate(name, (times[0], 1.0), xycoords=("data", "axes fraction"), xytext=(0, 2 + 9 * row),
+                           textcoords="offset points", fontsize=8, color=MARKS[row])  # fmt: skip
 
 
 def with_file(figure: Figure, path: str | Path | None, dpi: float | str = 130) -> Figure:
@@ -129,7 +136,7 @@ def with_file(figure: Figure, path: str | Path | None, dpi: float | str = 130) -
     return figure
 
 
-def draw_components(axes: Axes, time: Array, values: Array, names: tuple[str, ...], turn: float = math.inf) -> None:
+def draw_components(axes: Axes, time: Array, values: Array, names: tuple[str, ...], turn: float = np.inf) -> None:
     """Draw values (n,) or (n, k) as named lines, with gaps where angles jump by a turn; turn: its size (inf: none)."""
     columns = values[:, None] if values.ndim == 1 else values
     for k, name in enumerate(names):

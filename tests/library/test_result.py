@@ -370,6 +370,16 @@ def test_a_dataset_names_components_and_units(result: Result) -> None:
     assert own.to_xarray().axis.dims == ("time",)  # a name that a dimension has; xarray refused two of them
 
 
+def test_long_names_stay_within_their_picture_and_panel() -> None:
+    name = "ratio_of_energy_to_momentum_squared_of_the_body"
+    figure = rbfmu.simulate(ball(outputs={name: "t"})).plot(title="a title that is long " * 8)
+    figure.draw_without_rendering()
+    panel, label = figure.axes[-1], figure.axes[-1].yaxis.label
+    assert figure.bbox.contains(*figure._suptitle.get_window_extent().min)
+    assert label.get_window_extent().height < 1.3 * panel.get_window_extent().height
+    assert label.get_text().replace("\n", "") == name
+
+
 @pytest.mark.thorough
 def test_a_plot_is_a_figure_that_a_notebook_shows(result: Result, tmp_path: Path) -> None:
     figure = result.plot(title="it")
