@@ -26,7 +26,7 @@ TOLERANCE = 1e-3
 """The largest difference from 1 of the square of a quaternion's length, as files may have few digits."""
 ON_BODY = r"(ACC|ACTUATOR|AST|CSS|DSS|ESA|GYRO|IMU_FRAME|INSTRUMENT|MTA|RW|SA|SC_BODY|SENSOR|STARTRACKER|TAM)([_ \d]|$)"
 """How the names begin that CCSDS gives to frames which are fixed in a spacecraft."""
-_TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d(?:\.\d*)?)Z?")
+_TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T([01]\d|2[0-3]):([0-5]\d):((?:[0-5]\d|60)(?:\.\d*)?)Z?")
 _ORIGIN = re.compile(rf"COMMENT .*time 0 of the scene is ({_TIME.pattern})")
 
 
@@ -130,8 +130,11 @@ def _seconds(text: str) -> Decimal:
     if not (found := _TIME.fullmatch(text)):
         raise ValueError(f"{text!r}: expected a time such as {EPOCH}.25")
     year, month, day, of_year, hour, minute, second = found.groups()
-    days = date(int(year), int(month or 1), int(day or 1)) + timedelta(int(of_year or 1) - 1) - DAY
-    return EXACT.add(Decimal(SECONDS * days.days + 3600 * int(hour) + 60 * int(minute) - NOON), Decimal(second))
+    there, later = date(int(year), int(month or 1), int(day or 1)), timedelta(int(of_year or 1) - 1)
+    if not timedelta() <= later <= date(int(year), 12, 31) - there:
+        raise ValueError(f"{text!r}: expected a day of {year}")
+    days = (there + later - DAY).days
+    return EXACT.add(Decimal(SECONDS * days + 3600 * int(hour) + 60 * int(minute) - NOON), Decimal(second))
 
 
 def _epoch(t: float) -> str:
