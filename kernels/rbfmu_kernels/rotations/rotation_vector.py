@@ -131,8 +131,11 @@ def axis_angle_from_quaternion(q_ab: Quaternion) -> tuple[Vec3, float]:
     length = math.sqrt(vec3.dot(eps, eps))
     signed = math.copysign(length, q_ab[0])
     x, y, z = vec3.scale(1.0 / signed if length != 0.0 else 0.0, eps)
-    one = math.nan if (length == 0.0 and q_ab[0] == 0.0) or abs(q_ab[0]) == math.inf else 1.0
-    return ((x if length != 0.0 else one, one * y, one * z), one * (2.0 * atan2(length / s, abs(q_ab[0]))))
+    eta = abs(q_ab[0])
+    one = math.nan if (length == 0.0 and eta == 0.0) or eta == math.inf else 1.0
+    short = eta < 1.0  # then eps, and length / s, may be subnormal
+    angle = 2.0 * atan2(length if short else length / s, s * eta if short else eta)
+    return ((x if length != 0.0 else one, one * y, one * z), one * angle)
 
 
 @kernel

@@ -145,6 +145,16 @@ def test_quaternions_of_any_length_have_the_same_vector(q, size):
     assert vec3.norm(vec3.subtract(vec3.scale(theta, k), u)) <= 6.0 * EPS * vec3.norm(u)
 
 
+@pytest.mark.parametrize("eta", [1e-150, 3e-151, 1e-10, 0.99, 1.0, 1e10])
+@pytest.mark.parametrize("eps", [5e-324, 5.25685847e-321, 1e-310, 1e-160, 1e-150, 1e150])
+def test_the_least_vector_parts_have_their_angle(eta, eps):
+    """2026-12-01: if eps was subnormal, beside an eta of 1e-150, the angle had the digits of |eps| only."""
+    q = (-eta, eps, -eps, 0.0)
+    _, theta = rotation_vector.axis_angle_from_quaternion(q)
+    truth = 2 * mp.atan2(exact.norm(exact.exact(q[1:])), mp.mpf(eta))
+    assert abs(theta - truth) <= 2.5 * EPS * truth + 1e-323  # numbers are 5e-324 apart at the least
+
+
 @given(any_quaternion)
 def test_angle_and_axis_are_in_their_ranges(q):
     k, theta = rotation_vector.axis_angle_from_quaternion(q)
