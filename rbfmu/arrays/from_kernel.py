@@ -341,6 +341,8 @@ def _of_out(name: str, results: list[Shape], leading: tuple[int, ...], out: obje
             continue
         if not isinstance(array, np.ndarray):
             return TypeError(f"{label} must be an array, got {_brief(array)}")
+        if _is_masked(array):  # NumPy would join the masks of arguments of different shapes
+            return ValueError(f"{label} must have no mask, as x.data of such an array x")
         if not _holds(array.shape, leading, core):
             return ValueError(f"{label} must have shape {leading + core}, got {array.shape}")
         if not np.can_cast(np.float64, array.dtype, "same_kind"):

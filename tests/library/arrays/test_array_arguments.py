@@ -135,6 +135,7 @@ def test_masked_items_are_refused():
     ("rotate", (Q, V), {"out": (V, V)}, ValueError, "out must be one array, got 2"),
     ("rotate", (Q, V), {"out": np.broadcast_to(V[0], (100, 3))}, ValueError,
      "out must be an array that can be written"),
+    ("rotate", (Q, V), {"out": np.ma.zeros((100, 3))}, ValueError, "out must have no mask"),
     ("axis_angle_from_quaternion", (Q,), {"out": V}, ValueError, "out must be a tuple of 2 arrays, got 1"),
     ("axis_angle_from_quaternion", (Q,), {"out": (None, V)}, ValueError, r"out\[1\] must have shape \(100,\)"),
     ("rotvec_rate_a", (V, V), {"out": Q}, ValueError, r"out must have shape \(100, 3\), got \(100, 4\)"),
