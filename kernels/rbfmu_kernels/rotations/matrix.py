@@ -259,6 +259,8 @@ def _toward_symmetry(q: Quaternion, M: Matrix) -> Quaternion:
     determinant = vec3.dot(first, adjugate[0])
     delta = transform(adjugate, vec3.unskew(N))  # half of the rotation vector
     delta = vec3.scale(1.0 / determinant if determinant != 0.0 else 0.0, delta)
-    is_step = vec3.dot(delta, delta) < 1e-6  # else two rotations are equally near, and this is round-off over round-off
+    size = x + y + z
+    # else two rotations are equally near, or three nearly, and this is round-off over round-off
+    is_step = vec3.dot(delta, delta) < 1e-6 and determinant > 1e-12 * size * size * size
     x, y, z = delta if is_step else vec3.scale(0.0, q[1:])
     return normalize(compose_quaternions(q, (1.0, x, y, z)))

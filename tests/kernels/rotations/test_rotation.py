@@ -125,6 +125,18 @@ def test_nearest_rotation_of_nearly_rank_one_is_within_eps_over_the_gap(second):
         assert np.abs(R - best).max() <= 10.0 * EPS / second
 
 
+@pytest.mark.parametrize("size", [1e-10, 1e-9])
+def test_nearest_rotation_of_nearly_a_reflection_is_within_eps_over_the_gap(size):
+    """2026-12-01: Newton's step had a determinant without digits there, and made the error up to 20 times as large."""
+    random = rng(25)
+    for R in MATRICES[:60]:
+        M = (size * random.standard_normal((3, 3)) - R).tolist()
+        U, S, V = mp.svd_r(mp.matrix(M))
+        side = mp.sign(mp.det(U) * mp.det(V))
+        best = (U * mp.diag([1, 1, side]) * V).tolist()
+        assert exact.error(matrix.nearest_rotation(exact.rounded(M)), best) <= 10.0 * S[0] / (2 * (S[1] + side * S[2]))
+
+
 def test_nearest_rotation_of_rank_one_is_one_of_many_equally_near():
     """The last step had nothing to go by there, and with these zeros it went to the rotation that is farthest."""
     M = np.zeros((3, 3))
