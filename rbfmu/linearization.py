@@ -1,13 +1,13 @@
 """The linear system x' = A x + B u, y = C x + D u near a state of a motion, by exact derivatives on the graph."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
 import numpy as np
 
-from rbfmu.formulas.graph import Number, gradient, numbers_of
+from rbfmu.formulas.graph import Number, changes_of, numbers_or_nan
 from rbfmu.formulas.motion import AXES, STATE, by_element
 from rbfmu.planning.select import plan, with_all_outputs
 from rbfmu.runs.inputs import size_of
@@ -148,19 +148,16 @@ def _of_body(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs: Se
     each, turn = np.eye(len(errors) + len(inputs)), _turn(errors)
     by_error = np.vstack([each[: turn.start], _by_axes(quaternion_rate_b, q) @ each[turn], each[turn.stop :]])
 
-    def rows_of(numbers: Iterable[Number]) -> Array:
+    def rows_of(numbers: Sequence[Number]) -> Array:
         """Return the derivatives of numbers of the graph by errors and inputs, a row for each number."""
-        rows = [gradient(x, of) for x in numbers]
-        try:
-            found = numbers_of(graph, [x for row in rows for x in row], known)
-        except (ArithmeticError, ValueError):
-            found = [np.nan]
+        columns = [changes_of(numbers, {leaf: 1.0}) for leaf in of]
+        found = numbers_or_nan(graph, [x for column in columns for x in column], known)
         if not np.isfinite(found).all():
             raise ValueError(f"{scene.name}: a formula has no finite derivative at t = {known['t']!r} s")
-        return np.asarray(np.reshape(found, (len(rows), len(of))) @ by_error)
+        return np.asarray(np.reshape(found, (len(of), -1)).T @ by_error)
 
     carried = _by_axes(cross, [known[name] for name in omega]) @ each[turn]
     turning = each[turn.stop : turn.stop + 3] - carried  # to first order: omega - omega_0 - omega_0 x rotvec_b
     in_space, turned_by = (rows_of([rates[name] for name in names]) for names in (moved, (*omega, *own)))
-    shown = {name: rows_of(np.ravel(equations.shown[name])) for name in scene.outputs.names if name != "rpy"}
+    shown = {name: rows_of([*np.ravel(equations.shown[name])]) for name in scene.outputs.names if name != "rpy"}
     return errors, np.vstack([in_space, turning, turned_by]), shown

@@ -301,6 +301,18 @@ def numbers_of(
     return [found[x.index] if isinstance(x, Symbol) else float(x) for x in ends]
 
 
+def numbers_or_nan(graph: Graph, ends: Sequence[Number], leaves: Mapping[str, float]) -> list[float]:
+    """Return the values of numbers, NaN for one that has none; what a number does not select need have none."""
+
+    def value(kind: str, *of: float) -> float:
+        try:
+            return math.nan if kind in ("side", "select") and math.isnan(of[0]) else KNOWN[kind](*of)
+        except (ArithmeticError, ValueError):
+            return math.nan
+
+    return numbers_of(graph, ends, leaves, {kind: lambda *of, kind=kind: value(kind, *of) for kind in KNOWN})
+
+
 # Derivatives
 
 
@@ -317,7 +329,7 @@ def gradient(y: Number, variables: Sequence[Symbol]) -> list[Number]:
         slope = slopes.get(i, 0.0)
         if slope != 0.0:
             for of, partial in _partials(Symbol(graph, i)):
-                slopes[of] = slopes.get(of, 0.0) + slope * partial
+                slopes[of] = slopes.get(of, 0.0) + _times(slope, partial)
     return [slopes.get(x.index, 0.0) for x in variables]
 
 
@@ -327,8 +339,32 @@ def changes_of(numbers: Sequence[Number], of_leaves: Mapping[Symbol, Number]) ->
     for x in (x for x in numbers if isinstance(x, Symbol)):
         for i in x.graph.reached([x]):
             if i not in changes:
-                changes[i] = sum((changes[j] * slope for j, slope in _partials(Symbol(x.graph, i))), 0.0)
+                kind, of, _ = x.graph.operations[i]
+                if kind == "select":
+                    changes[i] = _selected(Symbol(x.graph, of[0]), changes[of[1]], changes[of[2]])
+                else:
+                    changes[i] = sum((changes[j] * slope for j, slope in _partials(Symbol(x.graph, i))), 0.0)
     return [changes[x.index] if isinstance(x, Symbol) else 0.0 for x in numbers]
+
+
+def _times(slope: Number, partial: Number) -> Number:
+    """Return a product: 0 where a factor is 0, as its place is not selected, even if the other has no value there."""
+    product, zero = slope * partial, ("number", (), 0.0)
+    for x in (slope, partial):
+        if isinstance(x, Symbol) and x.scaled[1].operation.kind == "select":
+            condition, a, b = (Symbol(x.graph, i) for i in x.scaled[1].operation.of)
+            if zero in (a.operation, b.operation):
+                product = _selected(condition, *((product, 0.0) if b.operation == zero else (0.0, product)))
+    return product
+
+
+def _selected(condition: Number, a: Number, b: Number) -> Number:
+    """Return `select`, where a constant factor beside a zero stays a factor, as in a product with 1 or 0."""
+    kept = [x for x in (a, b) if isinstance(x, Symbol)]
+    if len(kept) == 1 and 0.0 in (a, b):
+        factor, x = kept[0].scaled
+        return factor * (select(condition, x, 0.0) if b == 0.0 else select(condition, 0.0, x))
+    return select(condition, a, b)
 
 
 _PARTIALS: Mapping[str, Callable[[Symbol, Symbol, Symbol, Symbol], Sequence[Number]]] = {

@@ -244,3 +244,18 @@ def test_a_formula_without_a_derivative_is_refused():
     }
     with pytest.raises(ValueError, match="no finite derivative at t = 0"):
         rbfmu.linearize(rbfmu.Scene.from_dict(tables | {"body": {"mass": 2.0, "inertia": [1, 2, 2.5]}}))
+
+
+def test_what_a_formula_does_not_select_need_have_no_derivative():
+    """2026-12-01: refused, as 0 times the derivative of a root of -1, or of a quotient by 0, was counted."""
+    tables = FREE_BODY | {
+        "body": {"mass": 2.0, "inertia": [1, 2, 2.5]}, "initial": {},
+        "inputs": {"ports": [{"name": "u", "size": 1, "start": -1.0}]},
+        "loads": {"torque_b": "[0, 0, where(u > 0, 5*sqrt(u) + sqrt(u)**3, 7*u)]"},
+        "outputs": {"o": "where(norm(omega_b) > 0.1, omega_b[1]/norm(omega_b), 3*omega_b[1])"},
+    }  # fmt: skip
+    one = rbfmu.linearize(rbfmu.Scene.from_dict(tables))
+    assert one.B[one.states.index("omega_b[3]"), 0] == pytest.approx(7.0 / 2.5, rel=EPS)
+    np.testing.assert_array_equal(one.C[-1], 3.0 * (np.array(one.states) == "omega_b[1]"))
+    four = rbfmu.linearize(rbfmu.Scene.from_dict(tables), u=4.0)
+    assert four.B[four.states.index("omega_b[3]"), 0] == pytest.approx((5.0 / 4.0 + 3.0) / 2.5, rel=2 * EPS)

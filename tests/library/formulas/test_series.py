@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from rbfmu.formulas.functions import Table
-from rbfmu.formulas.graph import Graph, Symbol, gradient, numbers_of
+from rbfmu.formulas.graph import Graph, Symbol, changes_of, gradient, numbers_of, numbers_or_nan
 from rbfmu.formulas.program import PAIRS, Program, pair_of, with_pairs
 from rbfmu.formulas.source import source_of, source_of_lanes
 from rbfmu.formulas.text import value_of
@@ -180,6 +180,18 @@ def test_a_power_has_a_slope_where_it_is_zero(text, slopes):
     (slope,) = gradient(y, [graph.leaf("state", "t")])
     found = [numbers_of(graph, [slope], {"t": t})[0] for t in (0.0, 1.0)]
     assert found == pytest.approx(slopes, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", [
+    "where(t > 0, sqrt(t), 3*t)", "where(t <= 0, 3*t, 2 - log(t))", "where(t > 0, 2*t**0.3, 3*t)",
+    "3*t + where(t > 0, sqrt(t)*4, 0)", "where(t > -2, where(t > 0, 1/(t + abs(t)), t), 1)*3",
+    "3*where(0 < t, [t, asin(t + 1), 0], [1, t, 0])[2]",
+])  # fmt: skip
+def test_what_is_not_selected_is_in_no_slope(text):
+    """2026-12-01: it was, times zero, which is not a number where that is infinite or a root of less than zero."""
+    graph, y = graph_of(text)
+    t = graph.leaf("state", "t")
+    assert numbers_or_nan(graph, [*gradient(y, [t]), *changes_of([y], {t: 1.0})], {"t": -1.0}) == [3.0, 3.0]
 
 
 @pytest.mark.parametrize(
