@@ -64,6 +64,12 @@ class Texts:
         own = {f"{STATE}{name}": rate for name, rate in self.states.items()}
         return {**self.motion.rates(self.loads), **dict(by_element(own))}
 
+    @property
+    def loads_by_key(self) -> dict[str, Any]:
+        """Return the loads by the names of their keys; those that only the potential makes have its key."""
+        given = {name: load for name, load in self.loads.items() if name in self.scene.loads.formulas}
+        return given | {"potential": [load for name, load in self.loads.items() if name not in given]}
+
     def _own_values(self, own: Mapping[str, Any], which: Callable[[str], bool]) -> dict[str, Any]:
         """Return the values of some own outputs, by name."""
         return {name: self._value_of(f"outputs.{name}.value", own[name].value, None) for name in own if which(name)}

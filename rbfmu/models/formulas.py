@@ -53,7 +53,7 @@ class FormulaModel:
         self.events = {name: (texts.events[name], DIRECTIONS[row.direction]) for name, row in scene.events.items()}
         whens = {f"{EVENT}{name}": np.array(when, object) for name, (when, _) in self.events.items()}
         loads, states, own = texts.loads, texts.states, texts.own  # without faults, none is None
-        tables = {"loads": loads, "states": states, "outputs": own, "events": texts.events}
+        tables = {"loads": texts.loads_by_key, "states": states, "outputs": own, "events": texts.events}
         self.by_key = {f"{table}.{name}": value for table, rows in tables.items() for name, value in rows.items()}
         self.all_rates = texts.rates
         known = {**motion.outputs(self.all_rates), **own}

@@ -247,6 +247,9 @@ def test_what_leads_nowhere_is_refused():
     singular["body"] = B | {"r_oc_b": [0.0, 0.0, 0.0]}
     with pytest.raises(rbfmu.SceneError, match=r"another start or formula: at t = 0 s loads\.force_a is not finite"):
         rbfmu.plan(rbfmu.Scene.from_dict(singular))
+    singular["loads"] = {"potential": "-1/norm(position)"}  # 2026-12-01: the force was named, of which there is no key
+    with pytest.raises(rbfmu.SceneError, match=r"formula: at t = 0 s loads\.potential is not finite"):
+        rbfmu.plan(rbfmu.Scene.from_dict(singular))
 
 
 @pytest.mark.parametrize("text", ["1/c", "c**-1", "sqrt(c - 1)", "(1e200*t)**2"])
