@@ -145,7 +145,7 @@ def heyokas(batch: Batch, size: int, points: int = 1) -> Iterator[Run]:
     with needed_of("bench"):
         import heyoka
     scenes, case = batch.scenes, batch.case
-    moments = [np.diag(_about_reference(scene)) for scene in scenes]
+    moments = [np.diag(s.body.M_o if s.body.pivot else s.body.M_c) for s in scenes]
     loads = [[s.body.mass * s.loads.gravity_a[2]] if s.body.pivot else s.loads.torque_b for s in scenes]
     numbers = np.hstack([moments, loads]).T
     start = np.array([(*s.initial.quaternion, *s.initial.omega_b) for s in scenes]).T
@@ -166,10 +166,6 @@ def heyokas(batch: Batch, size: int, points: int = 1) -> Iterator[Run]:
             return np.concatenate(found)
 
         yield once
-
-
-def _about_reference(scene: Scene) -> Array:
-    return np.array(scene.body.M_o if scene.body.pivot else scene.body.M_c)
 
 
 def _parameters(case: Case, par: Any) -> dict[str, Any]:

@@ -370,16 +370,6 @@ def test_a_dataset_names_components_and_units(result: Result) -> None:
     assert own.to_xarray().axis.dims == ("time",)  # a name that a dimension has; xarray refused two of them
 
 
-def test_long_names_stay_within_their_picture_and_panel() -> None:
-    name = "ratio_of_energy_to_momentum_squared_of_the_body"
-    figure = rbfmu.simulate(ball(outputs={name: "t"})).plot(title="a title that is long " * 8)
-    figure.draw_without_rendering()
-    panel, label = figure.axes[-1], figure.axes[-1].yaxis.label
-    assert figure.bbox.contains(*figure._suptitle.get_window_extent().min)
-    assert label.get_window_extent().height < 1.3 * panel.get_window_extent().height
-    assert label.get_text().replace("\n", "") == name
-
-
 @pytest.mark.thorough
 def test_a_plot_is_a_figure_that_a_notebook_shows(result: Result, tmp_path: Path) -> None:
     figure = result.plot(title="it")
@@ -389,18 +379,3 @@ def test_a_plot_is_a_figure_that_a_notebook_shows(result: Result, tmp_path: Path
     result.plot(tmp_path / "saved.png")
     for name in ("shown.png", "saved.png"):
         assert matplotlib.image.imread(tmp_path / name).std() > 0.0
-
-
-def test_a_line_of_angles_has_a_gap_where_it_loses_a_turn() -> None:
-    time, angles = np.arange(6.0), np.array([3.0, 3.1, -3.1, -3.0, 3.0, 2.0])
-    t, y = charts.with_gaps(time, angles, 2.0 * np.pi)
-    assert np.isnan(y).nonzero()[0].tolist() == [2, 5]
-    assert y[~np.isnan(y)].tolist() == angles.tolist()
-    assert t[~np.isnan(y)].tolist() == time.tolist()
-    assert charts.with_gaps(time, angles, np.inf)[1].tolist() == angles.tolist()
-
-
-def test_an_angle_that_counts_on_is_a_line_without_gaps() -> None:
-    """2026-11-27: where a wheel turned by more than half a turn between all points, nothing was drawn."""
-    time, angles = np.arange(4.0), np.array([0.0, 10.0, 20.0, np.nan])
-    assert charts.with_gaps(time, angles, 2.0 * np.pi)[1].tolist()[:3] == [0.0, 10.0, 20.0]
