@@ -73,7 +73,7 @@ def fit_of_members(judges: Sequence[Judge], general: Plan, part: float) -> Plan 
 
     likely = methods.series_plan(looser, min(methods.likely_order(asked.accuracy), HIGHEST), asked.accuracy)
     results = [_tried(judge, likely) for judge in judges]
-    hard = [judges[int(np.argmax(column))] for column in zip(*results, strict=True)]
+    hard = [judges[k] for k in {int(np.argmax(column)) for column in zip(*results, strict=True)}]
     bound = part * asked.accuracy
     best, least = None, math.inf
     for way in (2, -2):

@@ -169,12 +169,11 @@ def _rows_in_doubt(scene: Scene, samples: Samples) -> list[Indices]:
     """Return the rows that a scene's checks may refuse: few, except for slender beams."""
     found, known = [np.empty(0, dtype=np.int64)], {**RULES, **variables.SIZES}
     for key, values in samples.applied.items():
-        rows = values.reshape(len(samples), -1)
-        good = np.isfinite(rows).all(axis=1)
-        rule = known.get(key)
+        rows, rule = values.reshape(len(samples), -1), known.get(key)
+        if not np.isfinite(rows).all():
+            found.append(np.flatnonzero(~np.isfinite(rows).all(axis=1)))
         if rule is not None and not rule.holds(float(rows.min())):
-            good &= np.array([rule.holds(least) for least in rows.min(axis=1).tolist()])
-        found.append(np.flatnonzero(~good))
+            found.append(np.flatnonzero([not rule.holds(least) for least in rows.min(axis=1).tolist()]))
     M = samples.applied.get(INERTIA)
     if M is not None:
         found += [impossible_rows(M), thin_rows(M)]

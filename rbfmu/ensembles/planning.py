@@ -244,12 +244,12 @@ def _doubts_of_no_effect(scene: Scene, chosen: Plan) -> Iterator[str]:
     shaped = any(key.startswith(f"{SHAPE}.") for key in samples.applied)
     step = {"run.step": (scene.run.stop - scene.run.start) / FEW_POINTS}
     with suppress(SceneError, SimulationError):  # if the members cannot run, there is no doubt
-        own = _outputs_of(members.member(scene, samples, 0).replace(step), chosen)
+        own = _outputs_of(members.member(scene, samples, 0, step), chosen)
         for key in samples.applied:  # the inertia of a shape depends on the mass
             swapped = [key, INERTIA] if key == "body.mass" and shaped else [key]
             reverse = {name: samples.applied[name][::-1] for name in swapped}
             other = replace(samples, applied={**samples.applied, **reverse})
-            found = _outputs_of(members.member(scene, other, 0).replace(step), chosen)
+            found = _outputs_of(members.member(scene, other, 0, step), chosen)
             moved = any(_differs(own[name].ravel(), found[name].ravel()) for name in own)
             if not moved and (name := _key_of(scene, key)):
                 yield f"ensemble.vary: {name} varies without effect on any output"

@@ -281,6 +281,8 @@ def _keep_on_disk(dispatcher: inside.Dispatcher, kept: DiskCache) -> None:
     compiled = dispatcher.compile
 
     def compile_once(signature: Signature) -> object:
+        if known := dispatcher.overloads.get(signature):  # locking a file would take longer than all else in a call
+            return known.entry_point
         with made_once(kept):
             return compiled(signature)
 
