@@ -148,16 +148,18 @@ def _of_body(scene: Scene, q: Quaternion, known: Mapping[str, float], inputs: Se
     each, turn = np.eye(len(errors) + len(inputs)), _turn(errors)
     by_error = np.vstack([each[: turn.start], _by_axes(quaternion_rate_b, q) @ each[turn], each[turn.stop :]])
 
-    def rows_of(numbers: Sequence[Number]) -> Array:
+    def rows_of(what: str, numbers: Sequence[Number]) -> Array:
         """Return the derivatives of numbers of the graph by errors and inputs, a row for each number."""
         columns = [changes_of(numbers, {leaf: 1.0}) for leaf in of]
         found = numbers_or_nan(graph, [x for column in columns for x in column], known)
         if not np.isfinite(found).all():
-            raise ValueError(f"{scene.name}: a formula has no finite derivative at t = {known['t']!r} s")
+            raise ValueError(f"{scene.name}: {what} has no finite derivative at t = {known['t']!r} s")
         return np.asarray(np.reshape(found, (len(of), -1)).T @ by_error)
 
     carried = _by_axes(cross, [known[name] for name in omega]) @ each[turn]
     turning = each[turn.stop : turn.stop + 3] - carried  # to first order: omega - omega_0 - omega_0 x rotvec_b
-    in_space, turned_by = (rows_of([rates[name] for name in names]) for names in (moved, (*omega, *own)))
-    shown = {name: rows_of([*np.ravel(equations.shown[name])]) for name in scene.outputs.names if name != "rpy"}
+    in_space = rows_of("a force", [rates[name] for name in moved])
+    turned_by = rows_of("a torque or the rate of a state", [rates[name] for name in (*omega, *own)])
+    names = [name for name in scene.outputs.names if name != "rpy"]
+    shown = {name: rows_of(f"output {name}", [*np.ravel(equations.shown[name])]) for name in names}
     return errors, np.vstack([in_space, turning, turned_by]), shown

@@ -147,9 +147,10 @@ class Result:
         first = self.time[:1].tolist() or [stop]  # a result without rows has no first time
         if not isinstance(stop, Real) or not stop >= first[0]:
             raise ValueError(f"stop = {stop!r}: expected a time from {first[0]!r} s on")
-        n = int(np.searchsorted(self.time, stop, side="right"))
+        last = float(stop) + 1e-15 * abs(float(stop))  # times are sums of steps: three of 0.1 are 4e-17 beyond 0.3
+        n = int(np.searchsorted(self.time, last, side="right"))
         quantities = {name: values[:n] for name, values in self.quantities.items()}
-        happened = ({name: times[times <= stop] for name, times in of.items()} for of in (self.events, self.touches))
+        happened = ({name: times[times <= last] for name, times in of.items()} for of in (self.events, self.touches))
         return Result(self.time[:n], quantities, self.rows, *happened)
 
     @classmethod

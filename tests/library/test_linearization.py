@@ -237,13 +237,21 @@ def test_a_path_that_loads_read_is_in_the_system_though_no_output_shows_it():
     assert near.A[near.states.index("omega_b[3]"), 0] == pytest.approx(-3.0 / 2.5)
 
 
-def test_a_formula_without_a_derivative_is_refused():
-    tables = FREE_BODY | {
-        "loads": {"torque_b": "-0.1*omega_b"},
-        "outputs": {"size": "norm(velocity - [0.4, -0.5, 0.6])"},
-    }
-    with pytest.raises(ValueError, match="no finite derivative at t = 0"):
-        rbfmu.linearize(rbfmu.Scene.from_dict(tables | {"body": {"mass": 2.0, "inertia": [1, 2, 2.5]}}))
+@pytest.mark.parametrize(
+    ("table", "name", "what"),
+    [
+        ("outputs", "size", "output size"),
+        ("loads", "force_a", "a force"),
+        ("loads", "torque_b", "a torque or the rate of a state"),
+    ],
+)
+def test_a_formula_without_a_derivative_is_refused_by_its_name(table, name, what):
+    formula = "norm(velocity - [0.4, -0.5, 0.6])"
+    own = {table: {name: formula if table == "outputs" else f"[0, 0, {formula}]"}}
+    body = {"body": {"mass": 2.0, "inertia": [1, 2, 2.5]}, "outputs": {"quantities": ["position"]}}
+    body["run"] = FREE_BODY["run"] | {"accuracy": 1e-6}
+    with pytest.raises(ValueError, match=f"{what} has no finite derivative at t = 0"):
+        rbfmu.linearize(rbfmu.Scene.from_dict(FREE_BODY | body | own))
 
 
 def test_what_a_formula_does_not_select_need_have_no_derivative():

@@ -155,6 +155,13 @@ def test_a_result_without_rows_is_shown_and_cut_and_no_ephemeris(tmp_path: Path)
         empty.until(np.nan)
 
 
+def test_the_part_up_to_a_time_counts_sums_of_steps_for_what_they_sum_up_to():
+    """2026-12-01: the row at 3*0.1 = 0.30000000000000004 was left out."""
+    found = Result(np.arange(6) * 0.1, {"kinetic_energy": np.arange(6.0)}, None, {"e": [3 * 0.1]}).until(0.3)
+    assert found.time.tolist() == [0.0, 0.1, 0.2, 0.1 * 3]
+    assert found.events["e"].tolist() == [0.1 * 3]
+
+
 def test_the_part_up_to_a_time_has_what_happens_at_that_time_and_is_read_and_written_again(tmp_path: Path) -> None:
     energy, touches = {"kinetic_energy": [1.0, 2.0, 3.0]}, {"e, f": [0.25, 0.5, 0.6]}
     found = Result([0.0, 0.5, 1.0], energy, None, {"e, f": [0.5, 0.75]}, touches).until(0.5)
