@@ -81,6 +81,12 @@ class Work:
         points = self.scene.run.count + 1
         return 0.0 if self.keeps(names.ALL) else min(MOST_SAMPLED, MOST_NUMBERS // (4 * points)) / self.runs
 
+    @property
+    def rows_of_runs(self) -> set[str]:
+        """Return the names of the variables with one row for each run."""
+        known = names.variables_of(self.scene, draw(self.scene, 0, 1).applied).values()
+        return {variable.name for variable in known if variable.dims[:1] == (names.RUN,)}
+
     def keeps(self, what: str) -> bool:
         """Return whether `what` (FINAL, STATISTICS or ALL) is kept."""
         return what in ensemble_of(self.scene).keep

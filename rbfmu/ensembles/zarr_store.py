@@ -77,7 +77,9 @@ class ZarrStore(store.Store):
             part.unlink()
         with store.damage_of(self._folder, but=OSError):
             self._group = self._zarr.open_group(self._folder, mode="a", zarr_format=3)
-            _ = list(self._group.arrays())
+            there = dict(self._group.arrays())  # zarr leaves out what it does not know as an array
+            if known and known.progress.chunks and (lost := self._work.rows_of_runs - there.keys()):
+                raise ValueError(f"{min(lost)}: is missing, or is no array")
         if known is None:
             self._group.require_group(names.RESUME)
             return

@@ -262,6 +262,22 @@ def test_damage_of_what_a_folder_says_of_its_numbers_is_said(scene, tmp_path):
             EnsembleResult.load(tmp_path / "store.zarr")
 
 
+@pytest.mark.filterwarnings("ignore:Object at .* is not recognized")
+@pytest.mark.parametrize("damage", ["zarr_formot", ""])
+def test_who_goes_on_without_an_array_is_told_before_a_chunk_is_run(scene, tmp_path, monkeypatch, damage):
+    """2026-12-01: a KeyError of zarr's, once rows were to be written; zarr leaves out such arrays without an error."""
+    with monkeypatch.context() as patch:
+        stopped_after(patch, 3)
+        with pytest.raises(StopError):
+            run(scene, tmp_path / "store.zarr", executor=1)
+    monkeypatch.setattr(running, "run_chunk", Mock(side_effect=AssertionError))
+    file = tmp_path / "store.zarr" / "body.mass" / "zarr.json"
+    text = file.read_text()
+    file.write_text(text.replace("zarr_format", damage)) if damage else file.unlink()
+    with pytest.raises(ValueError, match=r"store.zarr: cannot be read \(body.mass: is missing, or is no array"):
+        run(scene, tmp_path / "store.zarr", resume=True)
+
+
 @pytest.mark.parametrize("name", ["zarr.json", "redrawn/zarr.json"])
 def test_who_goes_on_with_a_damaged_folder_is_told_so(scene, tmp_path, name):
     """2026-11-28: said was "Extra data: line 244 column 2 (char 5714)" without a name, or a TypeError of zarr's."""
