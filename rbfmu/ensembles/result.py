@@ -120,8 +120,9 @@ class EnsembleResult:
     Attitudes q_i: the mean is the q (n, 4) with the largest sum (q q_i)^2. Covariance (n, 3, 3) and std (n, 3) are of
     twice the vector part of q* q_i, in body axes, which is the rotation vector of a small rotation. Quantiles (q, n)
     are of the angle from the mean, rad; unless all runs are kept, from about a thousand of them, so that ranks are off
-    by 1 or 2 %. Roll, pitch, yaw: the mean is the direction of the sum of unit vectors, the covariance is of the sines
-    of deviations from it, and quantiles are of angles within half a turn of it.
+    by 1 or 2 %, or from a million over the number of times, if that is fewer. Roll, pitch, yaw: the mean is the
+    direction of the sum of unit vectors, the covariance is of the sines of deviations from it, and quantiles are of
+    angles within half a turn of it.
     """
 
     def __init__(self, scene: Scene, arrays: Mapping[str, Any], failed: Mapping[int, str]) -> None:
