@@ -158,6 +158,8 @@ class Ensemble(rules.Section, path="ensemble"):
     def _contradictions(self) -> Iterator[str]:
         if self.design == GRID and "runs" not in self._given:  # as many as points
             vars(self)["runs"] = min(math.prod(m.points or 1 for m in self.varying), MOST_RUNS)
+        if not self.varying:  # a shape may be fixed beside a mass that varies
+            yield self.vary[0].refused("a distribution in which something varies")
         yield from self._faults_of_grid()
         if self.correlation is not None:
             yield from self._faults_of_correlation(self.correlation)

@@ -194,6 +194,8 @@ FAULTS = [
     ({"vary": {"initial.attitude": {"rotvec_deg": -1}}},
      ".rotvec_deg = -1: expected a number >= 0: standard deviations"),
     ({"vary": {"initial.attitude": {"rotvec_deg": 0}}}, "expected a distribution in which something varies"),
+    ({"vary": {"body.shape.radius": {"normal": [1, 0]}}, "body": SPHERE},
+     "radius = { normal = [1, 0] } }: expected a distribution in which something varies"),
     ({"vary": {"initial.attitude.angles_deg": NORMAL}}, 'expected "initial.attitude" = { rotvec_deg = 2.0 }'),
     ({"vary": {"body.inertia": {"normal": [np.eye(3).tolist(), 0.1], "axes_deg": 1}}}, "a matrix has its axes"),
     ({"vary": {"body.inertia": {"normal": [[[1, 1, 0], [0, 1, 0], [0, 0, 1]], 0.1]}}}, "a symmetric matrix"),
