@@ -133,8 +133,8 @@ class Judge:
         self.__dict__["motion"] = self.motion_by(plan, self._followed)
 
     def forget(self) -> None:
-        """Discard the truth, so that it is computed again."""
-        for name in ("motion", "truth", "floors"):
+        """Discard the truth, so that it is computed again, in as many parts as `follow_by` took."""
+        for name in ("_exact", "motion", "truth", "floors"):
             self.__dict__.pop(name, None)
 
     def error_if_soon(self, plan: Plan, otherwise: float = 0.0) -> float:

@@ -357,6 +357,17 @@ def test_substeps_pass_over_communication_points_without_ports():
     assert not plan_ensemble(scene.replace({"inputs.ports": ["torque_a"]})).interpolated
 
 
+def test_a_truth_that_is_discarded_is_one_of_the_same_points_again():
+    """2026-12-01: "leading shapes {'q0': (3,), 'q1': (33,)} do not broadcast"; tight series do not agree to 1e-15."""
+    scene = Scene.from_dict(varied(
+        {"initial.position": {"normal": [[0.0, 0.0, 0.0], 1.0]}},
+        body={"mass": 1.0, "inertia": [1.0, 1.5, 2.0]}, initial={"omega_b": [0.5, 1.0, 2.0]},
+        loads={"gravity_a": [0.0, 0.0, 0.0], "torque_b": [0.1, 0.0, 0.2]},
+        outputs={"quantities": ["quaternion", "position"]}, run={"stop": 8.0, "step": 4.0, "accuracy": 1e-12},
+    ))  # fmt: skip
+    assert 0.0 < plan_ensemble(scene).error <= scene.run.accuracy
+
+
 def test_members_errors_are_those_that_an_accuracy_counts():
     random = np.random.default_rng(1)
     q = random.normal(size=(50, 3, 4))
