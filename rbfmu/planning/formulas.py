@@ -148,9 +148,11 @@ def _plan_of_varying(asked: Question, judge: Judge) -> Plan:
     growth = judge.growth()
     loosest, magnified = fitting.tolerance_of_varying(asked, growth), magnified_round_off(growth)
     for tolerance in (loosest, *methods.ever_tighter(loosest)):
-        order = max(methods.likely_order(tolerance), 12)
-        plan = replace(methods.series_plan(_general(asked), order, tolerance), span=asked.span, pinned=asked.pinned)
-        plan = _try_out(asked, judge, plan)
+        for order in (max(methods.likely_order(tolerance), methods.LOW_ORDER), methods.LOW_ORDER):
+            plan = replace(methods.series_plan(_general(asked), order, tolerance), span=asked.span, pinned=asked.pinned)
+            plan = _try_out(asked, judge, plan)
+            if plan.error < math.inf:
+                break
         if plan.error <= asked.accuracy or magnified > asked.accuracy:
             break
     missed = partial(_missed_by_own_outputs, asked, judge, plan)

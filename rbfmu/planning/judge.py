@@ -15,7 +15,7 @@ import numpy as np
 
 from rbfmu.exceptions import PlanningWarning, warn_caller
 from rbfmu.models.question import Question
-from rbfmu.planning.methods import series_of_all
+from rbfmu.planning.methods import LOW_ORDER, series_of_all
 from rbfmu.runs.inputs import undriven
 from rbfmu.runs.motion import largest_error, largest_size, least_sizes
 from rbfmu.runs.plan import Plan, start_run
@@ -249,11 +249,17 @@ class Judge:
         it is nearly impossible that all start where nothing grows. The errors are well above round-off, and remain well
         below the motion itself. The factor is infinite if an error does not remain below LOST.
         """
+        worst = self._worst_disturbed(20)
+        if worst == math.inf and self.scene.has_formulas:
+            worst = self._worst_disturbed(LOW_ORDER)
+        return max(worst / SMALL, 1.0) if worst < LOST else math.inf
+
+    def _worst_disturbed(self, order: int) -> float:
+        """Return how far series of this order, with a small error at the start, come from the truth."""
         span, truth = self.asked.span, self.truth  # the truth first: it raises an error for a motion without end
         whens = (f"when.{name}" for name in self.scene.events)
         at_rest = {when: 0.0 for when in whens if not self.motion[when].any()}  # their size is the disturbance
-        tight, rows = series_of_all(self.asked, 20, 1e-16), np.array(DIRECTIONS)
-        worst = 0.0
+        tight, rows, worst = series_of_all(self.asked, order, 1e-16), np.array(DIRECTIONS), 0.0
         for turn, change in zip(rows, np.roll(rows, 1, axis=0), strict=True):
             run = Steps(self.scene, tight, undriven(self.steps), self.names)
             q, omega = (run.z[run.kernels.BLOCKS[name]] for name in ("q", "omega"))
@@ -261,7 +267,7 @@ class Judge:
             omega += SMALL / span * self._turning(change)
             found = self._pilot(run, self.names)
             worst = max(worst, largest_error(found, truth, self.names, self._floors_of(run) | at_rest))
-        return max(worst / SMALL, 1.0) if worst < LOST else math.inf
+        return worst
 
     def _turning(self, change: Array) -> Array:
         """Return the part (3,) of a change of the rate that is about axes with inertia."""

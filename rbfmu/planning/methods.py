@@ -22,6 +22,12 @@ TIGHTEST = 1e-15
 FAR_BELOW_ROUND_OFF = 1e-3 * TIGHTEST
 """The tolerance at which rates of 1e-8 rad/s beside one of 3 rad/s keep digits of their own."""
 ORDERS_OF_SERIES = range(6, taylor_coefficients.MAX_ORDER + 1, 2)
+LOW_ORDER = 12
+"""The order of series that stay finite where those of high orders overflow.
+
+At a time d before the zero of a power its coefficients grow as d^-n, and d comes down to round-off: of a body at 1e5
+rad/s, to 1e-20 s.
+"""
 SERIES_COSTS = ((58.0, 14.3), (10.0, 24.0), (41.0, 23.1))
 """(a, b) of a + b N ns a substep at order N, on `methods.MACHINE`; examples/benchmarks/substeps.py fits these lines.
 

@@ -32,6 +32,8 @@ ORDERS = (MAX_ORDER - 4, MAX_ORDER)
 
 Two different orders are used, as series of one order may take the same steps and then have the same round-off.
 """
+LOW_ORDERS = (methods.LOW_ORDER, methods.LOW_ORDER + 4)
+"""Those of formulas whose coefficients overflow at high orders."""
 
 
 def plan(scene: Scene, full: bool = False, progress: Tell = None, driven: Callable[[int], Drive] | None = None) -> Plan:
@@ -109,8 +111,11 @@ def plan_for_inputs(asked: Question, found: Plan, driven: Callable[[int], Drive]
 def _loosest_accurate(asked: Question, found: Plan, drive: Drive, halves: Drive) -> Plan:
     scene, names = asked.scene, asked.judged
     with_rates = tuple(dict.fromkeys((*names, "omega_b")))  # for `least_sizes` of a body at rest
-    tight = [methods.series_of_all(asked, order, 1e-18) for order in ORDERS]
-    judging = [_run_driven(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight]
+    for orders in (ORDERS, LOW_ORDERS) if scene.has_formulas else (ORDERS,):
+        tight = [methods.series_of_all(asked, order, 1e-18) for order in orders]
+        judging = [_run_driven(halves, scene, plan, with_rates, MAX_SUBSTEPS) for plan in tight]
+        if all(np.isfinite(motion["omega_b"][-1]).all() for motion, _ in judging):
+            break
     for motion, run in judging:
         substeps = substeps_counted(run.kernels, run.z)
         refuse_unfinished(scene, np.diff(halves.time).tolist(), motion["omega_b"], substeps, driven=True)
@@ -126,7 +131,7 @@ def _loosest_accurate(asked: Question, found: Plan, drive: Drive, halves: Drive)
             if plan is not found:
                 misses = f"{found.method}, planned for any inputs, misses the accuracy under these"
                 reasons.append(f"{misses}: {plan.method} at {plan.tolerance:.1e} instead")
-            judged = f"judged by series of order {max(ORDERS)} in half steps"
+            judged = f"judged by series of order {max(orders)} in half steps"
             reasons.append(f"error {error:.1e} in a pilot run with the inputs given, {judged}")
             cost = _cost_driven(asked, plan, found, substeps_counted(run.kernels, run.z), drive)
             return replace(plan, error=error, cost=cost, reasons=tuple(reasons))

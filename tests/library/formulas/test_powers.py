@@ -57,6 +57,16 @@ def test_a_condition_on_a_root_is_followed_from_its_corner(root, on):
     assert found == pytest.approx(on, rel=0, abs=1e-6 * on)
 
 
+@pytest.mark.thorough
+def test_a_fast_body_with_ports_comes_to_the_zero_of_a_power():
+    """Coefficients of order 20 and more overflow at 1e-20 s before the zero: neither plan nor judge came beyond it."""
+    scene = ball("(1e5*max(3e-6 - t, 0))**1.5", 1e-5, 1e-6, 1e-9).replace({"inputs.ports": ["torque_b"]})
+    expected = 1e-5 * 0.3**2.5 / 2.5
+    assert rbfmu.simulate(scene).omega_b[-1, 2] == pytest.approx(expected, rel=1e-9)
+    pushed = rbfmu.simulate(scene, {"torque_b": ([0.0, 2e-6], [[0.0, 0.0, 0.0], [0.0, 0.0, 0.05]])})
+    assert pushed.omega_b[-1, 2] == pytest.approx(expected + 0.05 * 8e-6, rel=1e-9)
+
+
 @pytest.mark.parametrize("text", ["max(t - 0.3, 0)**-0.3", "max(t - 0.3, 0)**n"])
 def test_what_is_infinite_at_its_corner_is_refused(text):
     with pytest.raises(rbfmu.SceneError, match="is not finite"):
