@@ -179,9 +179,9 @@ def print_end(scene: "rbfmu.Scene", planned: "rbfmu.Plan", result: "rbfmu.Result
     click.echo("\n".join([f"{planned.model}: {planned.method}", error, *planned.reasons]))
     last = {name: " ".join(f"{x: .8g}" for x in values[-1:].ravel()) for name, values in result.quantities.items()}
     rows = [(name, result.units[name], numbers) for name, numbers in last.items()]
-    print_columns([("at the end", "unit", f"t = {result.time[-1]:g} s"), *rows])
+    print_columns([("at the end", "unit", f"t = {scene.run.text_of(result.time[-1])} s"), *rows])
     if result.events:
-        print_columns([("event", "times", "at t (s)"), *_events(result)])
+        print_columns([("event", "times", "at t (s)"), *_events(scene, result)])
 
 
 def print_fit(found: "rbfmu.Fit") -> None:
@@ -200,11 +200,11 @@ def print_fit(found: "rbfmu.Fit") -> None:
     click.echo("\n".join([*found.unknown, *(found.doubts or (well,))]))
 
 
-def _events(result: "rbfmu.Result") -> Iterator[tuple[str, str, str]]:
+def _events(scene: "rbfmu.Scene", result: "rbfmu.Result") -> Iterator[tuple[str, str, str]]:
     """Yield a row for each event, and one for its touches if there are any, with the first of the times."""
     touched = {f"{name}, touches": times for name, times in result.touches.items() if len(times)}
     for name, times in (result.events | touched).items():
-        shown = " ".join(f"{t:.9g}" for t in times[:MOST_SHOWN])
+        shown = " ".join(scene.run.text_of(t, 9) for t in times[:MOST_SHOWN])
         yield name, f"{len(times)}", shown + (" ..." if len(times) > MOST_SHOWN else "")
 
 
@@ -229,13 +229,15 @@ def print_ensemble(planned: "rbfmu.Plan", result: "rbfmu.EnsembleResult") -> Non
     click.echo(f"{result.runs:,} runs, {len(result.failed):,} of them failed, {redrawn:,} drawn again")
     for index, text in [*result.failed.items()][:MOST_SHOWN]:
         click.echo(f"run {index}: {text}")
+    text_of = result.scene.run.text_of
     ends = {name: [" ".join(f"{x: .6g}" for x in values) for values in result.at_end(name)] for name in result.rows}
     rows = [(name, result.rows[name].unit, *words) for name, words in ends.items()]
-    print_columns([(f"at t = {result.time[-1]:g} s", "unit", "mean", "standard deviation"), *rows])
+    print_columns([(f"at t = {text_of(result.time[-1])} s", "unit", "mean", "standard deviation"), *rows])
     for name in result.counts:
         times = result.first_of(name)
         deviation = times.std(ddof=1) if len(times) > 1 else math.nan  # as of all others
-        first = f"; first times: mean {times.mean():.6g} s, standard deviation {deviation:.3g} s" if len(times) else ""
+        mean = text_of(times.mean()) if len(times) else ""
+        first = f"; first times: mean {mean} s, standard deviation {deviation:.3g} s" if mean else ""
         click.echo(f"{name}: in {len(times):,} of {len(result.good):,} runs{first}")
 
 

@@ -152,7 +152,8 @@ class EnsembleResult:
         return f"EnsembleResult({self.scene.name!r}: {self.runs} runs{failed}, {', '.join(self.rows)})"
 
     def _repr_html_(self) -> str:
-        caption = f"{self.scene.name}: {self.runs:,} runs, {len(self.failed):,} failed; at t = {self.time[-1]:g} s"
+        end = self.scene.run.text_of(self.time[-1])
+        caption = f"{self.scene.name}: {self.runs:,} runs, {len(self.failed):,} failed; at t = {end} s"
         rows = ((name, self.rows[name].unit, *map(notebook.numbers_text, self.at_end(name))) for name in self.ended)
         return notebook.table(caption, ("quantity", "unit", "mean", "standard deviation"), rows)
 

@@ -303,19 +303,19 @@ def refuse_unfinished(
         return
     last = np.flatnonzero(np.isfinite(rates[:, 0]))[-1]
     done = math.fsum(steps[:last])
-    reached = scene.run.start + done
+    reached = scene.run.text_of(scene.run.start + done)
     if driven and scene.has_formulas and substeps <= MAX_SUBSTEPS:
         why = "where a formula is not finite, or the motion changes too fast"
-        raise SceneError(f"inputs: expected others from t = {reached:.6g} s on, {why}", scene.name)
+        raise SceneError(f"inputs: expected others from t = {reached} s on, {why}", scene.name)
     own = [*(f"outputs.{name}" for name in scene.outputs.own), *(f"events.{name}" for name in scene.events)]
     if own and substeps <= MAX_SUBSTEPS:  # for formulas of loads the reference has its own error
         why = f"{' or '.join(own)} is not finite then, or changes too fast"
-        raise SceneError(f"run.stop = {scene.run.stop!r}: expected at most {reached:.6g} s, as {why}", scene.name)
+        raise SceneError(f"run.stop = {scene.run.stop!r}: expected at most {reached} s, as {why}", scene.name)
     rate, why = math.hypot(*rates[last]), "damping is stiff, or another load too large"
     turns_by = rate * done / substeps if substeps > MAX_SUBSTEPS else rate * steps[last] / MAX_SUBSTEPS
     if turns_by > TURNS:
         why = f"it turns at {rate:.2g} rad/s"
-    message = f"the {steps[last]:.3g} s from t = {reached:.6g} s take too many substeps, or leave the range of numbers"
+    message = f"the {steps[last]:.3g} s from t = {reached} s take too many substeps, or leave the range of numbers"
     if substeps > MAX_SUBSTEPS:
         message = f"{substeps:.1e} substeps take it on by {done:.3g} s"
     raise too_long(scene, f"{message}: {why}")

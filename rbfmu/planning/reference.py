@@ -307,7 +307,7 @@ def _put_quaternions(matrices: Buffer, q: Buffer) -> None:
 
 def _ends_early(scene: Scene, done: float, said: str) -> SceneError:
     """Return the error for a motion that ends `done` s after its start; said: what fails there."""
-    reached = f"t = {scene.run.start + done:.6g} s"
+    reached = f"t = {scene.run.text_of(scene.run.start + done)} s"
     if done == 0.0:
         return SceneError(f"expected another start or formula: at {reached} {said}", scene.name)
     return SceneError(f"run.stop = {scene.run.stop!r}: expected one before {reached}, where {said}", scene.name)

@@ -327,6 +327,11 @@ class Run(rules.Section, path="run"):
         slack = min(self._round_off(time), 0.1 * self.step)
         return math.floor(min((time - self.start + slack) / self.step, 2.0**62))
 
+    def text_of(self, time: float, digits: int = 6) -> str:
+        """Return a time of the run, s, with so many digits; with more if it starts late, as by a Unix clock."""
+        late = max(abs(self.start), abs(self.stop)) / (self.stop - self.start)
+        return f"{time:.{min(digits + math.ceil(math.log10(late)), 16)}g}"
+
     def _round_off(self, time: float) -> float:
         """Return the round-off, s, of a sum of steps up to a time, and of times of this size."""
         return 1e-9 * (time - self.start) + math.ulp(self.start) + math.ulp(time)

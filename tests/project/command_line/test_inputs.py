@@ -43,6 +43,20 @@ def test_a_run_is_driven_by_a_file(interpolate: str, scene: Path, tmp_path: Path
     assert json.loads(planned.output)["error"] == rbfmu.plan(scene, inputs=table, interpolate=interpolate).error
 
 
+@pytest.mark.thorough
+def test_times_by_a_unix_clock_are_printed_so_that_they_differ(scene: Path) -> None:
+    """They were printed with 6 or 9 digits: an event in the middle of the run as at 1.7e+09, as was its end."""
+    with scene.open("a") as file:
+        file.write('start = 1700000000.0\n[events]\nhalf = { when = "t - 1700000000.5" }\n')
+    scene.write_text(scene.read_text().replace("stop = 1.0", "stop = 1700000000.9"))
+    output = call("run", scene).output
+    assert "t = 1700000000.9 s" in output
+    assert "half   1      1700000000.5\n" in output
+    with scene.open("a") as file:
+        file.write('[loads]\ntorque_b = "[0, 0, sqrt(1700000000.25 - t)]"\n')
+    assert "expected one before t = 1700000000.25 s" in refused("run", scene)
+
+
 def test_a_course_between_rows_of_no_table_is_refused(scene: Path) -> None:
     assert call("view", scene, "--interpolate", "linear").exit_code == 2
     for idle in (["--json"], ["--inputs", "none.csv"], ["--model", "full"]):
