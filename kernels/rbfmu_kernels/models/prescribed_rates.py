@@ -119,13 +119,16 @@ def _turn(h: float, omega: Vec3, slope: Vec3, bend: Vec3) -> Quaternion:
     none = (0.0, 0.0, 0.0, 0.0)
     half, first, second = scale(0.5 * h, omega), scale(0.5 * h * h, slope), scale(0.25 * h * h * h, bend)
     term, before, earlier = (1.0, 0.0, 0.0, 0.0), none, none
-    total = term
+    total, idle = term, 0
     for k in range(_ORDER):
         after = compose_quaternions(term, (0.0, *half))
         after = add_scaled_quaternion(after, 1.0, compose_quaternions(before, (0.0, *first)))
         after = add_scaled_quaternion(after, 1.0, compose_quaternions(earlier, (0.0, *second)))
         earlier, before, term = before, term, add_scaled_quaternion(none, 1.0 / (k + 1.0), after)
-        total = add_scaled_quaternion(total, 1.0, term)
+        sum_before, total = total, add_scaled_quaternion(total, 1.0, term)
+        idle = idle + 1 if total == sum_before else 0
+        if idle == 3:  # each term is at most half of the largest of three before it
+            break
     return total
 
 
