@@ -195,10 +195,12 @@ def taylor_advance(
     s, m, now = z[w : w + WORK], derivatives_of_attitude(order), loads
     fixed, torques = series.space_fixed_loads(body, loads), series.known_torques(loads, body)
     turned = fixed.lever_force or fixed.torque
+    # From rest under loads that begin at zero, two of three terms vanish, or three of four: then four are judged.
+    longer = Method(n, min(order + 2, series.MAX_ORDER) if fixed.changing else order, tolerance, method.span)
     series.put_factors(s, RATE, vec3_at(z, y + OMEGA))
     if turned:
         series.turned_loads(s, quaternion_at(z, y), now, fixed)
-    series.motion_series(s, 0, order, m, body, torques, fixed)
+    series.motion_series(s, 0, longer.order, m, body, torques, fixed)
     if n == WHOLE_STATE:
         series.acceleration_series(s, m, body.inverse_mass, now)
     rest, low, tried, passed = h, 0.0, 0, 1  # rest + low: the time left, so that a thousand substeps add up to h
@@ -212,6 +214,8 @@ def taylor_advance(
         count = substeps.parts_in(rest, z[size])
         part = (rest + low) / count
         excess = _excess(z, y, s, method, part, count, body, fixed)
+        if fixed.changing:
+            excess = max(excess, _excess(z, y, s, longer, part, count, body, fixed))
         if not excess <= 1.0:
             z[size] = substeps.nearer_size(part, order, 2.0 * excess)
             continue
@@ -238,7 +242,7 @@ def taylor_advance(
             anew = turned and (fixed.changing or tried % STEPS_OF_LOADS == 0)
             if anew:
                 series.turned_loads(s, quaternion_at(z, y), now, fixed)
-            series.motion_series(s, 0 if n == RATE_ONLY or anew else m, order, 0, body, torques, fixed)
+            series.motion_series(s, 0 if n == RATE_ONLY or anew else m, longer.order, 0, body, torques, fixed)
     return OK
 
 
