@@ -127,12 +127,13 @@ def space_fixed_acceleration(s: Buffer, body: Body, fixed: SpaceFixedLoads) -> f
 
 @kernel(inline=False)
 def estimated_excess(
-    s: Buffer, method: Method, h: float, acceleration: float, alpha_fixed: float, steps: float
+    s: Buffer, method: Method, h: float, accelerations: Vec3, alpha_fixed: float, steps: float
 ) -> float:
     """Estimate a step's truncation error and the two-point formula's remainder (rad); return the larger over the
     allowed.
 
-    acceleration: by a force that turns with the body, over the velocity, which counts as 1 m/s at least.
+    accelerations: by a force that turns with the body, over the velocity, which counts as 1 m/s at least; and two
+    derivatives.
     """
     m, allowed = derivatives_of_attitude(method.order), substeps.tolerance_of_substep(method.tolerance, method.span, h)
     last, square = substeps.truncation(s, method, h, alpha_fixed, steps)
@@ -140,9 +141,11 @@ def estimated_excess(
         return last / allowed
     alpha = vec3_at(s, term(RATE, 1))
     square = h * h * (square + _RATE_PER_ACCELERATION[m] * math.sqrt(dot(alpha, alpha)))
-    remainder: float = (
-        _REMAINDER[m] * substeps.power_of(square, m) * max(math.sqrt(square), _FOUR[m] * h * acceleration)
-    )
+    turn, (acceleration, first, second) = math.sqrt(square), accelerations
+    if method.n == WHOLE_STATE:  # the (2m-1)-th derivative of a turning force that changes, by Leibniz's rule
+        per = h / max(turn, 1e-30)
+        acceleration += (2.0 * m - 1.0) * per * (first + (m - 1.0) * per * second)
+    remainder: float = _REMAINDER[m] * substeps.power_of(square, m) * max(turn, _FOUR[m] * h * acceleration)
     return max(last, remainder) / allowed
 
 
@@ -213,9 +216,9 @@ def taylor_advance(
             return STEP_REJECTED
         count = substeps.parts_in(rest, z[size])
         part = (rest + low) / count
-        excess = _excess(z, y, s, method, part, count, body, fixed)
+        excess = _excess(z, y, s, method, part, count, body, fixed, now)
         if fixed.changing:
-            excess = max(excess, _excess(z, y, s, longer, part, count, body, fixed))
+            excess = max(excess, _excess(z, y, s, longer, part, count, body, fixed, now))
         if not excess <= 1.0:
             z[size] = substeps.nearer_size(part, order, 2.0 * excess)
             continue
@@ -266,13 +269,16 @@ def _pass_points(
 
 @kernel
 def _excess(
-    z: Buffer, y: int, s: Buffer, method: Method, part: float, count: int, body: Body, fixed: SpaceFixedLoads
-) -> float:
+    z: Buffer, y: int, s: Buffer, method: Method, part: float, count: int, body: Body, fixed: SpaceFixedLoads,
+    loads: LoadPolynomial,
+) -> float:  # fmt: skip
     """Return the estimated error of the first of `count` equal steps over the allowed one."""
-    acceleration = 0.0
+    accelerations = ZERO
     if method.n == WHOLE_STATE:
         speed = max(largest_component(vec3_at(z, y + V_C)), 1.0)
-        acceleration = largest_component(vec3_at(s, ACCELERATION)) / speed
+        first, second = largest_component(loads.rate.force_b), largest_component(loads.rate_2.force_b)
+        per = body.inverse_mass / speed
+        accelerations = (largest_component(vec3_at(s, ACCELERATION)) / speed, per * first, per * second)
     turned = fixed.lever_force or fixed.torque
     alpha_fixed = space_fixed_acceleration(s, body, fixed) if turned and count > 1 else 0.0
-    return estimated_excess(s, method, part, acceleration, alpha_fixed, min(count, STEPS_OF_LOADS))
+    return estimated_excess(s, method, part, accelerations, alpha_fixed, min(count, STEPS_OF_LOADS))
