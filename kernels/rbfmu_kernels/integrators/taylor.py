@@ -125,22 +125,36 @@ def space_fixed_acceleration(s: Buffer, body: Body, fixed: SpaceFixedLoads) -> f
     return torque * inertia.trace(body.inertia_inverse)
 
 
+@kernel
+def _square_by_changes(s: Buffer, m: int) -> float:
+    """Return the square of the steady rate with the remainder of a rate from rest that rises as t^2 or t^3.
+
+    With x = `_RATE_PER_ACCELERATION` and terms c_k t^k, the rate to the power k + 1 is x^k c_k, for k = 1 as for these.
+    """
+    x = _RATE_PER_ACCELERATION[m]
+    cube = x * x * substeps.size_of(vec3_at(s, term(RATE, 2)))
+    square = math.sqrt(cube)
+    for _ in range(4):  # the exponent, 1/2, nears 2/3
+        square = math.sqrt(cube * math.sqrt(square))
+    return max(square, math.sqrt(x * x * x * substeps.size_of(vec3_at(s, term(RATE, 3)))))
+
+
 @kernel(inline=False)
 def estimated_excess(
-    s: Buffer, method: Method, h: float, accelerations: Vec3, alpha_fixed: float, steps: float
+    s: Buffer, method: Method, h: float, accelerations: Vec3, alpha_fixed: float, steps: float, least: float
 ) -> float:
     """Estimate a step's truncation error and the two-point formula's remainder (rad); return the larger over the
     allowed.
 
     accelerations: by a force that turns with the body, over the velocity, which counts as 1 m/s at least; and two
-    derivatives.
+    derivatives. least: what `_RATE_PER_ACCELERATION` times the acceleration counts as at least.
     """
     m, allowed = derivatives_of_attitude(method.order), substeps.tolerance_of_substep(method.tolerance, method.span, h)
     last, square = substeps.truncation(s, method, h, alpha_fixed, steps)
     if method.n == RATE_ONLY:
         return last / allowed
     alpha = vec3_at(s, term(RATE, 1))
-    square = h * h * (square + _RATE_PER_ACCELERATION[m] * math.sqrt(dot(alpha, alpha)))
+    square = h * h * (square + max(_RATE_PER_ACCELERATION[m] * math.sqrt(dot(alpha, alpha)), least))
     turn, (acceleration, first, second) = math.sqrt(square), accelerations
     if method.n == WHOLE_STATE:  # the (2m-1)-th derivative of a turning force that changes, by Leibniz's rule
         per = h / max(turn, 1e-30)
@@ -281,4 +295,5 @@ def _excess(
         accelerations = (largest_component(vec3_at(s, ACCELERATION)) / speed, per * first, per * second)
     turned = fixed.lever_force or fixed.torque
     alpha_fixed = space_fixed_acceleration(s, body, fixed) if turned and count > 1 else 0.0
-    return estimated_excess(s, method, part, accelerations, alpha_fixed, min(count, STEPS_OF_LOADS))
+    least = _square_by_changes(s, derivatives_of_attitude(method.order)) if fixed.changing else 0.0
+    return estimated_excess(s, method, part, accelerations, alpha_fixed, min(count, STEPS_OF_LOADS), least)

@@ -391,4 +391,4 @@ def _try_substeps(c: Buffer, s: Buffer, method: substeps.Method, acceleration: f
     part = (c[LANE.rest] + c[LANE.low]) / count
     alpha_fixed = choose(count > 1.0, acceleration, 0.0)
     steps = choose(count < taylor.STEPS_OF_LOADS, count, float(taylor.STEPS_OF_LOADS))
-    return part, count, taylor.estimated_excess(s, method, part, (0.0, 0.0, 0.0), alpha_fixed, steps)
+    return part, count, taylor.estimated_excess(s, method, part, (0.0, 0.0, 0.0), alpha_fixed, steps, 0.0)
