@@ -64,7 +64,10 @@ def _mean_direction(mean: Array, products: Array) -> tuple[Array, Array]:
 def _products_of_images(A: Array, count: int, mean: Array, products: Array) -> Array:
     """Return the sums (n, i, i) of products of A x about zero, given mean and products of x; count = 0: A mean is 0."""
     of_mean = (A @ mean[:, :, None])[:, :, 0]
-    return np.asarray(A @ products @ A.transpose(0, 2, 1) + count * of_mean[:, :, None] * of_mean[:, None, :])
+    found = np.asarray(A @ products @ A.transpose(0, 2, 1) + count * of_mean[:, :, None] * of_mean[:, None, :])
+    squares = np.einsum("nii->ni", found)  # a view, in which sums of zero may be negative by round-off
+    np.maximum(squares, 0.0, out=squares)
+    return found
 
 
 def around(mean: Array, angles: Array) -> Array:

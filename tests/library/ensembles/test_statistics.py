@@ -223,6 +223,17 @@ def test_the_sign_of_a_mean_attitude_does_not_jump():
     assert mean == pytest.approx(q, abs=1e-14)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_no_variance_is_negative_where_members_turn_about_one_axis(seed):
+    """2026-12-01: it was, by round-off, about the other axes, and the standard deviation was NaN without a word."""
+    rng = np.random.default_rng(seed)
+    turns = Rotation.from_rotvec(np.outer(0.1 * rng.normal(size=20), [0.0, 0.0, 1.0]))
+    q = (Rotation.random(rng=rng) * turns).as_quat(scalar_first=True)
+    apart = q - q.mean(axis=0)
+    _, (covariance,) = moments_of("quaternion", 20, q.mean(axis=0)[None], (apart.T @ apart)[None])
+    assert np.diag(covariance).min() >= 0.0
+
+
 @pytest.mark.parametrize("middle", [0.3, np.pi, -np.pi, 3.1])
 def test_angles_near_a_half_turn_have_their_direction(middle):
     rng = np.random.default_rng(8)
