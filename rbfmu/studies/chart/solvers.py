@@ -31,7 +31,8 @@ MAX_STEPS = 10**6
 def _leaves(case: Case, states: Sequence[Any], time: Any) -> dict[str, Any]:
     """Return the graph's leaves by name: the expressions given for states and time, and the constants' values."""
     known = {str(row.value) for row in case.equations.motion.graph.operations if row.kind in ("place", "input")}
-    values = {name: float(case.buffer[case.place(name)]) for name in known}
+    there = [name for name in known if name.partition("[")[0] in case.general.kernels.BLOCKS]  # not unread constants
+    values = {name: float(case.buffer[case.place(name)]) for name in there}
     return {**values, **dict(zip(case.states, states, strict=True)), "t": time}
 
 

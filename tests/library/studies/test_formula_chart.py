@@ -87,6 +87,14 @@ def test_peers_follow_the_motion_of_formulas_in_their_own_ways(name: str) -> Non
     assert case.error(method.run(case, 1e-3).found) > 1e-8  # it is theirs, not the true motion
 
 
+def test_a_constant_that_nothing_reads_has_no_place_and_needs_none() -> None:
+    """2026-12-01: charts of such a scene, as of one whose formula was removed, ended in KeyError: 'constants.c'."""
+    free = {"gravity_a": [0, 0, 0], "torque_b": [0.1, 0, 0.2]}
+    scene = {"body": SPRING["body"], "constants": {"c": 0.4}, "loads": free, "outputs": {"quantities": ["omega_b"]}}
+    case = cases.case_of(rbfmu.Scene.from_dict(scene | {"run": {"stop": 1.0, "step": 0.5}}, "spring"))
+    assert case.error(installed("SciPy DOP853").run(case, 1e-11).found) < 1e-8
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", [pytest.param("drone", marks=pytest.mark.thorough), "projectile"])
 def test_solvers_follow_corners_and_tables_too(name: str) -> None:
